@@ -42,7 +42,7 @@ class MissionFileError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = first_of_each_kind(problems)
+        self.problems = first_of_each_kind(problems)  # the first of each kind
         super().__init__("\n".join(map(str, self.problems)))
 
 

@@ -131,10 +131,10 @@ class AnswerMessage(GossipMessage):
     """What became of the goals of a robot: `code` is one of docs/errors.md, None if accepted."""
 
     stamp_s: Stamp
-    to: Annotated[str, Field(max_length=255)]
-    id: Annotated[str, Field(max_length=64)]
+    to: Annotated[str, Field(max_length=255)]  # who sent the goals
+    id: Annotated[str, Field(max_length=64)]  # of the goals, as it was sent
     accepted: bool
-    why: Annotated[str, Field(max_length=2_000)]
+    why: Annotated[str, Field(max_length=2_000)]  # in words
     code: Annotated[str, Field(max_length=64)] | None = None
 
 

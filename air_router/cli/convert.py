@@ -172,12 +172,12 @@ class _Report:
     """What was written, what got lost, and what else there is to say."""
 
     def __init__(self, source: Path, target: Path) -> None:
-        self.source, self.target = source, target
-        self.written = False
-        self.counts: dict[str, int] = {}
+        self.source, self.target = source, target  # paths
+        self.written = False  # the target, to its end
+        self.counts: dict[str, int] = {}  # what is in the target, by its noun
         self.warnings = ConversionWarnings()
-        self.notes: Sequence[Problem] = ()
-        self.problems: Sequence[Problem] = ()
+        self.notes: Sequence[Problem] = ()  # on the source, for the operator
+        self.problems: Sequence[Problem] = ()  # why it cannot be flown
 
     def tell(self, *, as_json: bool) -> None:
         if as_json:

@@ -29,7 +29,7 @@ class Budget:
         self._per_s = per_s
         self._at_once = self._left = at_once
         self._monotonic = monotonic
-        self._at_s = monotonic()
+        self._at_s = monotonic()  # when it was filled up last, monotonic
 
     def spend(self, amount: float = 1.0) -> bool:
         """Whether there was enough for so much more."""

@@ -82,7 +82,7 @@ class _Hold(CommandRequest):
 
 
 class _Resume(CommandRequest):
-    upload: bool = False
+    upload: bool = False  # put this mission's plan on board first
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
         del frame
@@ -126,7 +126,7 @@ class _GoTo(CommandRequest):
         list[Annotated[tuple[Latitude, Longitude], Field(strict=False)]],
         Field(min_length=1, max_length=MOST_POINTS),
     ]
-    hold_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
+    hold_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None  # at the last
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoTo:
         try:

@@ -56,9 +56,9 @@ class ControlServer:
     ) -> None:
         self.endpoint = endpoint
         self._grant = grant
-        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE, monotonic)
-        self._context: zmq.asyncio.Context | None = None
-        self._socket: zmq.asyncio.Socket | None = None
+        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE, monotonic)  # of requests that plan
+        self._context: zmq.asyncio.Context | None = None  # while it serves
+        self._socket: zmq.asyncio.Socket | None = None  # a ROUTER, while it serves
 
     def open(self) -> None:
         """Take the endpoint.

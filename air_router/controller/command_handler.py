@@ -309,6 +309,7 @@ class CommandHandler:
             )
         return Accepted("the mission file is read again")
 
+    # what answers a request, by its type
     _to_requests: ClassVar[dict[type, Callable[[CommandHandler, Any], Accepted | Refused]]] = {
         HoldNow: _asked_to_hold,
         GoOn: _asked_to_go_on,

@@ -65,7 +65,7 @@ class Levelling:
     _gate: CommandGate
     wanted: bool = False
     climb: FlyToPoint | None = None
-    _gained: tuple[float, float] = (0.0, 0.0)
+    _gained: tuple[float, float] = (0.0, 0.0)  # the last progress: altitude, time
 
     def why_not(self, telemetry: Telemetry) -> str | None:
         """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
@@ -155,9 +155,9 @@ class ControlAuthority:
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
     compares: str | None = None
-    _compared_by_s: float = 0.0
-    _holds: int = 0
-    _hold_again_s: float = 0.0
+    _compared_by_s: float = 0.0  # so long the comparison is waited for
+    _holds: int = 0  # commanded before hands are off
+    _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
 
     @property
     def in_charge(self) -> bool:

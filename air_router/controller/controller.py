@@ -91,14 +91,14 @@ class Controller:
         name: str = "",
     ) -> None:
         self._transitions = transitions(explores=explore)
-        self._left = State.READY
-        self._told_sought: str | None = None
+        self._left = State.READY  # the state before this one
+        self._told_sought: str | None = None  # the robot in the last `Seeking`
         # What is known and kept.
         context = self._context = MissionContext(
             mission, router, self._signal, spec=STATES[State.READY]
         )
         self.navigator = Navigator(context)
-        gate = self.gate = CommandGate(context, self.navigator, plan)
+        gate = self.gate = CommandGate(context, self.navigator, plan)  # all motions pass it
         self.commanded_mode = gate.commanded_mode
         # Of a flight that is gone on with some waypoints may be skipped already.
         self.exploration = Exploration(mission.waypoints, mission.skipped)
@@ -112,7 +112,7 @@ class Controller:
         comm = CommState(context, gate, search)
         goto = self._goto_state = GotoState(context, gate)
         home = self.return_state = ReturnState(context, gate, flight_phase, reachability)
-        self._handlers: Mapping[State, StateHandler] = _by_state(
+        self._handlers: Mapping[State, StateHandler] = _by_state(  # what is flown in each state
             StateHandler(),
             ExploreState(context, gate, self.exploration, reachability),
             search,

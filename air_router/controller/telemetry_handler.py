@@ -74,8 +74,8 @@ class TelemetryHandler:
     _command_handler: CommandHandler
     _pilot_arms: bool
     _silence: Silence = field(default_factory=Silence)
-    _breaches: Reminder = field(default_factory=Reminder)
-    _chosen: tuple[FlightMode, float] | None = None
+    _breaches: Reminder = field(default_factory=Reminder)  # while another flies
+    _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _put_off: bool = False  # a motion, while it is not certain who has the vehicle
 
     def wait_for_inputs(self, motion: Motion) -> Motion | None:

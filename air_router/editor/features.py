@@ -70,11 +70,11 @@ class Region:
 class Features:
     """Everything in a mission's file that can be moved; `origin` is that of metres, in degrees."""
 
-    home: Handle | None = None
-    waypoints: list[Handle] = field(default_factory=list)
+    home: Handle | None = None  # None: the file has none that can be read
+    waypoints: list[Handle] = field(default_factory=list)  # in the operator's order
     rally_points: list[Handle] = field(default_factory=list)
-    regions: list[Region] = field(default_factory=list)
-    in_metres: bool = False
+    regions: list[Region] = field(default_factory=list)  # fences first, then zones
+    in_metres: bool = False  # else in degrees
     origin: Pair | None = None
 
     def handles(self) -> Iterator[Handle]:

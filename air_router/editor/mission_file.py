@@ -24,8 +24,8 @@ class MissionFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._digest = b""
-        self._mark = False
+        self._digest = b""  # SHA-256 of what was read or written last
+        self._mark = False  # it begins with a byte order mark
 
     def read(self) -> str:
         """The file's text, line breaks as they are; from now on this is what it should be.

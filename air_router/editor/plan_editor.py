@@ -32,7 +32,7 @@ class PlanEditor(TextEditor):
     settable: ClassVar[bool] = False
 
     def __init__(self, text: str, document: Document) -> None:
-        self._data = document.data
+        self._data = document.data  # of the whole plan
         super().__init__(TextSource(text, document.node(), json=True), plan_features(document.data))
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:

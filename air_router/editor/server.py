@@ -40,10 +40,11 @@ class EditorServer:
     def __init__(self, session: EditSession, web: Web = HERE) -> None:
         self._session = session
         self._web = web
+        # page, its request
         self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
-        self._changed_on_disk = False
-        self._state = self._shown()
-        self._audience = Browsers(self._receive, self._welcome)
+        self._changed_on_disk = False  # as the pages were told
+        self._state = self._shown()  # JSON that every new page gets
+        self._audience = Browsers(self._receive, self._welcome)  # all pages
         self._site = Site.of_page("air_router.editor", "edit", web)
         self._site.add_socket("/socket", self._audience.converse)
 

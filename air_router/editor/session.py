@@ -46,10 +46,10 @@ class EditSession:
     def __init__(self, file: MissionFile) -> None:
         self._file = file
         self._viewer = Viewer()
-        self.revision = 0
-        self._saved = ""
-        self._steps: list[_Step] = []
-        self._now = 0
+        self.revision = 0  # counts the states shown; edits name the one they mean
+        self._saved = ""  # text on the disk
+        self._steps: list[_Step] = []  # the first is the file as it was read
+        self._now = 0  # index of the present state in `_steps`
         self._begin()
 
     @property

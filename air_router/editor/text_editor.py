@@ -34,8 +34,9 @@ class TextEditor(ABC):
     def __init__(self, source: TextSource, features: Features) -> None:
         self.source = source
         self.features = features
-        self._handles = {handle.keys: handle for handle in features.handles()}
-        self._regions = {region.keys: region for region in features.regions}
+        self._handles = {handle.keys: handle for handle in features.handles()}  # by their keys
+        self._regions = {region.keys: region for region in features.regions}  # by their keys
+        # by their keys
         self._rings = {ring.keys: ring for region in features.regions for ring in region.rings}
 
     def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911, PLR0912 - one line per edit

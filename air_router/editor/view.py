@@ -28,6 +28,7 @@ class Viewer:
     """Makes views; remembers the buffers of shapes that did not change."""
 
     def __init__(self) -> None:
+        # by frame, shape and metres
         self._buffers: dict[tuple[LocalFrame, Shape, float], list[Rings]] = {}
 
     def view(self, editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
@@ -124,11 +125,12 @@ class _Marks:
     """Finds what a problem is about, and where to look."""
 
     def __init__(self, editor: TextEditor) -> None:
-        self._places: dict[Keys, list[Degrees]] = {}
+        self._places: dict[Keys, list[Degrees]] = {}  # of everything with keys of its own
         for handle in editor.features.handles():
             self._places[handle.keys] = _known([_on_map(editor, handle.pair)])
             if handle.entry:
                 self._places[handle.entry] = self._places[handle.keys]
+        # of an entry, the handle in it
         self._names = {handle.entry: handle.keys for handle in editor.features.handles()}
         for region in editor.features.regions:
             corners = [corner for ring in region.rings for corner in ring.corners]

@@ -31,6 +31,7 @@ class YamlEditor(TextEditor):
             TextSource(text, document.node(), json=False), yaml_features(document.data)
         )
         data = document.data
+        # `seek` names no robots
         self._only_policy = isinstance(data, dict) and isinstance(data.get("seek"), str)
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:

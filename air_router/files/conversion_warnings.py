@@ -27,7 +27,7 @@ class ConversionWarning:
 class ConversionWarnings:
     """The losses of one conversion, each told once."""
 
-    entries: list[ConversionWarning] = field(default_factory=list)
+    entries: list[ConversionWarning] = field(default_factory=list)  # in the order of their finding
 
     def add(self, what: str, message: str, code: str) -> None:
         """Note a loss."""

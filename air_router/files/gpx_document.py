@@ -52,9 +52,9 @@ class GpxDocument:
     """All of a GPX file that is read; what is wrong with it is in `problems`."""
 
     source: PlacedSource
-    points: list[GpxPoint] = field(default_factory=list)
+    points: list[GpxPoint] = field(default_factory=list)  # free waypoints
     routes: list[GpxLine] = field(default_factory=list)
-    tracks: list[GpxLine] = field(default_factory=list)
+    tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
     problems: ProblemList = field(default_factory=ProblemList)
 
 

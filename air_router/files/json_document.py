@@ -96,6 +96,7 @@ class JsonDocument(Document):
         super().__init__(path, None, data)
         self.text = text
         self._lines = _Lines(text)
+        # by the start of their parent: start, end
         self._children: dict[int, dict[str, tuple[int, int]]] = {}
 
     def place(self, *keys: Key) -> tuple[int, int]:
@@ -149,7 +150,7 @@ class _FaultError(ValueError):
 
     def __init__(self, index: int, message: str, code: str) -> None:
         super().__init__(message)
-        self.index, self.code = index, code
+        self.index, self.code = index, code  # character in the text
 
 
 class _Lines:

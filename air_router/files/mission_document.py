@@ -129,29 +129,29 @@ class MissionDocument:
     """
 
     source: DocumentSource  # where it was read
-    name: str = ""
+    name: str = ""  # what people call it
     frame: LocalFrame | None = None
     in_metres: bool = False  # pairs are metres east and north of the frame's origin, not degrees
     home: MissionPoint | None = None
-    home_altitude_amsl_m: float | None = None
-    waypoints: list[MissionPoint] = field(default_factory=list)
+    home_altitude_amsl_m: float | None = None  # of the ground, above the sea
+    waypoints: list[MissionPoint] = field(default_factory=list)  # in the order to explore
     rally_points: list[MissionPoint] = field(default_factory=list)
     fences: list[Area] = field(default_factory=list)  # none: it may fly anywhere but in zones
     zones: list[Area] = field(default_factory=list)
-    altitude_m: float = 0.0
+    altitude_m: float = 0.0  # of the cruise
     speed_m_s: float = 0.0  # over ground, in cruise
     timers: Timers = field(default_factory=Timers)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    seek: tuple[str, ...] = ()
+    seek: tuple[str, ...] = ()  # in their order; none: every other robot
     seek_policy: SeekPolicy = DEFAULT_SEEK_POLICY
     goals_from: tuple[str, ...] = ()  # robots whose goals, sent by gossip, are flown to
     uav: str | None = None  # whose mission; of several UAVs the one that is meant
     uavs: tuple[Uav, ...] = ()  # of a mission for several
     explore: bool = True  # that UAV explores, and does not only search
     climb_corridors: list[Area] = field(default_factory=list)  # kept away from like zones
-    team: Path | None = None
+    team: Path | None = None  # its file
     world: Path | None = None  # what `air-router sim` simulates
-    battery_reserve: float = DEFAULT_BATTERY_RESERVE
+    battery_reserve: float = DEFAULT_BATTERY_RESERVE  # charge to return at, 0 to 1
     accepts: tuple[Accepted, ...] = ()  # pre-flight findings that do not refuse the flight
     endurance_s: float | None = None  # of a full battery
     duration_s: float | None = None  # after which it returns; None: never

@@ -23,9 +23,9 @@ class Element:
     """An XML element. `name` is without its namespace; `text` is what stands directly in it."""
 
     name: str
-    line: int
-    column: int
-    attributes: dict[str, str]
+    line: int  # from 1, of its tag
+    column: int  # from 1
+    attributes: dict[str, str]  # without namespaces
     text: str = ""
     children: list[Element] = field(default_factory=list)
 
@@ -76,10 +76,10 @@ class _Builder:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._top = Element("", 1, 1, {})
-        self._open = [self._top]
-        self._texts: list[list[str]] = [[]]
-        self._count = 0
+        self._top = Element("", 1, 1, {})  # holds the root element
+        self._open = [self._top]  # from the top to the element under way
+        self._texts: list[list[str]] = [[]]  # pieces of each open element's text
+        self._count = 0  # of elements so far
         self.parser = expat.ParserCreate(namespace_separator="}")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self._start

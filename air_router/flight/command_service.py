@@ -47,8 +47,8 @@ class CommandService:
         self._frame = frame
         self._controller = controller
         self._deliver = deliver
-        self._number = 0
-        self._answers: dict[str, CommandAck] = {}
+        self._number = 0  # of the latest request without an id
+        self._answers: dict[str, CommandAck] = {}  # not fetched yet, by id
 
     def ask(self, request: AnyRequest) -> CommandAck:
         """Ask for something, in the mission's metres; the answer says whether it is done."""

@@ -123,7 +123,7 @@ class Flight:
         self._camera = camera
         self._arm = arm
         self._resume = resume
-        self._plan = FlightPlan.of(mission)
+        self._plan = FlightPlan.of(mission)  # what goes on board
         self.router = Router(WaypointGraph(mission))
         self._survey = (survey or partial(PreflightSurvey, mission))(self.router)
         setup = FlightSetup(
@@ -135,16 +135,16 @@ class Flight:
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
         self.controller = setup.controller(self.router, self._plan)
-        self.stats = FlightStats.of(mission, mapper, seek)
+        self.stats = FlightStats.of(mission, mapper, seek)  # what the flight result says
         view = FlightView(mission, self.controller, self.stats, gossip.links)
         self.commands = CommandService(
             mission.frame, self.controller, self._on_event, lambda: self._reloader.latest, view.tell
         )
-        self.page: Page = NoPage()
+        self.page: Page = NoPage()  # told of every event; serves nothing by default
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
-        self._finish: asyncio.Future[tuple[str, ExitCode]]
-        self._first: asyncio.Future[Telemetry]
+        self._finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends
+        self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
         self._motions = MotionSender(
             vehicle,
@@ -152,11 +152,11 @@ class Flight:
             lambda motion: self.controller.objection(motion, clock.boot_s()),
             self._on_event,
         )
-        self._interrupted = False
-        self._admitted = False
-        self._leaving = False
-        self._vehicle_s = -math.inf
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._interrupted = False  # by a signal of the operating system
+        self._admitted = False  # the vehicle may be flown: decisions begin
+        self._leaving = False  # it ends; what still comes is not decided on
+        self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
+        self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
     async def run(self) -> FlightResult:
         """Fly.

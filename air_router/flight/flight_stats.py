@@ -36,7 +36,7 @@ class RobotStats:
     bytes_in: int = 0
     bytes_out: int = 0
     map_share: float | None = None
-    pull_began_s: float | None = None
+    pull_began_s: float | None = None  # its pull under way, vehicle's clock
 
 
 @dataclass(slots=True)
@@ -51,15 +51,16 @@ class FlightStats:
     flown: FlownTrack
     mapper: Mapper
     robots: dict[str, RobotStats]
-    states: list[State] = field(default_factory=list)
+    states: list[State] = field(default_factory=list)  # in the order of their first time
+    # robot, and where the vehicle was
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=16))
     changed: int = 0
-    started: int = 0
-    completed: int = 0
-    partial: int = 0
-    timed_out: int = 0
-    _now_s: float = 0.0
+    started: int = 0  # syncs, as are the next
+    completed: int = 0  # everything that was new came
+    partial: int = 0  # ended well, and something is left
+    timed_out: int = 0  # broken off
+    _now_s: float = 0.0  # vehicle's clock
 
     @classmethod
     def of(cls, mission: Mission, mapper: Mapper, robots: Iterable[str]) -> FlightStats:

@@ -34,13 +34,13 @@ class FlightView:
         stats: FlightStats,
         links: Callable[[], Mapping[str, LinkMetrics]],
     ) -> None:
-        self._frame, self._name = mission.frame, mission.uav or ""
+        self._frame, self._name = mission.frame, mission.uav or ""  # of the view's positions
         self._controller, self._stats, self._links = controller, stats, links
-        self._areas: dict[str, Any] = {}
-        self._router: Router | None = None
-        self._revision = 0
-        self._map: str | None = None
-        self._map_cells = 0
+        self._areas: dict[str, Any] = {}  # as told; empty: to be made again
+        self._router: Router | None = None  # of `_areas`
+        self._revision = 0  # of the areas
+        self._map: str | None = None  # compressed, in base64
+        self._map_cells = 0  # known in `_map`
 
     def tell(self, wish: View) -> dict[str, Any]:
         """What is asked for, in JSON's values."""

@@ -35,10 +35,10 @@ class FlownTrack:
     distance_m: float = 0.0
     armed_s: float | None = None
     ours: bool = True
-    _now_s: float = 0.0
-    _changed: Mission | None = None
+    _now_s: float = 0.0  # vehicle's clock
+    _changed: Mission | None = None  # not in force yet
     _boarding: bool = False  # until the plan is renewed the controller refuses other zones
-    _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)
+    _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # of each airspace
 
     def __post_init__(self) -> None:
         self._begin_part()

@@ -136,11 +136,12 @@ class MissionReloader:
         self._deliver = deliver
         self._say = say
         self.latest: ReloadReport | None = None
-        self._reading = self._once_more = False
-        self._on_board = FlightPlan.of(controller.mission)
+        self._reading = self._once_more = False  # the file is read; asked again meanwhile
+        self._on_board = FlightPlan.of(controller.mission)  # the plan last sent
+        # the first; nothing is under way
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
-        self._at_work = 0
+        self._at_work = 0  # readings and uploads under way
 
     def plan_on_board(self) -> None:
         """The plan itself is on board: what has changed since may follow."""

@@ -33,9 +33,9 @@ class MotionSender:
         self._plan = plan
         self._objection = objection
         self._report = report
-        self._waiting: Motion | None = None
-        self._given = asyncio.Event()
-        self._sending: asyncio.Task[None] | None = None
+        self._waiting: Motion | None = None  # replaced by a newer one
+        self._given = asyncio.Event()  # one waits
+        self._sending: asyncio.Task[None] | None = None  # until the vehicle follows
 
     def give(self, motion: Motion) -> None:
         """Send this next; one that still waits is void.

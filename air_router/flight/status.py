@@ -31,9 +31,9 @@ class StatusLine:
     ) -> None:
         self._out = out if out is not None else sys.stderr
         self._monotonic = monotonic
-        self._live = self._out.isatty()
-        self._shown_s = -math.inf
-        self._width = 0
+        self._live = self._out.isatty()  # redrawn in place
+        self._shown_s = -math.inf  # when it was written last
+        self._width = 0  # of the line that is overwritten
 
     def show(self, line: Callable[[], str]) -> None:
         """Draw the line if the last one is old enough; `line` is asked only then."""

@@ -69,9 +69,9 @@ class MissionContext:
     silent_s: float = 0.0
     now_s: float = 0.0
     actions: list[Action] = field(default_factory=list)
-    _limit_s: float | None = None
-    _carried_s: float | None = None
-    _from_s: float | None = None
+    _limit_s: float | None = None  # of the state; None: it has no timer
+    _carried_s: float | None = None  # limit of the next state instead of its own
+    _from_s: float | None = None  # when the timer began
     retry_at_s: float | None = None
 
     def knows(self, signal: Signal) -> bool:

@@ -114,25 +114,25 @@ class Deviations:
 
     _context: MissionContext
     waits: bool = False
-    _home_told: HomeMove | None = None
+    _home_told: HomeMove | None = None  # where home was moved to, as announced
     _before: tuple[float, float] | None = None  # time, altitude above sea level
     # The altitude of the satellite receiver beside the autopilot's, since the take-off.
     _receiver_began_m: float | None = None
-    _receiver_off_m: float = 0.0
-    _receiver_at_s: float = 0.0
-    _receiver_told_m: float = 0.0
+    _receiver_off_m: float = 0.0  # how far apart they drifted, smoothed
+    _receiver_at_s: float = 0.0  # of the telemetry before
+    _receiver_told_m: float = 0.0  # the greatest limit announced
     _out_m: float = 0.0  # the least that it was off its altitudes lately
-    _out_since_s: float | None = None
-    _off_since_s: float | None = None
-    _back_since_s: float | None = None
+    _out_since_s: float | None = None  # since when it came no nearer
+    _off_since_s: float | None = None  # when it was announced
+    _back_since_s: float | None = None  # within its altitudes again
     _spare_told_m: float | None = 0.0  # None: the clearance is kept
     # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
     _spare: tuple[float, Point, int, Mission] | None = None
-    _fast_since_s: float | None = None
-    _fast_told: bool = True
-    _slow_since_s: float | None = None
-    _slow_told: bool = False
-    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))
+    _fast_since_s: float | None = None  # faster than commanded
+    _fast_told: bool = True  # or not to be told
+    _slow_since_s: float | None = None  # on this leg
+    _slow_told: bool = False  # until it is faster again
+    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # of the last holds
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last, in any state."""

@@ -54,11 +54,11 @@ class FlightPhase:
     killed: str | None = None
     stayed_why: str = "disarmed"
     landing_place: str = "at home"
-    _flew: bool = False
-    _was_armed: bool = False
-    _news: bool = False
-    _rest: tuple[float, float] = (0.0, 0.0)
-    _highest: tuple[float, float] | None = None
+    _flew: bool = False  # was seen in the air
+    _was_armed: bool = False  # since the hand-over
+    _news: bool = False  # it was killed, and not said yet
+    _rest: tuple[float, float] = (0.0, 0.0)  # altitude that stays the same, and since when
+    _highest: tuple[float, float] | None = None  # altitude of the climb, and when
 
     def note(self, telemetry: Telemetry) -> bool:
         """Take in what the vehicle says of itself; True when it is handed over to us just now."""
@@ -189,8 +189,8 @@ def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | 
 class Reminder:
     """What goes on is told at once, then now and then, and that it is over."""
 
-    _what: str | None = None
-    _told_s: float = 0.0
+    _what: str | None = None  # announced last; None: over
+    _told_s: float = 0.0  # when
 
     def news(self, what: str | None, now_s: float) -> str | None:
         """What to tell at this time, where this goes on; None: no news."""

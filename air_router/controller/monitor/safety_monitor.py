@@ -64,9 +64,9 @@ class SafetyMonitor:
 
     _context: MissionContext
     _plan: FlightPlan
-    _foreign_since_s: float | None = None
-    _jump: tuple[FlyToNode, int] | None = None
-    _held: tuple[HoldHere, float, Point | None] | None = None
+    _foreign_since_s: float | None = None  # an order that is not ours shows
+    _jump: tuple[FlyToNode, int] | None = None  # the last commanded, and its plan item
+    _held: tuple[HoldHere, float, Point | None] | None = None  # hold, since when, target
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
 

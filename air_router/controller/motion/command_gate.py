@@ -45,7 +45,7 @@ class CommandedMode:
     pending: Motion | None = None
     last: Motion | None = None
     refused_jumps: int = 0
-    _modes: frozenset[FlightMode] = frozenset()
+    _modes: frozenset[FlightMode] = frozenset()  # that our commands explain
 
     def assume(self, mode: FlightMode) -> None:
         """Take the vehicle in the mode that the pilot (or the start) put it in."""
@@ -118,8 +118,8 @@ class CommandGate:
     _plan: FlightPlan
     commanded_mode: CommandedMode = field(default_factory=CommandedMode)
     interlocks: tuple[Interlock, ...] = ()
-    _waits_why: str | None = None
-    _wait_told_s: float = -math.inf
+    _waits_why: str | None = None  # announced last
+    _wait_told_s: float = -math.inf  # when, vehicle's clock
 
     # Commands.
 

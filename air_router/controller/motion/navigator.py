@@ -90,13 +90,13 @@ class Navigator:
         self.progress = Progress.IDLE
         self.refusal: NoRoute | None = None
         self._context = context
-        self._radius_m = mission.planner.acceptance_radius_m
-        self._legs: deque[Leg] = deque()
-        self._braking = False
-        self._settled = 0
-        self._settle_until_s = -math.inf
-        self._stands_since_s: float | None = None
-        self._swept: tuple[Point, ...] = ()
+        self._radius_m = mission.planner.acceptance_radius_m  # a leg's end so near is reached
+        self._legs: deque[Leg] = deque()  # behind the one under way
+        self._braking = False  # to look for a way again once it stands
+        self._settled = 0  # how often it looked again in vain
+        self._settle_until_s = -math.inf  # when it looks again, vehicle's clock
+        self._stands_since_s: float | None = None  # short of its leg's end
+        self._swept: tuple[Point, ...] = ()  # what the leg under way was checked for
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.

@@ -44,8 +44,8 @@ class PendingSetpoints:
 
     near_m: float
     speed_m_s: float
-    _sent: list[Motion] = field(default_factory=list)
-    _settled: bool = False
+    _sent: list[Motion] = field(default_factory=list)  # in order; the first may be confirmed
+    _settled: bool = False  # the first of them is
 
     def sent(self, motion: Motion) -> None:
         """This was commanded; what was before holds until it is confirmed."""

@@ -164,7 +164,7 @@ class GotoState(StateHandler):
     _context: MissionContext
     _gate: CommandGate
     goto_task: GotoTask | None = None
-    _there_since_s: float | None = None
+    _there_since_s: float | None = None  # at the point whose turn it is
 
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
         """Fly a task, and hover for `left_s` at its end; None: as long as it says."""

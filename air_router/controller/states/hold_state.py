@@ -85,7 +85,7 @@ class LandState(StateHandler):
 class HandsOffState(StateHandler):
     """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
 
-    _begin: Callable[[], None]
+    _begin: Callable[[], None]  # ends what is commanded
 
     def begin(self) -> None:
         """Leave nothing behind that would still be commanded."""

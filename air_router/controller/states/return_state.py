@@ -80,8 +80,8 @@ class HomeReachability:
     walls: tuple[str, ...] | None = None
     among: Mission | None = None
     look_at_s: float = -math.inf
-    _tell_at_s: float = -math.inf
-    _due: bool = False
+    _tell_at_s: float = -math.inf  # when it is announced again
+    _due: bool = False  # as announced last
 
     def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
         """What to say now, if anything.
@@ -161,7 +161,7 @@ class ReturnState(StateHandler):
     _flight_phase: FlightPhase
     _reachability: HomeReachability
     why: str | None = None
-    _by_request: bool = False
+    _by_request: bool = False  # such a return may be called off
     _way_home: WayHome = field(default_factory=WayHome)
 
     # When.

@@ -45,8 +45,8 @@ class SearchState(StateHandler):
     _exploration: Exploration | None
     _name: str
     robot: str | None = None
-    _wanted: str | None = None
-    _asked_for: str | None = None
+    _wanted: str | None = None  # by a request, to be sought next
+    _asked_for: str | None = None  # by a request, sought now
 
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
@@ -188,8 +188,8 @@ class CommState(StateHandler):
     _context: MissionContext
     _gate: CommandGate
     _search_state: SearchState
-    _began: set[Direction] = field(default_factory=set)
-    _synced: set[Direction] = field(default_factory=set)
+    _began: set[Direction] = field(default_factory=set)  # syncs seen from their start
+    _synced: set[Direction] = field(default_factory=set)  # syncs ended well since then
 
     def begin(self) -> None:
         """Have the newest map ready, and go over the robot."""

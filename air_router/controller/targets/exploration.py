@@ -26,12 +26,12 @@ class Exploration:
     """
 
     waypoints: Sequence[Waypoint]
-    _skipped: frozenset[int] = frozenset()
+    _skipped: frozenset[int] = frozenset()  # numbers
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None
-    _next: int = 0
-    _passed_s: dict[int, float] = field(default_factory=dict)
+    _next: int = 0  # index of the next waypoint
+    _passed_s: dict[int, float] = field(default_factory=dict)  # when each waypoint was passed last
 
     @property
     def remaining(self) -> int:

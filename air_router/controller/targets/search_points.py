@@ -62,11 +62,12 @@ class Search:
         explore: bool = True,
     ) -> None:
         self.targets = TargetList(seek)
-        self._policy = POLICIES[context.mission.seek_policy]
+        self._policy = POLICIES[context.mission.seek_policy]  # whom to seek, and where
         self.foresees = self._policy.foresees
         self._context = context
         self._exploration = exploration
         timers = context.mission.timers
+        # a search, a talk, and exploring between them
         self._round_s = timers.search_s + timers.communicate_s + explore * timers.explore_s
 
     def heard(self, event: RadioEvent, now_s: float) -> None:

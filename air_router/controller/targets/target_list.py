@@ -40,9 +40,10 @@ class TargetList:
     with stamps of the same robot, so that no two clocks have to agree.
     """
 
-    names: tuple[str, ...]
-    _records: dict[str, TargetTrack] = field(default_factory=dict)
-    _last_sought: str | None = None
+    names: tuple[str, ...]  # in the mission's order
+    _records: dict[str, TargetTrack] = field(default_factory=dict)  # by name
+    _last_sought: str | None = None  # the turn goes on after it
+    # sought by other UAVs, and when heard
     _others: dict[str, tuple[str | None, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

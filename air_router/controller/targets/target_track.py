@@ -109,7 +109,7 @@ class _Stamps:
     newest_s: float = -math.inf
     behind_s: float = math.inf
     _late: tuple[float, float] | None = None  # the last old stamp, and when it came
-    _in_step: int = 0
+    _in_step: int = 0  # late stamps in a row that fit together
 
     def news(self, stamp_s: float, now_s: float) -> bool:
         """Whether a message is newer than all before; `now_s` is our clock."""
@@ -161,8 +161,9 @@ class TargetTrack:
     taken_s: float | None = None
     given_s: float | None = None
     tries: int = 0
-    _poses: _Stamps = field(default_factory=_Stamps)
-    _paths: _Stamps = field(default_factory=_Stamps)
+    _poses: _Stamps = field(default_factory=_Stamps)  # clock of its poses
+    _paths: _Stamps = field(default_factory=_Stamps)  # clock of its paths
+    # poses some seconds apart, for its speed
     _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=_STRETCHES + 1))
 
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:

@@ -59,11 +59,11 @@ class ItemsReader(PlanValues):
 
     def __init__(self, draft: MissionDocument, data: Any) -> None:
         super().__init__(draft, data)
-        self._takeoff_m: float | None = None
-        self._speeds: list[tuple[float, Keys]] = []
-        self._others: dict[int, list[Keys]] = {}
-        self._end: Keys | None = None
-        self._places: dict[tuple[int, int], list[MissionPoint]] = {}
+        self._takeoff_m: float | None = None  # altitude of the take-off item
+        self._speeds: list[tuple[float, Keys]] = []  # in m/s, and the item's keys
+        self._others: dict[int, list[Keys]] = {}  # places of items that are not flown, by command
+        self._end: Keys | None = None  # item after which nothing is flown
+        self._places: dict[tuple[int, int], list[MissionPoint]] = {}  # waypoints by cell
 
     def read(self) -> None:
         """Read all items."""

@@ -39,7 +39,7 @@ class WaypointFile:
         self.path, self.first = path, 0
         lines = enumerate(text.splitlines(), start=1)
         rows = [(number, list(re.finditer(r"\S+", line))) for number, line in lines]
-        self._rows = [(number, words) for number, words in rows if words][1:]
+        self._rows = [(number, words) for number, words in rows if words][1:]  # line, words
 
     def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
         """A problem with the value at `("mission", "items", row, "params", number)`, or alike."""

@@ -31,7 +31,7 @@ class Nodes:
 
     def __init__(self, text: str, root: yaml.Node | None) -> None:
         self.text = text
-        self.newline = "\r\n" if "\r\n" in text else "\n"
+        self.newline = "\r\n" if "\r\n" in text else "\n"  # as the text has it
         self._root = root
 
     def find(self, keys: Sequence[str | int]) -> yaml.Node | None:

@@ -62,7 +62,7 @@ class TextSource:
         self.json = json
         self.nodes = Nodes(text, root)
         unit = re.search(r"\n([ \t]+)\S", text)
-        self._unit = unit[1] if unit else "    "
+        self._unit = unit[1] if unit else "    "  # one step of indent
 
     @classmethod
     def of_yaml(cls, text: str, path: Path) -> TextSource:

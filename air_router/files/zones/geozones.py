@@ -93,7 +93,7 @@ class _GeozoneReader(GeometryReader, ABC):
     def __init__(self, document: JsonDocument, allow: Collection[str]) -> None:
         super().__init__(document, self.format)
         self._allowed = AllowedZones(allow)
-        self._unrestricted = 0
+        self._unrestricted = 0  # zones that restrict nothing
 
     def read(self, features: Keys) -> ZoneReading:
         """All zones of the list at these keys."""

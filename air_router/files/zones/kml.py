@@ -54,8 +54,8 @@ def read_kml(raw: bytes, path: Path) -> ZoneReading:
 class _Reader:
     def __init__(self, reading: ZoneReading) -> None:
         self.reading = reading
-        self._number = 0
-        self._others = 0
+        self._number = 0  # of the placemark
+        self._others = 0  # placemarks that are no zones
 
     def read(self, root: Element) -> None:
         for element in self._placemarks(root):

@@ -52,8 +52,8 @@ def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneRead
 class _Reader:
     def __init__(self, reading: ZoneReading, allowed: AllowedZones) -> None:
         self._reading, self._allowed = reading, allowed
-        self._centre: Geodetic | None = None
-        self._zone: _Airspace | None = None
+        self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
+        self._zone: _Airspace | None = None  # the one whose lines are read
 
     def line(self, line: str, number: int) -> None:
         """Read a line without its comment and the blanks at its end."""
@@ -196,12 +196,12 @@ class _Airspace:
     """What the lines of an airspace have said so far."""
 
     def __init__(self, place: Place, kind: str) -> None:
-        self.place, self.kind = place, kind
-        self.said: dict[str, tuple[str, Place]] = {}
-        self.corners: list[Geodetic] = []
-        self.circles: list[MapCircle] = []
-        self.clockwise = True
-        self.broken = False
+        self.place, self.kind = place, kind  # line and column; class
+        self.said: dict[str, tuple[str, Place]] = {}  # value and place, by command
+        self.corners: list[Geodetic] = []  # of its outline so far
+        self.circles: list[MapCircle] = []  # each an area of its own
+        self.clockwise = True  # direction of the next arc
+        self.broken = False  # a line of it could not be read
 
 
 def _place(match: re.Match[str]) -> Geodetic | None:

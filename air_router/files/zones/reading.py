@@ -90,8 +90,8 @@ class ZoneReading:
     source: DocumentSource
     kind: str
     zones: list[FileZone] = field(default_factory=list)
-    _problems: ProblemList = field(default_factory=ProblemList)
-    _notes: ProblemList = field(default_factory=ProblemList)
+    _problems: ProblemList = field(default_factory=ProblemList)  # the first of each kind
+    _notes: ProblemList = field(default_factory=ProblemList)  # the first of each kind
 
     @property
     def problems(self) -> list[Problem]:
@@ -155,9 +155,9 @@ class AllowedZones:
     """The kinds and names of zones that the operator may fly in, and which zones these are."""
 
     def __init__(self, words: Collection[str]) -> None:
-        self._words = {_british(word): word for word in words}
-        self._used: set[str] = set()
-        self._zones: list[str] = []
+        self._words = {_british(word): word for word in words}  # as the operator wrote them
+        self._used: set[str] = set()  # those that a zone is of
+        self._zones: list[str] = []  # names of those left out
 
     def takes(self, zone: str, *words: str) -> bool:
         """Whether one of these words, which say what a zone is, is among those allowed."""

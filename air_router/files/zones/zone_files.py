@@ -227,20 +227,22 @@ class _Box:
 
     def __init__(self, draft: MissionDocument) -> None:
         places = [corner for area in draft.fences for corner in area.shape.corners]
-        self.reach_m = FENCED_REACH_M if places else OPEN_REACH_M
+        self.reach_m = FENCED_REACH_M if places else OPEN_REACH_M  # farther zones are left out
         if not places:
             spots = [*([draft.home] if draft.home else []), *draft.waypoints]
             places = [spot.position for spot in (*spots, *draft.rally_points)]
         places = places or [Point(0.0, 0.0)]
+        # south-west
         self._low = Point(min(p.east_m for p in places), min(p.north_m for p in places))
+        # north-east
         self._high = Point(max(p.east_m for p in places), max(p.north_m for p in places))
         frame = draft.frame or LocalFrame(Geodetic(0.0, 0.0))
         middle = Point(*((low + high) / 2 for low, high in zip(self._low, self._high, strict=True)))
-        self._middle = frame.to_geodetic(middle)
+        self._middle = frame.to_geodetic(middle)  # of the surroundings
         half_m = math.dist(self._low, self._high) / 2 + self.reach_m
-        self._half_lat_deg = 1.01 * half_m / _DEGREE_M
+        self._half_lat_deg = 1.01 * half_m / _DEGREE_M  # from the middle to the edge
         widest_deg = min(abs(self._middle.latitude_deg) + self._half_lat_deg, 89.9)
-        self._half_lon_deg = self._half_lat_deg / math.cos(math.radians(widest_deg))
+        self._half_lon_deg = self._half_lat_deg / math.cos(math.radians(widest_deg))  # likewise
 
     def near(self, corners: NDArray[np.float64]) -> bool:
         """Whether a box around corners (rows of latitude, longitude) may come near enough."""
