@@ -89,20 +89,23 @@ class Gossip:
         self._clock = clock
         self._name = name
         topics = team.topics_of(name)
-        self._topics = {topic.name for topic in topics}
+        self._topics = {topic.name for topic in topics}  # names of this UAV's own
+        # OccupancyGrid: the map for ROS
         self._grid_topics = [topic.name for topic in topics if topic.type == OCCUPANCY]
+        # makes such a message
         self._grid_of = occupancy_writer(team, name) if self._grid_topics else None
-        self._unreadable: set[tuple[str, str]] = set()
+        self._unreadable: set[tuple[str, str]] = set()  # robot and topic, logged once
+        # topic with its position
         self._found_by = {peer: pose_topic(team, peer) for peer in team.robot(name).peers}
-        self._met: Counter[str] = Counter()
+        self._met: Counter[str] = Counter()  # syncs ended, by robot
         self.node = node or Node(team, self._name, clock=clock, keys=keys)
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
-        self._pose_at_s = float("-inf")
-        self._map_at_s = float("-inf")
+        self._pose_at_s = float("-inf")  # published last, vehicle's clock
+        self._map_at_s = float("-inf")  # published last, vehicle's clock
         self._budget = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
-        self._goals: dict[str, GoTo] = {}
-        self._deliver: Callable[[Event], None]
-        self._sought: str | None = None
+        self._goals: dict[str, GoTo] = {}  # not affordable yet; the newest of each sender
+        self._deliver: Callable[[Event], None]  # to the flight; set by `run`
+        self._sought: str | None = None  # published again now and then
         self._seek_at_s = float("inf")  # no peer is told before a robot is sought
 
     def start(self, deliver: Callable[[Event], None]) -> None:

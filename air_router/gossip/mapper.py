@@ -39,10 +39,11 @@ class Mapper:
         north_east = Point(
             max(p.east_m for p in places) + MARGIN_M, max(p.north_m for p in places) + MARGIN_M
         )
+        # where the mission may fly
         self.grid = SemanticGrid.blank(mission.frame.origin, RESOLUTION_M, south_west, north_east)
-        self.known_cells = 0
-        self.refused = 0
-        self.published: list[MapVersion] = []
+        self.known_cells = 0  # painted at least once
+        self.refused = 0  # patches that cannot be read
+        self.published: list[MapVersion] = []  # each version that gossip has, in order
 
     def paint(self, patch: bytes) -> bool:
         """Enter a patch from the camera; False (and counted) if it is not one."""

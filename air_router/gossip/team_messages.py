@@ -68,6 +68,7 @@ class TeamMessageDecoder:
         self._name = name
         self._goals_from = goals_from
         self._readers = readers
+        # ids known, by sender
         self._goals: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=GOALS_KEPT))
 
     def reads(self, robot: str, topic: str) -> bool:

@@ -25,11 +25,12 @@ class Ground:
     def __init__(self, mapper: Mapper, frame: LocalFrame) -> None:
         self._mapper = mapper
         self._frame = frame
+        # only each so many'th cell is shown
         self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
-        self._sent: Cells = np.zeros_like(self._shown())
-        self._sent_cells = -1
-        self._began_s: dict[str, float] = {}
-        self._held: dict[str, int] = {}
+        self._sent: Cells = np.zeros_like(self._shown())  # as the pages have it
+        self._sent_cells = -1  # known in `_sent`
+        self._began_s: dict[str, float] = {}  # when each peer's pull began
+        self._held: dict[str, int] = {}  # cells known in the map that each peer has
 
     def event(self, event: Event, now_s: float) -> None:
         """Take in what robots have fetched: a map that was there when they began."""

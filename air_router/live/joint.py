@@ -24,9 +24,9 @@ class JointPage:
     """
 
     def __init__(self, names: Iterable[str], web: Web = HERE) -> None:
-        self._places: dict[str, PageAddress | None] = dict.fromkeys(names)
+        self._places: dict[str, PageAddress | None] = dict.fromkeys(names)  # None until it is known
         self._web = web
-        self._relay: PageRelay
+        self._relay: PageRelay  # while it serves
         self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_values("/flights", self._flights)
         self._site.add_socket("/flights/{name}/socket", self._converse)

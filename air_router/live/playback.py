@@ -71,7 +71,7 @@ class Film:
     """
 
     def __init__(self, entries: Iterable[RecordEntry]) -> None:
-        self._entries = [
+        self._entries = [  # of the record, in order
             entry
             for entry in entries
             if entry.kind in {"setup", "event", "action", "note", "link", "patch"}
@@ -80,7 +80,7 @@ class Film:
         setups = [entry.value for entry in self._entries if entry.kind == "setup"]
         if not setups or not times:
             raise RefusedError("there is no flight in the record that could be shown")
-        self._setup: FlightSetup = setups[0]
+        self._setup: FlightSetup = setups[0]  # the first: a flight has one
         self.begin_s, self.end_s = times[0], max(times)
         self.controller: Controller
         self.rewind()
@@ -157,8 +157,8 @@ class Playback:
     def __init__(self, film: Film, web: Web, *, speed: float = 1.0) -> None:
         self._film = film
         self._speed = speed
-        self._paused = False
-        self._wanted_s: float | None = None
+        self._paused = False  # by a viewer
+        self._wanted_s: float | None = None  # where a viewer wants to go
         record = film.plotted()
         mission = dataclasses.replace(film.controller.mission, uav=film.name or None)
         self._page = LivePage(

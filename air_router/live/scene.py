@@ -37,9 +37,9 @@ _LIT_S: Final = 1.0
 @dataclass(slots=True)
 class _Robot:
     position: Point
-    heard_s: float
-    peer: str
-    way: tuple[Point, ...] = ()
+    heard_s: float  # vehicle's clock
+    peer: str  # who handed its pose on
+    way: tuple[Point, ...] = ()  # that it intends to drive
 
 
 class LiveScene:
@@ -52,23 +52,23 @@ class LiveScene:
     """
 
     def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
-        self._frame = mission.frame
-        self._home = mission.home
+        self._frame = mission.frame  # of the page's positions
+        self._home = mission.home  # distances are told from it
         self._controller = controller
         self._name = name
-        self._now_s = 0.0
-        self._track: list[list[float]] = []
-        self._track_end: Point | None = None
-        self._robots: dict[str, _Robot] = {}
-        self._syncing: dict[tuple[str, Direction], float] = {}
-        self._synced_s: dict[str, float] = {}
-        self._syncs: Counter[str] = Counter()
-        self._links: Mapping[str, LinkMetrics] = {}
-        self._rows: deque[list[Any]] = deque(maxlen=MOST_ROWS)
-        self._row_count = 0
-        self._sampled_s = -math.inf
-        self._news: list[dict[str, Any]] = []
-        self._news_count = 0
+        self._now_s = 0.0  # vehicle's clock
+        self._track: list[list[float]] = []  # latitude, longitude
+        self._track_end: Point | None = None  # the last of them
+        self._robots: dict[str, _Robot] = {}  # heard of, by name
+        self._syncing: dict[tuple[str, Direction], float] = {}  # when each began
+        self._synced_s: dict[str, float] = {}  # pulled from, by peer
+        self._syncs: Counter[str] = Counter()  # ended well, by peer
+        self._links: Mapping[str, LinkMetrics] = {}  # as told last
+        self._rows: deque[list[Any]] = deque(maxlen=MOST_ROWS)  # samples for the charts
+        self._row_count = 0  # of all rows ever
+        self._sampled_s = -math.inf  # the last row's time
+        self._news: list[dict[str, Any]] = []  # the newest are last
+        self._news_count = 0  # of all news ever
 
     # What happens.
 

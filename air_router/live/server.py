@@ -72,17 +72,18 @@ class LivePage:
         mapper: Mapper,
         web: Web = HERE,
     ) -> None:
-        self._name = mission.uav or "UAV"
+        self._name = mission.uav or "UAV"  # the UAV's, in the team
         self._commands = command_service
         self._links = links
         self._web = web
-        self._sent: dict[str, str] = {}
-        self._ticks = self._faults = 0
+        self._sent: dict[str, str] = {}  # the newest text of each kind
+        self._ticks = self._faults = 0  # refreshes; those that failed
         self._begin(controller, mapper)
         self.steer: Steer | None = None
         self.record: dict[str, Any] = {}
-        self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)
-        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
+        self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)  # of all browsers
+        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)  # of requests that plan
+        # all browsers
         self._audience = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
         self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_socket("/socket", self._audience.converse)

@@ -48,11 +48,11 @@ class FoxgloveDrawing:
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
-        self._frame = mission.frame
-        self._drawn_s = -math.inf
-        self._position: Point | None = None
-        self._vehicle: Place | None = None
-        self._robots: dict[str, Point] = {}
+        self._frame = mission.frame  # of what is drawn in metres
+        self._drawn_s = -math.inf  # vehicle, drawn last
+        self._position: Point | None = None  # of the vehicle, newest
+        self._vehicle: Place | None = None  # east, north, up in m
+        self._robots: dict[str, Point] = {}  # newest positions
 
     def scene(self, unix_s: float) -> Drawn:
         """Fence, zones and graph in three dimensions."""

@@ -35,6 +35,7 @@ class FoxgloveChannels:
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
+        # open, by topic
         self._channels: dict[str, tuple[foxglove.Channel, Callable[[dict[str, Any]], bytes]]] = {}
 
     def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
@@ -93,7 +94,7 @@ class FoxgloveSocket:
     def __init__(self, host: str, port: int, name: str) -> None:
         context = foxglove.Context()
         self._channels = FoxgloveChannels(context)
-        self._newest: dict[str, tuple[RecordChannel, int, dict[str, Any]]] = {}
+        self._newest: dict[str, tuple[RecordChannel, int, dict[str, Any]]] = {}  # by topic
         self._broken = False
         listener = _Listener(self._again)
         try:

@@ -93,6 +93,7 @@ class Log:
         self.path = path
         self.ending: str | None = None
         self.damaged = False
+        # by their order number
         self._motions: deque[tuple[int | None, Motion]] = deque(maxlen=RECENT)
 
     def __iter__(self) -> Iterator[RecordEntry]:

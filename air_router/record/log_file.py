@@ -80,12 +80,12 @@ class _Sink:
     """
 
     def __init__(self, path: Path, most_bytes: int) -> None:
-        self._file = path.open("xb", buffering=0)
+        self._file = path.open("xb", buffering=0)  # unbuffered
         self._most_bytes = most_bytes
-        self._position = 0
-        self._whole = 0
-        self._on_disk = 0
-        self._waiting = bytearray()
+        self._position = 0  # bytes the writer has written
+        self._whole = 0  # up to here chunks are complete
+        self._on_disk = 0  # bytes written and synced
+        self._waiting = bytearray()  # from `_on_disk` on
 
     @property
     def waiting(self) -> int:
@@ -154,13 +154,14 @@ class LogFile:
         self._trouble = trouble
         self._sink = _Sink(path, most_bytes)
         self._writer = Writer(self._sink)  # type: ignore[arg-type]
-        self._channels: dict[str, int] = {}
-        self._numbers: dict[int, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}  # MCAP ids, by topic
+        self._numbers: dict[int, int] = {}  # messages so far, by channel id
+        self._schemas: dict[str, int] = {}  # MCAP ids, by name
+        # None: the end
         self._queue: queue.SimpleQueue[_Message | _File | None] = queue.SimpleQueue()
         self._given = self._taken = 0  # bytes: each is counted on one thread only
-        self._failed = False
-        self._refused = False
+        self._failed = False  # the disk does not take it
+        self._refused = False  # something did not fit
         self._thread = threading.Thread(
             target=self._run, args=(dict(metadata),), name="flight record", daemon=True
         )

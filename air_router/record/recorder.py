@@ -102,19 +102,20 @@ class Recorder(Closeable):
     ) -> None:
         self.trouble = trouble
         self._unix_s, self._viewer = unix_s, viewer
-        self._epoch_s: float | None = None
-        self._last_ns = 0
+        self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
+        self._last_ns = 0  # of the newest message; never runs back
+        # when each was recorded last, vehicle's clock
         self._clock_at_s = self._links_at_s = self._map_at_s = self._grid_at_s = -math.inf
-        self._maps = self._grid_cells = self._motions = 0
-        self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)
-        self._links: dict[str, LinkMetrics] = {}
-        self._held: dict[str, dict[tuple[str, str], float]] = {}
-        self._patch_bytes = 0
-        self._unwritable: set[str] = set()
-        self._flown = False
-        self._drawing: FoxgloveDrawing | None = None
-        self._drawn: dict[str, RecordChannel] = {}
-        self._file: LogFile | None = None
+        self._maps = self._grid_cells = self._motions = 0  # versions, cells and motions recorded
+        self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)  # motions and their numbers
+        self._links: dict[str, LinkMetrics] = {}  # recorded last, by peer
+        self._held: dict[str, dict[tuple[str, str], float]] = {}  # newest stamps, by peer
+        self._patch_bytes = 0  # received; recorded up to a limit
+        self._unwritable: set[str] = set()  # types, told once
+        self._flown = False  # else the file is removed
+        self._drawing: FoxgloveDrawing | None = None  # None until `begin`
+        self._drawn: dict[str, RecordChannel] = {}  # by topic
+        self._file: LogFile | None = None  # None: nothing is kept
         if folder is not None:
             try:
                 self._file = _open(folder, (stem, name), mission, self._tell)

@@ -77,11 +77,11 @@ class ReplayDifference:
 class Replay:
     """What came of it."""
 
-    events: int = 0
-    actions: int = 0
-    until_s: float = 0.0
+    events: int = 0  # taken in
+    actions: int = 0  # decided
+    until_s: float = 0.0  # of the last event, vehicle's clock
     difference: ReplayDifference | None = None
-    notes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # why it may be incomplete
 
     def as_json(self) -> dict[str, Any]:
         """As plain data."""

@@ -62,19 +62,19 @@ class Exchanges:
     own: str = ""
     sought: tuple[str, ...] = ()
     contacts: list[ContactSpan] = field(default_factory=list)
-    syncs: list[Sync] = field(default_factory=list)
+    syncs: list[Sync] = field(default_factory=list)  # in the order of their ends
     published: list[tuple[float, int]] = field(default_factory=list)
-    signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)
-    started: int = 0
-    _near: dict[str, float] = field(default_factory=dict)
-    _parted: dict[str, float] = field(default_factory=dict)
-    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)
-    _newest_s: dict[str, float] = field(default_factory=dict)
-    _maps: list[float] = field(default_factory=list)
-    _names: list[str] | None = None
-    _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    _end: tuple[float, float] | None = None
+    signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)  # RSSI in dBm
+    started: int = 0  # syncs, also those that never ended
+    _near: dict[str, float] = field(default_factory=dict)  # when each contact began
+    _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
+    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
+    _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
+    _maps: list[float] = field(default_factory=list)  # stamps of our own maps
+    _names: list[str] | None = None  # made once, at the end
+    _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, its stamp
+    _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, age in s
+    _end: tuple[float, float] | None = None  # time, Unix time of the last event
 
     def take(self, t: float, event: LinkEvent) -> None:
         """Take in what happened; `t` is the vehicle's clock, the event's own times are Unix."""

@@ -89,26 +89,26 @@ class FlightSummary:
     flown: FlownTrack | None = None
     about: dict[str, str] = field(default_factory=dict)
     ending: str | None = None
-    vehicle: dict[str, Any] = field(default_factory=dict)
+    vehicle: dict[str, Any] = field(default_factory=dict)  # who answered
     track: list[tuple[float, float, float, float]] = field(default_factory=list)
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     states: list[StateInterval] = field(default_factory=list)
     announcements: list[tuple[float, str]] = field(default_factory=list)
-    closest: tuple[float, str] | None = field(default=None, init=False)
+    closest: tuple[float, str] | None = field(default=None, init=False)  # metres, what to
     requests: list[RequestRecord] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
     robots: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
     painted: list[tuple[float, int]] = field(default_factory=list)
     exchanges: Exchanges = field(default_factory=Exchanges)
     report: dict[str, Any] = field(default_factory=dict)
-    closest_at: tuple[float, float, float] | None = None
-    from_s: float = math.nan
-    to_s: float = math.nan
-    finish: str | None = None
-    unix_offset_s: float | None = None
-    _open: dict[tuple[str, str], int] = field(default_factory=dict)
-    _entered: tuple[State, float, str | None, str] | None = None
+    closest_at: tuple[float, float, float] | None = None  # metres, place
+    from_s: float = math.nan  # of the first event
+    to_s: float = math.nan  # of the last one
+    finish: str | None = None  # as the controller said
+    unix_offset_s: float | None = None  # Unix time at 0
+    _open: dict[tuple[str, str], int] = field(default_factory=dict)  # places in `requests`
+    _entered: tuple[State, float, str | None, str] | None = None  # state, when, robot, why
 
     def take(self, entry: RecordEntry) -> None:
         """Take in what is recorded next."""

@@ -31,7 +31,7 @@ class Plot:
     to_s: float
     top: float = 1.0
     bottom: float = 0.0
-    _parts: list[str] = field(default_factory=list)
+    _parts: list[str] = field(default_factory=list)  # SVG elements in order
 
     def x(self, t: float) -> float:
         """Where a time is; one before or after lies on the border."""

@@ -27,13 +27,14 @@ class _Sheet:
     """Metres east and north onto a picture."""
 
     def __init__(self, places: Sequence[tuple[float, float]], width: int) -> None:
-        self._west_m = min(p[0] for p in places) - _MARGIN_M
-        self._north_m = max(p[1] for p in places) + _MARGIN_M
+        self._west_m = min(p[0] for p in places) - _MARGIN_M  # the left edge
+        self._north_m = max(p[1] for p in places) + _MARGIN_M  # the upper edge
         span_m = max(p[0] for p in places) + _MARGIN_M - self._west_m
         tall_m = self._north_m - min(p[1] for p in places) + _MARGIN_M
+        # pixels per metre
         self.scale = min(width / span_m, (0.72 if width > NARROW else 1.3) * width / tall_m)
-        self.width, self.height = width, tall_m * self.scale
-        self._left = (width - span_m * self.scale) / 2
+        self.width, self.height = width, tall_m * self.scale  # pixels
+        self._left = (width - span_m * self.scale) / 2  # pixels of margin
 
     def at(self, place: Sequence[float]) -> tuple[float, float]:
         """Where a place (east, north) is drawn."""
