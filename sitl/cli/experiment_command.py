@@ -195,7 +195,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         "seeds": [campaign.numbers[0], campaign.numbers[-1]],
         "runs": len(records),
         "rows": tables.as_plain(found),
-        "claims": [{**dataclasses.asdict(claim), "answer": claim.answer} for claim in claims],
+        "claims": [{**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in claims],
     }
     results.write_json(summary, folder / "summary.json")
     figures = [] if arguments.no_figures else _figures(experiment, records, folder)

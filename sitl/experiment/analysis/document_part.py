@@ -18,7 +18,8 @@ from typing import Final
 from air_router.counted import counted
 from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
-from sitl.experiment.analysis.claims import Claim, claims_of, near_paper, within_factor
+from sitl.experiment.analysis.claims import Claim, claims_of
+from sitl.experiment.analysis.comparison import compared, pairs_as_markdown
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.analysis.tables import Line
 from sitl.experiment.campaign.campaign import in_words
@@ -35,12 +36,10 @@ class NoMarksError(UsageError):
 
 def claims_text(claims: Sequence[Claim]) -> str:
     """Claims and their answers, for a document."""
-    text = ["| claim | answer | but not |", "|---|---|---|"]
+    text = ["| claim | what it says | verdict | effect [95 % interval] |", "|---|---|---|---|"]
     for claim in claims:
-        answer = claim.answer.partition(":")[0]
-        but = [part.what for part in claim.parts if not part.holds and answer == "depends"]
-        text.append(f"| {claim.number}. {claim.text} | {answer} | {'; '.join(but)} |")
-    text += [f"\nFrom {claim.phase} seeds." for claim in claims[:1]]
+        text.append(f"| **{claim.number}** | **{claim.text}** | **{claim.brief}** | |")
+        text += [f"| | {part.what} | {part.verdict} | {part.because} |" for part in claim.parts]
     return "\n".join(text)
 
 
@@ -49,9 +48,9 @@ def evidence_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, 
     return {
         "table": tables.as_rows(experiment, tables.lines(experiment, records)),
         "claims": [
-            ["claim", "part", "holds", "because"],
+            ["claim", "part", "verdict", "because"],
             *(
-                [str(claim.number), part.what, "yes" if part.holds else "no", part.because]
+                [str(claim.number), part.what, part.verdict, part.because]
                 for claim in claims_of(experiment, records)
                 for part in claim.parts
             ),
@@ -67,7 +66,7 @@ def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[
         f"{counted(len(records), 'runs')} ({counted(len(found), 'rows')}, {seeds_of(records)}), "
         f"{in_words(cpu_s)} of processor time."
     )
-    ratios = near_paper(records) if tables.of_the_paper(experiment) else []
+    ratios = near_paper(found) if tables.of_the_paper(experiment) else []
     if len(ratios) == len(TABLE):
         low, high = (pick(ratios, key=lambda entry: entry[1]) for pick in (min, max))
         text += (
@@ -76,6 +75,20 @@ def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[
             f"at the least ({low[0]}) and {high[1]:.2f} times at the most ({high[0]})."
         )
     return text
+
+
+def near_paper(found: Sequence[Line]) -> list[tuple[str, float]]:
+    """For each row of the paper's table: our mean wait as a multiple of the paper's."""
+    return [
+        (line.label, line.values["wait_mean_s"].value / line.paper.wait_mean_s)
+        for line in found
+        if line.paper
+    ]
+
+
+def within_factor(ratios: Sequence[tuple[str, float]]) -> int:
+    """How many of the rows lie within a factor of two of the paper's."""
+    return sum(0.5 <= ratio <= 2.0 for _, ratio in ratios)
 
 
 def links_text(records: Sequence[Record]) -> str:
@@ -91,7 +104,7 @@ def blocks_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, st
     found = tables.lines(experiment, records)
     links = [record for record in records if "links" in record["curves"]]
     return {
-        "pairs": tables.pairs_as_markdown(tables.compared(experiment, records)),
+        "pairs": pairs_as_markdown(compared(experiment, records)),
         "links": links_text(links) if all(halves(links)) else "",
         "table": tables.as_markdown(experiment, found),
         "claims": claims_text(claims_of(experiment, records)),

@@ -21,6 +21,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from sitl.experiment.campaign.claim_rules import ClaimRule
+
 Settings = Mapping[str, Any]
 """A run's settings as the plain values that stand in the file."""
 
@@ -53,7 +55,7 @@ class Row:
 class Task:
     """One run that is to be made: plain values, so it can travel to any process or machine.
 
-    Paths in the settings count from `folder`.
+    Paths in the settings count from `folder`; `rules` are those by which the run will be judged.
     """
 
     experiment: str
@@ -62,6 +64,7 @@ class Task:
     seed: int
     folder: str = "."
     phase: Phase = "exploration"
+    rules: str = ""
 
     @property
     def name(self) -> str:
@@ -81,6 +84,7 @@ class Experiment:
         seeds: how many runs of each row, unless the command line says otherwise.
         first_seed: the number of each row's first run, unless the command line says otherwise.
         confirmation_seed: from this number on runs are for confirmation.
+        claims: what its runs are to decide, and how.
         paired: settings that do not go into the seed.
         varied: the settings in which rows differ, in the file's order.
         folder: where its file is.
@@ -93,9 +97,16 @@ class Experiment:
     seeds: int
     first_seed: int = 0
     confirmation_seed: int = 10_001
+    claims: tuple[ClaimRule, ...] = ()
     paired: tuple[str, ...] = ()
     varied: tuple[str, ...] = ()
     folder: str = "."
+
+    @property
+    def rules(self) -> str:
+        """Twelve hexadecimal digits that change with any claim."""
+        declared = canonical([claim.model_dump(mode="json") for claim in self.claims])
+        return hashlib.sha256(declared.encode()).hexdigest()[:12]
 
     def seed(self, row: Row, number: int) -> int:
         """The seed of a row's run."""
@@ -105,7 +116,7 @@ class Experiment:
     def task(self, row: Row, number: int) -> Task:
         """A row's run."""
         seed, phase = self.seed(row, number), self.phase(number)
-        return Task(self.name, row, number, seed, self.folder, phase)
+        return Task(self.name, row, number, seed, self.folder, phase, self.rules)
 
     def phase(self, number: int) -> Phase:
         """What the runs with a seed's number are for."""

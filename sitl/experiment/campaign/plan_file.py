@@ -14,8 +14,9 @@ from pydantic import BaseModel, Field, create_model
 
 from air_router.files.settings import Timers
 from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.experiment.campaign.claim_rules import ClaimRule
 from sitl.experiment.campaign.plan import Experiment, Row, varied
-from sitl.experiment.campaign.rows import phrase
+from sitl.experiment.campaign.rows import phrase, rows_with
 from sitl.experiment.campaign.shipped import (
     UnknownPlaceError,
     experiment_file,
@@ -91,6 +92,7 @@ class _Model(BaseModel):
     settings: _Settings = _Settings()  # type: ignore[valid-type]  # made above
     cross: _Axes | None = None  # type: ignore[valid-type]
     rows: Annotated[list[_Row], Field(min_length=1)] | None = None  # type: ignore[valid-type]
+    claims: list[ClaimRule] = []
     paired: list[str] = ["policy", "protocol", "passive"]
 
 
@@ -128,17 +130,22 @@ class _Reading:
         if problems:
             raise DocumentError(problems)
         differing = varied(rows)
+        made = tuple(
+            Row(label or _label(row, differing), {**row, "sources": self._sources(row)})
+            for (label, _), row in zip(variants, rows, strict=True)
+        )
+        problems = list(self._claim_problems(made))
+        if problems:
+            raise DocumentError(problems)
         return Experiment(
             name=model.name,
             title=model.title,
             question=" ".join(model.question.split()),
-            rows=tuple(
-                Row(label or _label(row, differing), {**row, "sources": self._sources(row)})
-                for (label, _), row in zip(variants, rows, strict=True)
-            ),
+            rows=made,
             seeds=model.seeds,
             first_seed=model.first_seed,
             confirmation_seed=model.confirmation_seed,
+            claims=tuple(model.claims),
             paired=tuple(model.paired),
             varied=differing,
             folder=str(self.document.path.parent.absolute()),
@@ -161,6 +168,14 @@ class _Reading:
             if count > MOST_ROWS:
                 message = f"{count} rows, at most {MOST_ROWS}; combine less"
                 yield self.document.problem(("cross",), message, "out-of-range")
+
+    def _claim_problems(self, rows: tuple[Row, ...]) -> Iterator[Problem]:
+        for claim, rule in enumerate(self.model.claims):
+            for part, said in enumerate(rule.parts):
+                for index, term in enumerate(said.contrast):
+                    if not rows_with(rows, term.rows):
+                        keys = ("claims", claim, "parts", part, "contrast", index)
+                        yield self.document.problem(keys, "no row has all of this", "unknown-word")
 
     def _variants(self) -> Iterator[tuple[str | None, dict[str, Any]]]:
         if self.model.rows is not None:

@@ -40,6 +40,16 @@ def phrase(key: str, value: Any) -> str:
     return shown.replace("_", " ")
 
 
+def rows_with(rows: Iterable[Row], settings: Settings) -> list[Row]:
+    """The rows that have these settings; a list names several values."""
+    wanted = {key: own if isinstance(own, list) else [own] for key, own in settings.items()}
+    return [
+        row
+        for row in rows
+        if all(value_of(flat(row.settings), key) in own for key, own in wanted.items())
+    ]
+
+
 class NoSuchRowError(UsageError):
     """No row of the experiment is meant."""
 

@@ -23,7 +23,9 @@ from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row
 FILE_NAME = "runs.jsonl"
 _ROOT: Final = Path(__file__).parents[3]
 _PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
-_KEYS: Final = {"experiment", "row", "number", "phase", "seed", "fingerprint", "measures"}
+_KEYS: Final = frozenset(
+    {"experiment", "row", "number", "phase", "rules", "seed", "fingerprint", "measures"}
+)
 
 
 class RunLogError(AirRouterError):

@@ -105,6 +105,7 @@ def recorded(task: Task, settings: RunSettings, result: RunResult) -> Record:
         "row": task.row.label,
         "number": task.number,
         "phase": task.phase,
+        "rules": task.rules,
         "seed": task.seed,
         "fingerprint": task.row.fingerprint,
         "settings": dict(task.row.settings),

@@ -1,10 +1,19 @@
-"""Tests of claims are the textbook's, and answers follow from the runs and nothing else."""
+"""Effects are the textbook's, and verdicts follow from declared rules and the runs alone."""
+
+import dataclasses
+import math
 
 import numpy as np
 import pytest
 
-from sitl.experiment.analysis import claims, statistics, tables
-from sitl.experiment.analysis.document_part import NoMarksError, fill
+from air_router.errors import UsageError
+from sitl.experiment.analysis import claims, comparison, statistics, tables
+from sitl.experiment.analysis.document_part import (
+    NoMarksError,
+    fill,
+    near_paper,
+    within_factor,
+)
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
 from sitl.experiment.campaign.plan_file import load_experiment
@@ -14,178 +23,211 @@ from sitl.world.terrain import Raster
 stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
 
 
-def test_trends_are_kendalls():
-    chance = np.random.default_rng(3)
-    levels = np.repeat([3.0, 5.0, 10.0], 8)
-    values = np.round(chance.normal(size=24) + 0.1 * levels, 1)  # with ties
-    ours = statistics.growing([[(level, values[levels == level]) for level in (3.0, 5.0, 10.0)]])
-    theirs = stats.kendalltau(levels, values, method="asymptotic", alternative="greater")
-    assert ours.tau == pytest.approx(theirs.statistic)
-    assert ours.p == pytest.approx(theirs.pvalue)
-    flat = statistics.growing([[(3.0, np.ones(4)), (5.0, np.ones(4))]])
-    assert np.isnan(flat.p)
-
-
-def test_differences_are_welchs_and_the_paired_t():
+def test_effects_are_welchs_and_the_paired_t():
     chance = np.random.default_rng(4)
     a, b = chance.normal(1.0, 1.0, 9), chance.normal(0.0, 3.0, 14)
-    ours = statistics.above(a, b)
-    theirs = stats.ttest_ind(a, b, equal_var=False, alternative="greater")
-    assert ours.p_greater == pytest.approx(theirs.pvalue)
-    interval = stats.ttest_ind(a, b, equal_var=False).confidence_interval()
-    assert (ours.low, ours.high) == pytest.approx(tuple(interval))
-    paired = statistics.paired_above(a, b[:9])
-    assert paired.p_less == pytest.approx(stats.ttest_rel(a, b[:9], alternative="less").pvalue)
-    same = statistics.paired_above(a, a)
-    assert (same.value, same.p_greater) == (0.0, 0.5)
+    ours = statistics.contrast([a, -b])
+    theirs = stats.ttest_ind(a, b, equal_var=False)
+    assert ours.value / ours.error == pytest.approx(theirs.statistic)
+    assert ours.interval()[1:] == pytest.approx(tuple(theirs.confidence_interval()))
+    paired = statistics.contrast([a - b[:9]])
+    theirs = stats.ttest_rel(a, b[:9])
+    assert paired.interval()[1:] == pytest.approx(tuple(theirs.confidence_interval()))
+    wider = tuple(theirs.confidence_interval(1 - 0.05 / 4))  # together with three others
+    assert paired.interval(4)[1:] == pytest.approx(wider)
+    assert math.isnan(statistics.contrast([a, b[:1]]).value)
 
 
-def test_holm_corrects_for_the_number_of_tests():
-    assert statistics.holm([0.01, 0.04, 0.03, float("nan")])[:3] == pytest.approx(
-        [0.03, 0.06, 0.06]
-    )
-    low, high = statistics.share_interval(1713, 1720)
-    assert low < 1713 / 1720 < high
+def test_what_is_detectable_is_found_four_times_in_five():
+    effect = statistics.Effect(0.0, 1.5, 28.0)
+    for tests in (1, 5):
+        critical = stats.t.isf(0.025 / tests, 28.0)
+        power = stats.nct.sf(critical, 28.0, effect.detectable(tests) / 1.5)
+        assert power == pytest.approx(0.8, abs=0.01)
 
 
-def runs(goals, wait, seeds=6, time=lambda _: 15.0):
-    """Records of the paper's table; each number made from its row."""
+def test_cases_of_one_run_are_not_independent():
+    """Where each run has one outcome k times, the design effect is k."""
+    outcomes = np.array([1.0, 1.0, 1.0, 0.0] * 10)
+    single, design = statistics.share_above(outcomes, 1 - outcomes, (50, 50))
+    assert design == pytest.approx(40 / 39)
+    fivefold, design = statistics.share_above(5 * outcomes, 5 * (1 - outcomes), (50, 50))
+    assert design == pytest.approx(5 * 40 / 39)
+    assert (single.value, fivefold.value, fivefold.freedom) == (25.0, 25.0, 39.0)
+    own, theirs = 0.75 * 0.25 / 39, 0.25 / 100
+    assert single.error == pytest.approx(100 * math.sqrt(own + 40 / 39 * theirs))
+    assert fivefold.error == pytest.approx(100 * math.sqrt(own + 5 * 40 / 39 * theirs))
+    every, design = statistics.share_above(outcomes + 1, 0 * outcomes, (50, 50))
+    assert (every.value, design) == (50.0, 1.0)
+
+
+def made(experiment, seeds, measures, phase="confirmation"):
+    """Runs of an experiment; `measures` makes them of a row's settings and a seed number."""
+    return [
+        {
+            "row": row.label,
+            "number": number,
+            "phase": phase,
+            "rules": experiment.rules,
+            "settings": row.settings,
+            "measures": measures(row.settings, number),
+        }
+        for row in experiment.rows
+        for number in range(seeds)
+    ]
+
+
+def table(goals, wait, seeds=8, area=lambda _: 40.0):
+    """Runs of the paper's table, each number made from its row."""
     experiment, _ = load_experiment("table1")
     chance = np.random.default_rng(6)
-    records = []
-    for row, ours in zip(TABLE, experiment.rows, strict=True):
-        for number in range(seeds):
-            spread = 1 + 0.02 * chance.normal()
-            measures = {
-                "goals_found_percent": goals(row) * spread,
-                "time_to_goal_mean_min": time(row) * spread,
-                "wait_mean_s": wait(row) * spread,
-                "waits": 1000,
-            }
-            records.append(
-                {
-                    "row": ours.label,
-                    "number": number,
-                    "phase": "confirmation",
-                    "settings": {"radius_m": row.radius_m, "uavs": row.uavs, "ugvs": row.ugvs},
-                    "measures": measures,
-                }
-            )
-    return records
+
+    def measures(row, _):
+        return {
+            "goals_found_percent": goals(row) * (1 + 0.02 * chance.normal()),
+            "goal_rate_area_percent": area(row) * (1 + 0.02 * chance.normal()),
+            "wait_mean_s": wait(row) * (1 + 0.02 * chance.normal()),
+        }
+
+    return experiment, made(experiment, seeds, measures)
 
 
-def test_a_world_as_the_paper_claims_it_confirms_all():
-    found = claims.table_claims(
-        runs(
-            goals=lambda row: (
-                30
-                + 4 * row.ugvs
-                + 0.3 * row.radius_m * (row.uavs == 1)
-                + (6 if row.uavs == 2 and row.ugvs < 10 and row.radius_m < 30 else 0)
-                - (9 if row.uavs == 2 and (row.ugvs == 10 or row.radius_m == 30) else 0)
-            ),
-            wait=lambda row: row.wait_mean_s + 0.01 * row.radius_m * row.ugvs * row.uavs,
-            time=lambda row: 25 - row.ugvs - 0.1 * row.radius_m,
+def as_claimed(row):
+    uavs, ugvs, radius_m = row["uavs"], row["ugvs"], row["radius_m"]
+    few = uavs == 2 and ugvs < 10 and radius_m < 30
+    return 30 + 4 * ugvs + 0.6 * radius_m * (uavs == 1) + (20 if few else -4 * (uavs == 2))
+
+
+def test_a_world_as_the_paper_claims_it_holds():
+    found = claims.claims_of(
+        *table(
+            as_claimed,
+            lambda row: row["radius_m"] * row["ugvs"] * 2 ** row["uavs"],
+            area=lambda row: 30 + row["ugvs"] + 0.2 * row["radius_m"],
         )
     )
-    assert [claim.number for claim in found] == [1, 2, 3, 4, 5]
-    answers = {claim.number: claim.answer for claim in found}
-    assert answers[1] == answers[4] == answers[5] == answers[2] == "confirmed", answers
-    assert all(part.because for claim in found for part in claim.parts)
+    assert {claim.number: claim.verdict for claim in found} == {
+        1: "holds", 2: "holds", 3: "holds", 4: "holds", 5: "holds"
+    }  # fmt: skip
+    effects = {part.what: part.effect for claim in found for part in claim.parts}
+    low, high = effects["longer with 2 UAVs than with 1"][1:]
+    assert low < 2 < high < 2.2
+    closest = next(part for part in found[0].parts if "best at 30 m" in part.what)
+    assert closest.because.endswith("the least of 5")
+    assert closest.effect.value == pytest.approx(20, abs=4)  # above 1 UAV with 5 UGVs
 
 
-def test_a_world_that_is_the_same_for_all_confirms_nothing_but_no_help():
-    found = claims.table_claims(runs(goals=lambda _: 80.0, wait=lambda _: 1.0))
-    answers = [claim.answer for claim in found]
-    assert [answers[0], answers[1], answers[3], answers[4]] == ["not confirmed"] * 4
-    assert answers[2].startswith("depends: holds for it does not help 10 UGVs")
+def test_a_world_that_is_the_same_for_all_denies_what_it_can():
+    found = claims.claims_of(*table(lambda _: 80.0, lambda _: 1.0))
+    verdicts = {part.what: part.verdict for claim in found for part in claim.parts}
+    assert verdicts["10 UGVs find more goals than 3"] == "fails"
+    assert verdicts["1 UAV and 10 UGVs are best at 5 m"] == "undecided"
+    assert verdicts["it does not help at 30 m"] == "holds"
+    assert found[2].verdict.startswith("in part. holds: it does not help 10 UGVs below 30 m; it")
+    assert [claim.verdict for claim in found][3:] == ["fails", "fails"]
 
 
-def test_waits_are_compared_with_the_papers_row_by_row():
-    ratios = claims.near_paper(runs(lambda _: 80.0, lambda row: 1.5 * row.wait_mean_s))
-    assert claims.within_factor(ratios) == 24
-    ratios = claims.near_paper(
-        runs(lambda _: 80.0, lambda row: (3 if row.uavs == 2 else 1) * row.wait_mean_s)
-    )
-    assert claims.within_factor(ratios) == 12
+def test_few_runs_decide_nothing():
+    chance = np.random.default_rng(7)
+    experiment, records = table(lambda _: 70 + 40 * chance.normal(), lambda _: 1.0, seeds=2)
+    found = claims.claims_of(experiment, records)
+    assert found[1].verdict == "undecided"
+    part = found[1].parts[0]
+    assert "detectable: " in part.because
+    assert float(part.because.rpartition(" ")[2]) > 20
+    alone = [record for record in records if record["number"] == 0]
+    assert claims.claims_of(experiment, alone)[1].parts[0].because == "too few runs"
 
 
 def test_spikes_and_complete_interactions_are_seen():
-    def record(bins, broken, protocol="original"):
-        measures = {"exchanges_complete": 1713, "exchanges_broken": broken}
-        settings = {"protocol": protocol}
-        return {"settings": settings, "measures": measures, "curves": {"bin_bytes": bins}}
+    experiment, _ = load_experiment("field")
 
-    spiky = claims.field_claim([record([9000] + [10] * 19, 7)])
-    assert spiky.answer == "confirmed"
-    steady = claims.field_claim([record([100] * 20, 300)])
-    assert steady.answer == "not confirmed"
-    # The claim is about the paper's protocol: what ours completes makes up for nothing.
-    both = claims.field_claim([record([100] * 20, 40), *[record([9000, 0], 0, "ours")] * 9])
-    assert both.answer == "not confirmed"
-    assert both.parts[0].because.endswith("with our protocol 100.00 % of 15417")
-
-
-def test_claims_are_for_the_rows_that_they_are_about(tmp_path):
-    experiment, _ = load_experiment("table1")
-    records = runs(lambda _: 80.0, lambda _: 1.0, seeds=2)
-    found = claims.claims_of(experiment, records)
-    assert [claim.number for claim in found] == [1, 2, 3, 4, 5]
-    assert all(claim.verdict == claim.answer for claim in found)
-    explored = [{**record, "phase": "exploration"} for record in records]
-    told = [claim.verdict for claim in claims.claims_of(experiment, explored)]
-    assert all(verdict.endswith(", on exploration seeds") for verdict in told)
-    assert claims.claims_of(experiment, records[2:]) == []  # a row has no runs
-    path = tmp_path / "mine.yaml"
-    path.write_text("name: table1\ntitle: My own\nrows: [{ugvs: 3}]\n", encoding="utf-8")
-    mine, _ = load_experiment(str(path))
-    assert claims.claims_of(mine, [{**records[0], "row": "all"}]) == []
-
-
-def test_diminishing_returns_are_seen():
-    def records(passive, goals):
-        return [
-            {
-                "row": f"{passive} {ugvs}",
-                "number": number,
-                "settings": {"passive": passive, "ugvs": ugvs},
-                "measures": {
-                    "goals_found": goals(ugvs) + 0.1 * (number % 3),
-                    "goals_found_percent": 5.0 * goals(ugvs) + 0.3 * (number % 3),
-                    "map_age_mean_s": 200.0 + 10 * ugvs * passive + number,
-                },
+    def verdicts(complete, broken, busiest, seeds=12):
+        def measures(row, number):
+            ours = row["protocol"] == "ours"  # the claim is about the paper's protocol
+            return {
+                "exchanges_complete": 500 if ours else complete,
+                "exchanges_broken": 0 if ours else broken + (number % 2),
+                "busiest_tenth_percent": 99.0 if ours else busiest + 0.1 * number,
             }
-            for ugvs in (2, 5, 10)
-            for number in range(6)
-        ]
 
-    claim = claims.passive_claim(
-        records(True, lambda n: 3 + min(n, 5)) + records(False, lambda n: 3.0 + n)
-    )
-    assert claim.answer == "confirmed"
+        (claim,) = claims.claims_of(experiment, made(experiment, seeds, measures))
+        return [part.verdict for part in claim.parts], claim.parts[0].because
+
+    verdict, because = verdicts(500, 1, 90)
+    assert verdict == ["holds", "holds"]
+    assert "; 6018 cases, design effect " in because
+    assert verdicts(500, 40, 30)[0] == ["fails", "fails"]
+    assert verdicts(500, 4, 49.5)[0] == ["undecided", "undecided"]
+
+
+def test_returns_diminish_by_an_interaction_and_not_by_two_tests():
+    experiment, _ = load_experiment("passive")
+    chance = np.random.default_rng(9)
+    luck = chance.normal(0, 30, 8)  # what both rows of a pair meet
+
+    def verdicts(passive, seeking):
+        def measures(row, number):
+            goals = (passive if row["passive"] else seeking)(row["ugvs"])
+            return {
+                "goal_rate_area_percent": goals + luck[number] + 0.1 * chance.normal(),
+                "map_age_mean_s": 200.0 + 10 * row["ugvs"] * row["passive"] + chance.normal(),
+            }
+
+        (claim,) = claims.claims_of(experiment, made(experiment, 8, measures))
+        return {part.what.split(",")[0]: part.verdict for part in claim.parts}
+
+    apart = verdicts(lambda n: 30 + 4 * min(n, 5), lambda n: 30.0 + 4 * n)
+    assert apart["with seeking it loses less than without (interaction)"] == "holds"
+    assert apart["from 2 to 10 UGVs"] == "holds"
+    assert apart["seeking finds goals sooner with 10 UGVs"] == "holds"
+    alike = verdicts(lambda n: 30 + 4 * min(n, 5), lambda n: 30.0 + 4 * min(n, 5))
+    assert alike["with seeking it loses less than without (interaction)"] == "fails"
+    assert alike["seeking finds goals sooner with 10 UGVs"] == "fails"
 
 
 def test_runs_are_pairs_by_their_seed_and_not_by_their_place():
-    records = [
-        {
-            "number": number,
-            "settings": {"passive": passive, "ugvs": ugvs},
-            "measures": {
-                "goals_found": 9,
-                "goals_found_percent": 10.0 * number - 4 * passive,
-                "map_age_mean_s": None,
-            },
-        }
-        for passive in (False, True)
-        for ugvs in (2, 5, 10)
-        for number in range(6)
-        if (passive, number) != (True, 2)  # one that was given up
-    ]
-    *_, older, no_older, more = claims.passive_claim(records).parts
-    assert more.holds
-    assert more.because.endswith("10 UGVs: +4.0 points [+4.0, +4.0]")
-    # Nothing is known of maps: neither that they are older, nor that they are not.
-    assert (older.holds, no_older.holds) == (False, False)
+    experiment, _ = load_experiment("passive")
+
+    def measures(row, number):
+        value = 10.0 * number - 4 * row["passive"]
+        return {"goal_rate_area_percent": value, "map_age_mean_s": None}
+
+    records = made(experiment, 6, measures)
+    lost = {"passive, 10 UGVs", "not passive, 2 UGVs"}
+    kept = [each for each in records if not (each["row"] in lost and each["number"] == 2)]
+    (claim,) = claims.claims_of(experiment, kept)
+    maps, goals = claim.parts[-2:]
+    assert (maps.verdict, maps.because) == ("undecided", "too few runs")
+    assert goals.effect == pytest.approx((4.0, 4.0, 4.0))
+
+
+def test_verdicts_say_from_which_runs_and_rules_they_come():
+    experiment, records = table(lambda _: 80.0, lambda _: 1.0, seeds=2)
+    assert claims.claims_of(experiment, records[2:]) == []  # a row has no runs
+    explored = [{**record, "phase": "exploration"} for record in records]
+    assert claims.claims_of(experiment, explored)[4].verdict == "fails, on exploration seeds"
+    later = [*records[1:], {**records[0], "rules": "of before"}]
+    assert claims.claims_of(experiment, later)[4].verdict == (
+        "fails, by rules that changed after runs were made"
+    )
+    (other,) = (claim for claim in experiment.claims if claim.number == 5)
+    part = other.parts[0].model_copy(update={"measure": "goals_lost"})
+    wrong = dataclasses.replace(experiment, claims=(other.model_copy(update={"parts": (part,)}),))
+    assert wrong.rules != experiment.rules
+    with pytest.raises(UsageError, match="'goals_lost'; no run has this measure"):
+        claims.claims_of(wrong, records)
+
+
+def test_waits_are_compared_with_the_papers_row_by_row():
+    def line(row, factor):
+        wait_s = statistics.Interval(factor * row.wait_mean_s, 0.0, 0.0)
+        return tables.Line("", {}, 1, {"wait_mean_s": wait_s}, 1.0, row)
+
+    for factor, near in ((1.5, 24), (3, 0)):
+        ratios = near_paper([line(row, factor) for row in TABLE])
+        assert [ratio for _, ratio in ratios] == pytest.approx([factor] * 24)
+        assert within_factor(ratios) == near
 
 
 def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
@@ -195,13 +237,13 @@ def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
     text = "".join(f"  - {{radius_m: {team}}}\n" for team in teams)
     path.write_text(f"name: mixed\ntitle: x\nrows:\n{text}", encoding="utf-8")
     experiment, _ = load_experiment(str(path))
-    measures = dict.fromkeys(tables.MEASURES, 1.0)
+    measures = dict.fromkeys(comparison.MEASURES, 1.0)
     records = [
         {"row": row.label, "number": number, "measures": measures}
         for row in experiment.rows
         for number in range(2)
     ]
-    assert [(one.row, one.base) for one in tables.compared(experiment, records)] == [
+    assert [(one.row, one.base) for one in comparison.compared(experiment, records)] == [
         ("5 m, rendezvous", "5 m, round robin"),
         ("30 m, rendezvous", "30 m, freshest"),
     ]
@@ -230,21 +272,25 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
                 + luck[number]
                 + 2 * (row.settings["policy"] == "freshest")
                 + 0.5 * chance.normal()
-                for measure in tables.MEASURES
+                for measure in comparison.MEASURES
             },
         }
         for row in experiment.rows
         for number in range(8)
     ]
-    found = tables.compared(experiment, records)
+    found = comparison.compared(experiment, records)
     assert [(one.row, one.base, one.runs) for one in found] == [
         ("freshest, 5 m", "round robin, 5 m", 8),
         ("freshest, 30 m", "round robin, 30 m", 8),
         ("freshest, all", "round robin, all", 16),
     ]
-    assert all(one.p["pose_age_mean_s"] < 0.01 for one in found)
-    assert found[0].differences["wait_mean_s"].value == pytest.approx(2, abs=0.6)
-    assert "**+" in tables.pairs_as_markdown(found)
+    effects = [one.effect("wait_mean_s") for one in found]
+    assert all(effect.value == pytest.approx(2, abs=0.6) for effect in effects)
+    assert effects[2].value == pytest.approx((effects[0].value + effects[1].value) / 2)
+    assert effects[2].error < effects[0].error
+    value, low, high = effects[0].interval(3)  # as many are compared
+    told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}], {effects[0].detectable():.1f} |"
+    assert told in comparison.pairs_as_markdown(found)
 
 
 def test_a_document_is_filled_between_its_marks(tmp_path):

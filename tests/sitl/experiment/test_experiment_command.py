@@ -17,7 +17,7 @@ from mocha_link.errors import MissingExtraError
 from sitl.cli import experiment_command as command
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.document_part import NoMarksError
-from sitl.experiment.analysis.statistics import interval, ratio
+from sitl.experiment.analysis.statistics import interval, ratio, spread
 from sitl.experiment.campaign.campaign import Progress, in_words
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, Finished, Lost
@@ -278,9 +278,13 @@ def test_intervals_hold_what_they_say(monkeypatch):
     assert math.isnan(interval(np.array([1.0])).low)
     monkeypatch.setattr(statistics, "_AT_ONCE", 2_000)  # as with very many runs
     assert interval(few) == whole
-    assert math.isnan(interval(np.zeros((3, 2)), ratio).low)  # no messages in any run
-    two = interval(np.array([[10.0, 5.0], [0.0, 0.0]]), ratio)
-    assert two.value == 2.0
+    none = np.zeros(3)
+    assert math.isnan(interval(none, none, statistic=ratio).low)  # no messages in any run
+    assert interval(np.array([10.0, 0.0]), np.array([5.0, 0.0]), statistic=ratio).value == 2.0
+    values, counts = np.array([1.0, 3.0, 8.0]), np.array([4.0, 1.0, 2.0])
+    every = np.repeat(values, counts.astype(int))
+    found = interval(values * counts, counts, values**2 * counts, statistic=spread)
+    assert found.value == pytest.approx(every.std())
 
 
 def test_remaining_time_follows_the_robots_of_what_is_left(sitl):

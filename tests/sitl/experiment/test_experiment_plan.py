@@ -173,6 +173,35 @@ def test_what_only_shows_between_values_is_told_too(tmp_path):
         load_experiment("table9")
 
 
+CLAIM = """
+claims:
+  - number: 1
+    text: Freshest is better.
+    parts:
+      - what: it finds more
+        measure: goals_found_percent
+        contrast: [{rows: {policy: freshest}}, {weight: -1, rows: {policy: round_robin}}]
+        more_than: 5
+"""
+
+
+def test_claims_are_declared_with_what_decides_them(tmp_path):
+    experiment = load(tmp_path, PAIRED + CLAIM)
+    assert experiment.task(experiment.rows[0], 0).rules == experiment.rules
+    other = load(tmp_path, PAIRED + CLAIM.replace("more_than: 5", "more_than: 4"))
+    assert len({experiment.rules, other.rules, load(tmp_path, PAIRED).rules}) == 3
+    for wrong, told in (
+        (CLAIM.replace("round_robin", "rendezvous"), r":16:\d+: no row has all of this"),
+        (CLAIM.replace("more_than: 5", "each: true"), "say either more_than or less_than"),
+        (
+            CLAIM.replace("measure: goals_found_percent", "ratio: true"),
+            "either a measure or a share",
+        ),
+    ):
+        with pytest.raises(DocumentError, match=told):
+            load(tmp_path, PAIRED + wrong)
+
+
 def test_rows_are_chosen_by_settings_and_by_names():
     experiment, _ = load_experiment("table1")
 
