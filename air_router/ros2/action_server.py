@@ -49,9 +49,9 @@ class ActionServer:
         self.goals = Goals(course)
         self._graph, self._kind = graph, kind
         self._ask, self._hold, self._newest, self._unix_s = ask, hold, newest, unix_s
-        self._inside = f"{name}/_action"
-        self._waiting: list[tuple[GoalId, Values]] = []
-        self._told: list[Values] | None = None
+        self._inside = f"{name}/_action"  # prefix of its services and topics
+        self._waiting: list[tuple[GoalId, Values]] = []  # for their results
+        self._told: list[Values] | None = None  # statuses published last
         graph.advertise(self._feedback, f"{kind}_FeedbackMessage", 10, lasting=False)
         graph.advertise(self._statuses, STATUS_LIST)
         serve(f"{self._inside}/send_goal", f"{kind}_SendGoal", self._send_goal)

@@ -73,14 +73,14 @@ class Ros2Bridge:
         self._client, self._graph, self._unix_s = client, graph, unix_s
         self._say = say
         self._requests = requests
-        self._jobs: queue.Queue[Callable[[], None]] = queue.Queue(_MOST_WAITING)
-        self._name = ""
-        self._scene: Scene
-        self._view: dict[str, Any] = {}
-        self._looks = 0
-        self._seen: dict[str, int] = {}
-        self._actions: dict[str, ActionServer] = {}
-        self._silent = False
+        self._jobs: queue.Queue[Callable[[], None]] = queue.Queue(_MOST_WAITING)  # of other threads
+        self._name = ""  # the flight's; empty: none was found yet
+        self._scene: Scene  # of the flight found last
+        self._view: dict[str, Any] = {}  # the newest answer to `view`
+        self._looks = 0  # large things are looked at now and then
+        self._seen: dict[str, int] = {}  # revisions published last
+        self._actions: dict[str, ActionServer] = {}  # by name
+        self._silent = False  # the flight does not answer, as told
 
     def run(self) -> None:
         """Look, and answer between two looks.

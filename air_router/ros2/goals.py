@@ -120,7 +120,7 @@ class Goals:
     """The goals of one action, oldest first."""
 
     course: Course
-    goals: dict[GoalId, Goal] = field(default_factory=dict)
+    goals: dict[GoalId, Goal] = field(default_factory=dict)  # by id
 
     def begin(self, goal_id: GoalId, now_s: float, since: int) -> Goal | None:
         """A new goal; None if there was one of this id."""

@@ -39,7 +39,7 @@ class RosGraph:
         texts = definitions()
         self._codec = RosCodec(texts)
         self._dds = Dds(texts, domain=domain, spaces=spaces(texts))
-        self._readers: dict[str, Any] = {}
+        self._readers: dict[str, Any] = {}  # requests, by reply topic
 
     def advertise(self, topic: str, kind: str, depth: int = 1, *, lasting: bool = True) -> None:
         """Let others see a topic; `lasting`: its newest message comes to late subscribers."""

@@ -82,9 +82,9 @@ class Departure:
         here = airspace.point_clear(start)
         self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
-        self._near: Airspace | None = airspace
-        self._kept: Airspace | None = None
-        self._reach_m = 0.0
+        self._near: Airspace | None = airspace  # for the leg's beginning
+        self._kept: Airspace | None = None  # for all of it
+        self._reach_m = 0.0  # where the beginning ends
         if self.cramped:
             self._squeeze()
 

@@ -42,9 +42,10 @@ class WaypointGraph:
         self.mission = mission
         self.paths: ShortestPaths = shortest_paths(mission.planning_airspace)
         positions = [mission.home, *(waypoint.position for waypoint in mission.waypoints)]
-        self._positions = dict(enumerate(positions, start=HOME_NODE))
+        self._positions = dict(enumerate(positions, start=HOME_NODE))  # by node
         self.places: _Floats = np.array(positions, dtype=float)
         self.neighbours: list[list[tuple[int, float]]] = [[] for _ in positions]
+        # corners of edges that lead around
         self._vias: dict[tuple[int, int], tuple[Point, ...]] = {}
         self._join_visible()
         self._join_pieces()

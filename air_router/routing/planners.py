@@ -68,8 +68,8 @@ class WaypointPlanner:
 
     def __init__(self, graph: WaypointGraph) -> None:
         self._graph = graph
-        self._airspace = graph.mission.planning_airspace
-        self._max_edge_m = graph.mission.planner.max_edge_m
+        self._airspace = graph.mission.planning_airspace  # with the tracking margin
+        self._max_edge_m = graph.mission.planner.max_edge_m  # farther nodes are not joined
         self._shortest = ShortestPlanner(graph)
 
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:

@@ -85,7 +85,7 @@ class ReturnPlanner:
         self._graph = router.graph
         self._router = router
         self._mission = router.graph.mission
-        self.pace = Pace.of(self._mission)
+        self.pace = Pace.of(self._mission)  # what ways take this vehicle
 
     @cached_property
     def home(self) -> Mapping[int, Way]:
@@ -181,8 +181,8 @@ class WayHome:
     need_now: float | None = None
     _router: Router | None = None
     _pace: Pace | None = None
-    _from: Point | None = None
-    _asked_s: float = -math.inf
+    _from: Point | None = None  # where the way was planned from
+    _asked_s: float = -math.inf  # when, vehicle's clock
     _way: Way | None = None
 
     def need(self, telemetry: Telemetry, router: Router) -> float | None:

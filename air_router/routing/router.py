@@ -56,12 +56,12 @@ class Router:
     def __init__(self, graph: WaypointGraph, planner: Planner | None = None) -> None:
         self.graph = graph
         self._mission = graph.mission
-        self._airspace = graph.mission.planning_airspace
+        self._airspace = graph.mission.planning_airspace  # with the tracking margin
         departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
         # A first leg keeps the whole tracking margin; where that is too much to ask, half of it.
         self._margins = (self._airspace, departing)
         self._paths = graph.paths
-        self._positions = graph.positions
+        self._positions = graph.positions  # of nodes
         self._planner = planner or planner_of(graph.mission.planner.kind, graph)
 
     def route(

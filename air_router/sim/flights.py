@@ -109,9 +109,9 @@ class Flights:
         self._block = StatusBlock(tuple(commands), out)
         self._keyboard = keyboard if keyboard is not None else sys.stdin
         self._selector = selectors.DefaultSelector()
-        self._interrupted = False
+        self._interrupted = False  # by a signal
         self._overhear = overhear
-        self.flights = [
+        self.flights = [  # one for each vehicle
             _start(uav, (*program, *arguments), self._block) for uav, arguments in commands.items()
         ]
 

@@ -82,7 +82,7 @@ class Child:
         self.ended: dict[str, Any] = {}
         self._name = name
         self._log = log
-        self._stopping = False
+        self._stopping = False  # asked to end
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
                 # The world ends with the flight, also if that is killed.
@@ -176,11 +176,12 @@ class SimWorld(Closeable):
         self._mission = mission
         self._options = options
         self._folder = folder
+        # one without a name flies a mission for one
         self._uavs = tuple(layer.uav for layer in layers) or ("",)
-        self._altitudes_m = {layer.uav: layer.altitude_m for layer in layers}
-        self._report = folder / "world.json"
-        self._children: list[Child] = []
-        self._clock: Child | None = None
+        self._altitudes_m = {layer.uav: layer.altitude_m for layer in layers}  # of cruise
+        self._report = folder / "world.json"  # what the world writes at its end
+        self._children: list[Child] = []  # in the order of their start
+        self._clock: Child | None = None  # the first vehicle, which tells the pace
         self.pace: PaceSource | None = None
         try:
             seats, ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)

@@ -18,10 +18,10 @@ class StatusBlock:
 
     def __init__(self, names: Sequence[str], out: TextIO | None = None) -> None:
         self._out = out if out is not None else sys.stderr
-        self._lines = dict.fromkeys(names, "")
-        self._width = max(map(len, names), default=0)
-        self._drawn = 0
-        self.live = self._out.isatty()
+        self._lines = dict.fromkeys(names, "")  # the newest of each
+        self._width = max(map(len, names), default=0)  # of the names
+        self._drawn = 0  # lines to be overwritten
+        self.live = self._out.isatty()  # redrawn in place
 
     @property
     def columns(self) -> int:

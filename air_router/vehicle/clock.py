@@ -41,14 +41,14 @@ class VehicleClock:
         self._unix = unix
         self._ceiling = ceiling
         self._lock = threading.Lock()
-        self._boot_s: float | None = None
-        self._alive_s = 0.0
-        self._carried_s = 0.0
-        self._rate = 1.0
-        self._mark: tuple[float, float] | None = None
-        self._epoch_s: float | None = None
-        self._synchronised = False
-        self._told_s = 0.0
+        self._boot_s: float | None = None  # the newest the vehicle said
+        self._alive_s = 0.0  # when it was heard, monotonic
+        self._carried_s = 0.0  # heard for so long without a newer time
+        self._rate = 1.0  # vehicle's seconds per second of ours
+        self._mark: tuple[float, float] | None = None  # both clocks where the rate was measured
+        self._epoch_s: float | None = None  # Unix time at boot
+        self._synchronised = False  # the vehicle told it
+        self._told_s = 0.0  # the latest answer: never runs back
 
     def heard(self, boot_s: float) -> None:
         """A message said that the vehicle has been up for `boot_s`."""

@@ -61,7 +61,7 @@ class HeightFrame:
     home: Point | None = None
     home_amsl_m: float | None = None
     moved: HomeMove | None = None
-    _flew: bool = False
+    _flew: bool = False  # since it was armed
 
     def altitude_m(
         self,

@@ -183,9 +183,10 @@ _CALM: Final = InputOutlook(Stop.NONE, "", back=False, home_why=None, news=())
 class InputWatch:
     """Looks at the ages in every telemetry, and at whether GPS has a fix."""
 
-    _stopped: dict[str, Stop] = field(default_factory=dict)
+    _stopped: dict[str, Stop] = field(default_factory=dict)  # by what is missing
+    # by what is missing: announced, when
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
-    _good_since_s: float | None = None
+    _good_since_s: float | None = None  # the fix is back
 
     def why_no_leg(self, telemetry: Telemetry | None) -> str | None:
         """Why the vehicle is sent nowhere; None if nothing is missing for that."""

@@ -79,8 +79,8 @@ class PaceClient(Closeable):
     def __init__(self, source: PaceSource | None, name: str) -> None:
         self._source = source
         self._name = name
-        self._socket: socket.socket | None = None
-        self._told_s = -math.inf
+        self._socket: socket.socket | None = None  # None until it has to tell
+        self._told_s = -math.inf  # vehicle's clock
 
     def reached(self, time_s: float) -> None:
         """All that belongs to this moment of the vehicle's clock, and to those before, is done."""

@@ -21,7 +21,7 @@ class Assets:
     """Files by the path under which they are served, all of them in memory."""
 
     def __init__(self) -> None:
-        self._files: dict[str, tuple[bytes, str, str]] = {}
+        self._files: dict[str, tuple[bytes, str, str]] = {}  # content, type, ETag
 
     def add(self, package: str, folder: str, prefix: str) -> None:
         """Serve the files of a package's folder, and of those in it, under a prefix ("/page/")."""

@@ -26,7 +26,7 @@ class Browsers:
         self._receive = receive
         self._welcome = welcome
         self._pause_s = pause_s
-        self._outboxes: set[PageOutbox] = set()
+        self._outboxes: set[PageOutbox] = set()  # one for each browser
 
     def tell_all(self, kind: str, text: str) -> None:
         """Send a text to every page; one of its kind that still waits is replaced."""

@@ -27,8 +27,8 @@ class ConnectionLimit:
 
     def __init__(self, make: Callable[[], asyncio.BaseProtocol]) -> None:
         self._make = make
-        self._open: list[asyncio.Transport] = []
-        self._asked: WeakSet[asyncio.BaseTransport] = WeakSet()
+        self._open: list[asyncio.Transport] = []  # oldest first
+        self._asked: WeakSet[asyncio.BaseTransport] = WeakSet()  # those that have sent a request
 
     def __call__(self) -> asyncio.BaseProtocol:
         """For `create_server`."""

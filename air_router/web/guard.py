@@ -41,7 +41,7 @@ class Guard:
 
     def __init__(self, host: str, token: str | None = None) -> None:
         self._host = host
-        self._local = is_loopback(host)
+        self._local = is_loopback(host)  # only this machine can connect
         self.token = token or (None if self._local else secrets.token_urlsafe(16))
 
     @web.middleware

@@ -15,9 +15,9 @@ class PageOutbox:
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self._socket = socket
-        self._waiting: dict[str, str] = {}
-        self._news = asyncio.Event()
-        self.full = False
+        self._waiting: dict[str, str] = {}  # text by kind, in order
+        self._news = asyncio.Event()  # something waits
+        self.full = False  # the page reads nothing; it is given up
 
     def post(self, kind: str, text: str) -> None:
         """Send a text as soon as may be; replaces what still waits of that kind."""

@@ -42,8 +42,8 @@ class Site:
         self._guard = guard
         self._assets = assets
         self._start = start
-        self._sockets: dict[web.WebSocketResponse, str] = {}
-        self._limit: ConnectionLimit | None = None
+        self._sockets: dict[web.WebSocketResponse, str] = {}  # open, with their paths
+        self._limit: ConnectionLimit | None = None  # while it serves
         self.app = web.Application(
             middlewares=[self._note_request, guard.middleware], client_max_size=MAX_MESSAGE_BYTES
         )

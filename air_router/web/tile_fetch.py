@@ -89,7 +89,7 @@ class TileFetcher:
     per_second: float
     contact: str = ""
     pause: Callable[[float], None] = time.sleep
-    _asked_s: float = field(default=-math.inf, init=False)
+    _asked_s: float = field(default=-math.inf, init=False)  # monotonic
 
     def __post_init__(self) -> None:
         missing = [mark for mark in ("{z}", "{x}", "{y}") if mark not in self.template]

@@ -143,8 +143,8 @@ def plain(html: str) -> str:
 class _Words(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
-        self.heard: list[str] = []
-        self._said = True
+        self.heard: list[str] = []  # pieces of visible text
+        self._said = True  # not within script or style
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         del attrs

@@ -26,8 +26,8 @@ class TileService:
 
     def __init__(self, tiles: TileFile) -> None:
         self._tiles = tiles
-        self._worker = ThreadPoolExecutor(1, "map tiles")
-        self._told = False
+        self._worker = ThreadPoolExecutor(1, "map tiles")  # SQLite files stay on one thread
+        self._told = False  # the first fault was logged
 
     def add_to(self, app: web.Application) -> None:
         """Serve the tiles, until the application ends."""

@@ -85,10 +85,11 @@ class Airspace:
         self.clearance_m = clearance_m
         self.margin_m = margin_m
         self.ease_m = ease_m
+        # to keep, by zone
         self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
-        self.fence_distance_m = self._kept_m(None)
+        self.fence_distance_m = self._kept_m(None)  # to keep from fences
         self._fences = tuple(Fence(shape) for shape in self.fences)
-        self._fence_threshold_m = _threshold(self.fence_distance_m)
+        self._fence_threshold_m = _threshold(self.fence_distance_m)  # with rounding allowed for
 
     def __repr__(self) -> str:
         return (

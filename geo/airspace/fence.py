@@ -20,9 +20,9 @@ class Fence:
     """Answers exactly; a circle is never made a polygon."""
 
     def __init__(self, shape: Shape) -> None:
-        self._circle = shape if isinstance(shape, Circle) else None
-        self._inside = shape.polygon
-        self._border = shape.polygon.boundary
+        self._circle = shape if isinstance(shape, Circle) else None  # None: a polygon
+        self._inside = shape.polygon  # prepared
+        self._border = shape.polygon.boundary  # prepared if it is long
         if self._circle is None:
             shapely.prepare(self._inside)
             if shapely.get_num_coordinates(self._border) > PREPARED_FROM:

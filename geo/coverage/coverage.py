@@ -185,8 +185,8 @@ class _Sight:
         reach_m = swath.across_m + swath.along_m
         west, south, east, north = target.bounds
         near = shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
-        self.within = within.intersection(near)
-        self.worth_m2 = _WORTH * swath.across_m * swath.along_m
+        self.within = within.intersection(near)  # where rows may lie
+        self.worth_m2 = _WORTH * swath.across_m * swath.along_m  # less is not flown for
 
     def bearings(self, area: BaseGeometry, stop_m: float) -> list[float]:
         """Bearings to try, the one that looks quickest first."""

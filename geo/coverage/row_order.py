@@ -147,7 +147,7 @@ class _Ways:
 
     def __init__(self, path: Joiner) -> None:
         self._path = path
-        self._found: dict[tuple[Point, Point], tuple[float, tuple[Point, ...]]] = {}
+        self._found: dict[tuple[Point, Point], tuple[float, tuple[Point, ...]]] = {}  # by both ends
 
     def length_m(self, start: Point, end: Point) -> float:
         """How long the way is; infinite if there is none."""
@@ -220,9 +220,9 @@ class _Tour:
         self.order = order
         self._ways = ways
         self._start = start
-        self._exits: Floats
-        self._entries: Floats
-        self._hops_m: Floats
+        self._exits: Floats  # where cells are left, in order
+        self._entries: Floats  # where cells begin
+        self._hops_m: Floats  # lengths between cells
         self._survey()
 
     def turn_stretches(self) -> bool:

@@ -58,8 +58,9 @@ class FreeSpace:
 
     def __init__(self, airspace: Airspace) -> None:
         self._airspace = airspace
+        # polygons
         self._zones: Shapes = np.array([zone.polygon for zone in airspace.zones], dtype=object)
-        self._reaches_m = np.array(airspace.distances_m, dtype=float) + HAIR_M
+        self._reaches_m = np.array(airspace.distances_m, dtype=float) + HAIR_M  # to keep from each
 
     @cached_property
     def lean(self) -> list[Polygon]:

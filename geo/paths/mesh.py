@@ -67,7 +67,7 @@ class Mesh:
             return list(map(numbers.__getitem__, (values + 1).ravel().tolist()))
 
         self.back = listed(back)
-        self._dead_ends = listed(dead_ends)
+        self._dead_ends = listed(dead_ends)  # entry into each triangle of one; else -1
         self.east_m: list[float] = east_m.tolist()
         self.north_m: list[float] = north_m.tolist()
         self.places = list(zip(self.east_m, self.north_m, strict=True))
@@ -76,11 +76,11 @@ class Mesh:
         self.corner: list[bool] = _reflex(triangles, east_m, north_m).tolist()
         border = np.flatnonzero(back < 0)
         ends = np.roll(triangles, -1, axis=1).ravel()[border]
-        self._border_part = part[border // 3]
-        self._border = np.stack([east_m, north_m], axis=1)[
+        self._border_part = part[border // 3]  # part of each side
+        self._border = np.stack([east_m, north_m], axis=1)[  # starts and ends of sides
             np.stack([triangles.ravel()[border], ends])
         ]
-        self._index = _Cells(east_m[triangles], north_m[triangles])
+        self._index = _Cells(east_m[triangles], north_m[triangles])  # for `holding`
 
     def __len__(self) -> int:
         return len(self.part)
@@ -222,9 +222,9 @@ class _Cells:
     """
 
     def __init__(self, east_m: Floats, north_m: Floats) -> None:
-        self._side = max(1, math.isqrt(len(east_m)))
-        self._west_m, self._step_east_m = self._span(east_m)
-        self._south_m, self._step_north_m = self._span(north_m)
+        self._side = max(1, math.isqrt(len(east_m)))  # squares a side
+        self._west_m, self._step_east_m = self._span(east_m)  # edge, square's width
+        self._south_m, self._step_north_m = self._span(north_m)  # edge, square's height
         first_column = self._columns(east_m.min(axis=1) - ON_M)
         first_row = self._rows(north_m.min(axis=1) - ON_M)
         wide = self._columns(east_m.max(axis=1) + ON_M) - first_column + 1
@@ -234,9 +234,10 @@ class _Cells:
         nth = np.arange(len(who)) - np.repeat(np.cumsum(counts) - counts, counts)
         cells = (first_row[who] + nth // wide[who]) * self._side + first_column[who]
         cells += nth % wide[who]
+        # triangles, by square
         self._members = who[np.argsort(cells, kind="stable")].astype(np.int32)
         counted = np.bincount(cells, minlength=self._side**2)
-        self._ends: list[int] = [0, *np.cumsum(counted).tolist()]
+        self._ends: list[int] = [0, *np.cumsum(counted).tolist()]  # of each square in `_members`
 
     def near(self, east_m: float, north_m: float) -> list[int]:
         """The triangles that reach into the square of a point."""

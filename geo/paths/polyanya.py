@@ -105,13 +105,15 @@ class _Search:
         self.path: tuple[Point, ...] | None = None
         self._mesh = mesh
         self._goal = goal
-        self._goal_triangles = set(mesh.holding(goal))
+        self._goal_triangles = set(mesh.holding(goal))  # that hold the goal
+        # sides of these
         self._goal_entries = {3 * t + side for t in self._goal_triangles for side in range(3)}
         self._entries = mesh.entries_towards(self._goal_triangles)
         self._roots: list[tuple[float, float, float, int]] = []  # place, metres so far, the former
-        self._best_m: dict[int, float] = {}
-        self._queue: list[_Node] = []
+        self._best_m: dict[int, float] = {}  # shortest to each vertex
+        self._queue: list[_Node] = []  # heap, by estimate
         self._allowed = allowed
+        # sources not begun, by estimate
         self._waiting = self._by_estimate(sources if self._goal_triangles else ())
         self._next = next(self._waiting, None)
 
@@ -368,9 +370,9 @@ class _Outlook(_Search):
 
     def __init__(self, mesh: Mesh, sources: Sequence[Source], goal: Point) -> None:
         super().__init__(mesh, sources, goal)
-        self._goal_entries = set()
+        self._goal_entries = set()  # it has no goal
         self._goal_triangles = set()
-        self.corners: list[Point] = []
+        self.corners: list[Point] = []  # where a path could turn first
 
     def _open(self, node: _Node) -> None:
         self.corners.append(Point(*self._roots[node[1]][:2]))

@@ -55,6 +55,7 @@ class ShortestPaths:
         self.airspace = airspace
         self.space = FreeSpace(airspace)
         self.mesh = Mesh(self.space.lean)
+        # the greatest distance
         self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
 
     def path(

@@ -119,10 +119,10 @@ class ArmingReports:
     """Puts reports together from the events between the two summaries."""
 
     def __init__(self) -> None:
-        self._findings: list[Px4Event] | None = None
-        self._can_arm = 0
-        self.last: ArmingReport | None = None
-        self.count = 0
+        self._findings: list[Px4Event] | None = None  # of the report under way
+        self._can_arm = 0  # bit for each mode group
+        self.last: ArmingReport | None = None  # the newest complete one
+        self.count = 0  # of complete reports
 
     def take(self, event: Px4Event) -> None:
         """Take the next event; `last` and `count` change when it completes a report."""

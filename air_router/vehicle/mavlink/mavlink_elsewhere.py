@@ -28,7 +28,7 @@ def system_of(datagram: bytes) -> int | None:
 
 class _Receiver(asyncio.DatagramProtocol):
     def __init__(self) -> None:
-        self.systems: set[int] = set()
+        self.systems: set[int] = set()  # autopilots heard
 
     def datagram_received(self, data: bytes, _address: object) -> None:
         system = system_of(data)

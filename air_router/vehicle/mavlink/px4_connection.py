@@ -79,8 +79,8 @@ class Px4Connection:
             )
         self._url = url
         self.system_id = system_id
-        self._mavsdk: Mavsdk | None = None
-        self._link: Px4Link | None = None
+        self._mavsdk: Mavsdk | None = None  # while it is open
+        self._link: Px4Link | None = None  # our own port, for UDP
 
     async def open(self) -> Plugins:
         """Wait for a PX4.

@@ -60,7 +60,7 @@ class PeerFilter:
         self.peer: Address | None = None
         self.refused = 0
         self._system_id = system_id
-        self._heard_s = 0.0
+        self._heard_s = 0.0  # when the peer was heard last
 
     def takes(self, datagram: bytes, source: Address, now_s: float) -> bool:
         """Whether a datagram is listened to; before the vehicle is known all are."""
@@ -99,7 +99,7 @@ class Px4Link:
         self._socket = bound
         self._filter = PeerFilter(system_id)
         self._receive = receive
-        self._waker, self._woken = socket.socketpair()
+        self._waker, self._woken = socket.socketpair()  # wake the thread to end it
         self._thread = threading.Thread(target=self._run, name="MAVLink", daemon=True)
         self._thread.start()
 

@@ -48,10 +48,10 @@ class Continuity:
     """Says of each position in turn whether it is believed. Has no clock of its own."""
 
     def __init__(self) -> None:
-        self._last: HeardPlace | None = None
-        self._last_s = -math.inf
-        self._doubted: HeardPlace | None = None
-        self._count = 0
+        self._last: HeardPlace | None = None  # the newest believed
+        self._last_s = -math.inf  # when it came
+        self._doubted: HeardPlace | None = None  # the newest that was not
+        self._count = 0  # of these that agree
 
     def believes(self, heard: HeardPlace, now_s: float, rate: float) -> bool:
         """Whether a message is believed that came at `now_s` of our monotonic clock.

@@ -120,16 +120,16 @@ class Px4Vehicle(Vehicle):
         self._telemetry = Px4Telemetry(mission.frame, clock)
         self._commands = Px4Commands(self._telemetry, system_id)
         self._motions = Px4Motions(mission, self._telemetry, self._commands)
-        self._events: Callable[[], Events]
-        self._raw: MissionRaw
-        self._geofence: Geofence
-        self._direct: MavlinkDirect
+        self._events: Callable[[], Events]  # makes the plugin; for reports on arming
+        self._raw: MissionRaw  # missions, from `connect` on
+        self._geofence: Geofence  # from `connect` on
+        self._direct: MavlinkDirect  # from `connect` on
         self._plan_lock = asyncio.Lock()  # one transfer of the plan at a time, and none at take-off
         self._plan_guard = PlanGuard(self._compare, self._on_compared)
         self._telemetry.subscribe(self._on_event)
-        self._texts_sent = 0
-        self._watches: list[asyncio.Task[None]] = []
-        self._callback: Callable[[VehicleEvent], None] | None = None
+        self._texts_sent = 0  # id of a text in pieces
+        self._watches: list[asyncio.Task[None]] = []  # run while it is connected
+        self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
 
     @property
     def telemetry(self) -> Px4Telemetry:

@@ -148,8 +148,8 @@ class OrderOutcome(Enum):
 class _Tried:
     """How often orders of one kind left and were not answered, and the one that is waited for."""
 
-    unanswered: deque[tuple[float, Sent]] = field(default_factory=deque)
-    newest: Sent | None = None
+    unanswered: deque[tuple[float, Sent]] = field(default_factory=deque)  # when it left
+    newest: Sent | None = None  # its answer is waited for
 
 
 class Px4Commands:
@@ -163,8 +163,8 @@ class Px4Commands:
     def __init__(self, telemetry: Px4Telemetry, system_id: int) -> None:
         self._telemetry = telemetry
         self._system_id = system_id
-        self._direct: MavlinkDirect
-        self._tried: dict[int, _Tried] = defaultdict(_Tried)
+        self._direct: MavlinkDirect  # set by `listen`
+        self._tried: dict[int, _Tried] = defaultdict(_Tried)  # by MAV_CMD
 
     def listen(self, direct: MavlinkDirect) -> None:
         """Send through this, and take the autopilot's acknowledgements."""

@@ -71,8 +71,8 @@ class ModeState:
     terminated: bool = False
     failsafe: bool = False
     known: bool = False
-    _landing_left_s: float | None = None
-    _overruled: bool = False
+    _landing_left_s: float | None = None  # LAND showed its end; PX4 may disarm
+    _overruled: bool = False  # it flies another mode than intended
 
     def heartbeat(self, fields: Mapping[str, Any]) -> bool:
         """Take a HEARTBEAT; whether the mode is another."""

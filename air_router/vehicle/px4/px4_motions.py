@@ -59,14 +59,14 @@ class Px4Motions:
     """
 
     def __init__(self, mission: Mission, telemetry: Px4Telemetry, commands: Px4Commands) -> None:
-        self._frame = mission.frame
-        self._speed_m_s = mission.speed_m_s
+        self._frame = mission.frame  # of the points flown to
+        self._speed_m_s = mission.speed_m_s  # of the cruise
         self._telemetry = telemetry
         self._commands = commands
         self._armed_in: FlightMode | None = None  # any other was chosen by the pilot since
         self._late: Point | None = None  # where it was sent and may yet begin to fly
         self._speed_known = True  # the plan sets it
-        self._telling_speed: asyncio.Task[None] | None = None
+        self._telling_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
 
     async def arm(self) -> None:
         """See `Vehicle.arm`.

@@ -28,8 +28,8 @@ class PlanGuard:
         self.plan: FlightPlan | None = None
         self._compare = compare
         self._report = report
-        self._once_more = False
-        self._task: asyncio.Task[None] | None = None
+        self._once_more = False  # it changed while it was read
+        self._task: asyncio.Task[None] | None = None  # reads and compares
 
     def replaced(self) -> None:
         """Compare; once more if that is under way: it may have read what was there before."""

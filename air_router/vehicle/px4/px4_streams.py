@@ -51,11 +51,11 @@ class Streams:
     def __init__(self) -> None:
         self.heard_s = 0.0
         self.targets_from_s = 0.0
-        self._last_s: float | None = None
-        self._at_s: dict[str, tuple[float, float]] = {}
-        self._position: _Fields | None = None
-        self._believed: _Fields | None = None
-        self._gps_us = 0
+        self._last_s: float | None = None  # when anything came last, monotonic
+        self._at_s: dict[str, tuple[float, float]] = {}  # by message: newest, and the one before
+        self._position: _Fields | None = None  # the newest, believed or not
+        self._believed: _Fields | None = None  # the newest that counts
+        self._gps_us = 0  # stamp of the newest fix
 
     def message(self, arrived_s: float, rate: float, most_s: float = MOST_S) -> None:
         """Anything came, at this time on our clock.
