@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.service.endpoint import EndpointKeyError, named
-from mocha_link.service.service_client import Asker
+from mocha_link.service.service_client import EndpointClient
 
 CONTROL_NAME: Final = "flight"
 """The name of the endpoint of `--control` without an endpoint."""
@@ -68,7 +68,7 @@ class ControlAnswer:
     points: tuple[Place, ...] = ()
 
 
-class ControlClient(Asker):
+class ControlClient(EndpointClient):
     """Asks one flight. One thread may use it; a context manager.
 
     A flight that does not answer may come back: every request tries anew.
@@ -96,11 +96,11 @@ class ControlClient(Asker):
         super().__init__(endpoint, timeout_s=timeout_s)
 
     def refused(self, message: str, *, again: bool) -> ControlError:
-        """See `Asker`."""
+        """See `EndpointClient`."""
         return ControlError(message, again=again)
 
     def unreachable(self, message: str) -> ControlUnreachableError:
-        """See `Asker`."""
+        """See `EndpointClient`."""
         return ControlUnreachableError(message)
 
     def hold(self) -> ControlAnswer:

@@ -63,10 +63,10 @@ class Outbox:
     """Messages of the robot on their way to the node, in order; the oldest give way to too many."""
 
     def __init__(self) -> None:
-        self._held: deque[tuple[str, bytes]] = deque()
-        self._size = 0
-        self._changed = threading.Condition()
-        self.dropped = 0
+        self._held: deque[tuple[str, bytes]] = deque()  # topic, data
+        self._size = 0  # bytes held
+        self._changed = threading.Condition()  # a message came, or it ends
+        self.dropped = 0  # messages given up
 
     def put(self, topic: str, data: bytes) -> None:
         """Add a message, from any thread."""
@@ -108,9 +108,9 @@ class Bridge:
         self._progress = progress
         self._outbox = Outbox()
         self._stopping = threading.Event()
-        self._complaints: Counter[str] = Counter()
-        self._away = False
-        self._run = uuid.uuid4().hex
+        self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
+        self._away = False  # the node does not answer, as told
+        self._run = uuid.uuid4().hex  # makes its keys unlike those of another start
 
     def stop(self) -> None:
         """Let `run` end, from any thread or a signal handler."""

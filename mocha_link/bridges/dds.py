@@ -70,8 +70,8 @@ class DdsTypes:
     ) -> None:
         self._types = RosTypes(2, definitions)
         self._spaces = spaces
-        self._structs: dict[str, Any] = {}
-        self._roots: dict[str, Any] = {}
+        self._structs: dict[str, Any] = {}  # of nested messages, by name
+        self._roots: dict[str, Any] = {}  # of topics, by name
 
     def of(self, kind: str) -> Any:
         """The type of a topic, e.g. for ``geometry_msgs/Pose``. Raises RosError."""
@@ -158,12 +158,13 @@ class Dds(Cdr):
         self._types = DdsTypes(definitions, spaces)
         self._best_effort = best_effort
         self._participant = _joined(domain)
-        self._writers: dict[str, Any] = {}
+        self._writers: dict[str, Any] = {}  # by topic
+        # reader, its condition, who takes the data
         self._readers: list[tuple[Any, Any, Callable[[bytes], None]]] = []
         self._lock = threading.Lock()
-        self._stopping = False
-        self._awake = GuardCondition(self._participant)
-        self._waiting = WaitSet(self._participant)
+        self._stopping = False  # set by `stop`
+        self._awake = GuardCondition(self._participant)  # ends the wait
+        self._waiting = WaitSet(self._participant)  # for data, or for `_awake`
         self._waiting.attach(self._awake)
         self._thread = threading.Thread(target=self._read, name="DDS reader", daemon=True)
         self._thread.start()

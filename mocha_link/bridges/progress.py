@@ -32,7 +32,7 @@ class Progress:
     def __init__(self, path: Path | None = None) -> None:
         self._lock = threading.Lock()
         try:
-            self._file = self._open(path)
+            self._file = self._open(path)  # SQLite; in memory where the disk fails
         except (OSError, sqlite3.Error) as error:
             LOG.warning("cannot keep state in %s: %s; a restart will repeat messages", path, error)
             self._file = self._open(None)

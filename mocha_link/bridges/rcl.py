@@ -24,14 +24,14 @@ class Rcl(Cdr):
         from rclpy.executors import ExternalShutdownException  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-        self._rclpy = rclpy
-        self._ended = ExternalShutdownException
+        self._rclpy = rclpy  # module, of a ROS 2 installation
+        self._ended = ExternalShutdownException  # raised when a signal ends rclpy
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(name)
         self._best_effort = best_effort
-        self._publishers: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}  # by topic
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
-        self._spinning = False
+        self._spinning = False  # callbacks run
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
         """See `bridge.Middleware`."""

@@ -31,12 +31,12 @@ class Ros1:
     def __init__(self, name: str, types: dict[str, dict[str, Any]] | None = None) -> None:
         import rospy  # noqa: PLC0415 - of a ROS installation
 
-        self._rospy = rospy
+        self._rospy = rospy  # module, of a ROS 1 installation
         self.types = types or {}
-        self._classes: dict[str, Any] = {}
-        self._publishers: dict[str, Any] = {}
-        self._subscribers: list[Any] = []
-        self._odd: set[str] = set()
+        self._classes: dict[str, Any] = {}  # message classes, by type
+        self._publishers: dict[str, Any] = {}  # by topic
+        self._subscribers: list[Any] = []  # kept alive
+        self._odd: set[str] = set()  # topics of another type, told once
         rospy.init_node(name, disable_signals=True)
         LOG.disabled = False  # rospy takes over all logging
         handler = logging.StreamHandler()

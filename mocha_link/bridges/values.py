@@ -24,8 +24,9 @@ class Values:
 
     def __init__(self, team: dict[str, Any]) -> None:
         self._types = Types(team["definitions"])
-        self._robots = team["robots"]
-        self.robot: str = team["robot"]
+        self._robots = team["robots"]  # as the node describes them
+        self.robot: str = team["robot"]  # whose programs these are
+        # types of its own topics
         self._kinds = {topic["name"]: topic["type"] for topic in self._robots[self.robot]["topics"]}
 
     def request(

@@ -43,10 +43,10 @@ Socket = zmq.Socket[bytes]
 
 @dataclass(slots=True)
 class _Pending:
-    envelope: Frames
-    id: object
-    as_json: bool
-    until_s: float
+    envelope: Frames  # of the program that asked
+    id: object  # the program's own
+    as_json: bool  # data are translated for it
+    until_s: float  # monotonic; then it is refused
 
 
 class ZeroMqBridge(Closeable):
@@ -72,14 +72,15 @@ class ZeroMqBridge(Closeable):
         self._node = node
         self._as_json = as_json
         self._stopping = threading.Event()
-        self._pending: dict[int, _Pending] = {}
-        self._number = 0
+        self._pending: dict[int, _Pending] = {}  # asked of the node, by number
+        self._number = 0  # of the latest request
         self._stream: Socket | None = None
         self.stream: str | None = None
         with ServiceClient(node) as client:
             self._values = Values(client.team())
         self._context: zmq.Context[Socket] = zmq.Context()
         try:
+            # to programs
             self._front = requests.router(self._context, MAX_BYTES + MAX_REQUEST_BYTES)
             self.endpoint = bind(self._front, endpoint)
             if stream:
@@ -89,7 +90,8 @@ class ZeroMqBridge(Closeable):
         except Exception:
             self._context.destroy(0)
             raise
-        self._back = self._dialled()
+        self._back = self._dialled()  # to the node
+        # requests, and the stream
         self._threads = [threading.Thread(target=self._serve, name="bridge requests", daemon=True)]
         if self._stream:
             work = threading.Thread(target=self._follow, name="bridge stream", daemon=True)

@@ -28,7 +28,7 @@ class News:
     """
 
     def __init__(self) -> None:
-        self._outcomes: dict[tuple[str, str], str | None] = {}
+        self._outcomes: dict[tuple[str, str], str | None] = {}  # of the last sync, by link
 
     def is_new(self, fields: dict[str, Any]) -> bool:
         """Whether to show an event, given as for `event_line`."""

@@ -66,10 +66,10 @@ class Picture:
 
     def __init__(self, endpoint: str) -> None:
         self._endpoint = endpoint
-        self._links: dict[str, Any] = {}
-        self._heard_s = 0.0
+        self._links: dict[str, Any] = {}  # the newest answer
+        self._heard_s = 0.0  # when it came, monotonic
         self._told = News()
-        self._news: deque[str] = deque(maxlen=MAX_NEWS)
+        self._news: deque[str] = deque(maxlen=MAX_NEWS)  # lines; the newest are last
 
     @property
     def ready(self) -> bool:

@@ -132,7 +132,7 @@ class _StandIn(argparse.ArgumentParser):
 
     def __init__(self, command: Command, program: str) -> None:
         super().__init__(add_help=False)
-        self._command, self._program = command, program
+        self._command, self._program = command, program  # that makes the parser
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         return self._command.parser(self._program).parse_known_args(args, namespace)

@@ -110,7 +110,7 @@ class _Keys:
     """Has keys come at once, and not shown, if there is a keyboard."""
 
     def __init__(self) -> None:
-        self._before: list[Any] | None = None
+        self._before: list[Any] | None = None  # the terminal's settings
         if sys.stdin.isatty():
             self._before = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)

@@ -56,24 +56,24 @@ class Flow:
         if len(token) != wire.TOKEN_BYTES:
             raise ValueError(f"a token has {wire.TOKEN_BYTES} bytes, not {len(token)}")
         self.token = token
-        self.alive_s: float | None = None
+        self.alive_s: float | None = None  # when the peer was heard last
         self.proven = proven
         self.refused = 0  # packets that were none
         self.repeated = 0  # packets whose frames had arrived before
-        self._bytes_in = self._bytes_out = 0
+        self._bytes_in = self._bytes_out = 0  # limit what leaves to an unproven address
         self._source = source
-        self._packet = packet_bytes
-        self._known_rate = rate_bytes_s
+        self._packet = packet_bytes  # bytes of a full packet
+        self._known_rate = rate_bytes_s  # remembered, bytes/s
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
-        self._link = self._pacing.link
+        self._link = self._pacing.link  # what is measured of it
         self._arrivals = wire.Arrivals()
         self._outbox = Outbox(first_number)
         self._dry = False  # the source had nothing
-        self._progress_s = self._sent_s = 0.0
+        self._progress_s = self._sent_s = 0.0  # of the last acknowledgement, of the last packet
         self._tail = False  # a probe for a lost tail is under way
-        self._down = False
-        self._probe_s = 0.0
-        self._probe_every_s = PROBE_S
+        self._down = False  # nothing is heard though it should be
+        self._probe_s = 0.0  # when the next probe leaves
+        self._probe_every_s = PROBE_S  # grows while it is down
         self._blind = False  # what of the last flight arrived is not known yet: it goes later
         self._unheard_s: float | None = None  # when we were poked; nothing was heard since
         self._hello = False  # a packet has to leave now, whatever is in it

@@ -26,11 +26,11 @@ LOW_PACKETS = 20  # a share of losses is taken from at least so many
 class Stamp:
     """What was known when a packet left; it comes back when the packet has arrived or is lost."""
 
-    size: int
+    size: int  # bytes
     sent_s: float
-    delivered: int
-    delivered_s: float
-    first_s: float
+    delivered: int  # bytes that had arrived by then
+    delivered_s: float  # when the last of these arrived
+    first_s: float  # when the packet left that arrived last
     limited: bool  # the sender had less to send than the link takes
     low: bool  # the sender sent less on purpose
 
@@ -51,10 +51,10 @@ class Round:
 
     def __init__(self, began_s: float) -> None:
         self.began_s = began_s
-        self.delivered = self.lost = 0
-        self.rate = 0.0
-        self.rtt_s: float | None = None
-        self.limited = True
+        self.delivered = self.lost = 0  # bytes
+        self.rate = 0.0  # the highest measured, bytes/s
+        self.rtt_s: float | None = None  # the lowest
+        self.limited = True  # there was too little to send to see the rate
 
     @property
     def loss(self) -> float:
@@ -72,25 +72,25 @@ class Delivery:
 
     def __init__(self, packet_bytes: int, rate: float, rtt_s: float | None) -> None:
         self.rate = rate  # of the link, bytes/s; 0: not known
-        self.srtt_s = self.min_rtt_s = rtt_s
-        self.rttvar_s = rtt_s / 8 if rtt_s else 0.0
+        self.srtt_s = self.min_rtt_s = rtt_s  # smoothed; the lowest of late
+        self.rttvar_s = rtt_s / 8 if rtt_s else 0.0  # mean deviation from `srtt_s`
         self.spread = 0.0
         self.total = 0  # bytes that arrived
         self.base_loss = 0.0  # the share of packets that is lost without our doing
-        self.base_known = False
+        self.base_known = False  # it was measured
         self.round = Round(0.0)
-        self._packet = packet_bytes
+        self._packet = packet_bytes  # bytes of a full packet
         self._floor_rtt_s: float | None = None  # the lowest of all
         self._min_rtt_at_s: float | None = None  # none for what is only remembered
-        self._total_s = self._first_s = 0.0
-        self._limited_until = -1
-        self._peaks: deque[tuple[int, float]] = deque([(0, rate)] if rate else [])
-        self._rounds = 0
+        self._total_s = self._first_s = 0.0  # of the newest arrival, of its sending
+        self._limited_until = -1  # a total: earlier arrivals say little
+        self._peaks: deque[tuple[int, float]] = deque([(0, rate)] if rate else [])  # round, rate
+        self._rounds = 0  # that were not limited
         self._round_ends = 0  # when this much has arrived
-        self._marks: deque[tuple[float, float, int, int]] = deque()
-        self._group_rtt_s: float | None = None
-        self._missing = 0
-        self._low_lost = self._low_arrived = 0
+        self._marks: deque[tuple[float, float, int, int]] = deque()  # arrived, sent, total, missing
+        self._group_rtt_s: float | None = None  # the lowest since the last train
+        self._missing = 0  # bytes lost
+        self._low_lost = self._low_arrived = 0  # packets in the phase LOW
 
     def sent(self, size: int, now_s: float, *, idle: bool, low: bool) -> Stamp:
         """A packet leaves; `idle`: nothing else is under way."""

@@ -21,7 +21,7 @@ class Content:
         self.number = number
         self.last = number  # the number of the last packet that carried them
         self.body = body
-        self.arrived = False
+        self.arrived = False  # by any of the packets that carried it
         self.waiting = False  # to be sent again
 
 
@@ -34,7 +34,7 @@ class _Sent:
         self.number = number
         self.content = content
         self.stamp = stamp
-        self.settled = False
+        self.settled = False  # arrived or lost
 
 
 class Heard(NamedTuple):
@@ -52,16 +52,16 @@ class Outbox:
     """
 
     def __init__(self, first: int = 0) -> None:
-        self.next = first
+        self.next = first  # number of the next packet
         self.base = first  # everything below is settled
-        self.in_flight_bytes = 0
+        self.in_flight_bytes = 0  # of unsettled packets
         self._open = 0  # bit n: packet base + n is under way, or its content has not arrived
-        self._flying: deque[_Sent] = deque()
-        self._sent: dict[int, _Sent] = {}
-        self._contents: dict[int, Content] = {}
-        self._again: deque[Content] = deque()
+        self._flying: deque[_Sent] = deque()  # in the order of sending
+        self._sent: dict[int, _Sent] = {}  # not acknowledged, by number
+        self._contents: dict[int, Content] = {}  # to arrive yet, by number
+        self._again: deque[Content] = deque()  # lost, to be sent once more
         self._newest = first - 1  # the highest number that was acknowledged
-        self._reordered = REORDERED
+        self._reordered = REORDERED  # so far packets overtake each other
 
     def under_way(self) -> bool:
         """Whether an acknowledgement may still come."""

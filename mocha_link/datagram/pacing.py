@@ -64,22 +64,23 @@ class Pacing:
         self, packet_bytes: int, *, rate_bytes_s: float | None = None, rtt_s: float | None = None
     ) -> None:
         rate = min(max(rate_bytes_s, 1.0), MAX_RATE) if rate_bytes_s else 0.0
-        self.link = Delivery(packet_bytes, rate, rtt_s)
-        self.phase = Phase.CRUISE if rate else Phase.START
-        self.pace = START_RATE
-        self.cap_bytes = START_PACKETS * packet_bytes
-        self._packet = packet_bytes
+        self.link = Delivery(packet_bytes, rate, rtt_s)  # what is measured of it
+        self.phase = Phase.CRUISE if rate else Phase.START  # decides gain and limit
+        self.pace = START_RATE  # bytes/s at which packets leave
+        self.cap_bytes = START_PACKETS * packet_bytes  # most that is under way
+        self._packet = packet_bytes  # bytes of a full packet
+        # when the next may leave, by the pace and in the first burst
         self._next_s = self._burst_s = 0.0
-        self._burst = START_PACKETS
+        self._burst = START_PACKETS  # packets of it to be sent yet
         self._began = 0  # what had arrived before this contact
-        self._trusted: int | None = 0 if rate else None
+        self._trusted: int | None = 0 if rate else None  # limit while the rate is only remembered
         self.proven = rate > 0.0  # there was enough to send to see the rate
         self._since = 0  # rounds in this phase
         self._still = 0  # rounds without growth at the start, rounds with growth when probing
-        self._before = rate
+        self._before = rate  # the rate when the phase began
         self._loss = 0.0  # of the last rounds
         self._leap = 0.0  # the rate that the distances of the first packets showed
-        self._full = False
+        self._full = False  # packets wait in the link
         self._more = 1.0  # the gain of the last probing
         self._set(0.0)
 

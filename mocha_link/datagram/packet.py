@@ -137,11 +137,11 @@ class Arrivals:
     def __init__(self) -> None:
         self.due_s: float | None = None  # when an acknowledgement has to leave
         self.waiting = 0  # packets that the peer has not been told of
-        self.any = False
-        self._floor = 0
+        self.any = False  # something has arrived
+        self._floor = 0  # the sender needs no more said of those below
         self._seen = 0  # bit n: floor + n has arrived
-        self._next = 0
-        self._newest_s = 0.0
+        self._next = 0  # after the highest that arrived
+        self._newest_s = 0.0  # when that arrived
 
     def take(self, packet: Packet, now_s: float) -> bool:
         """Note a numbered packet; True if its frames are new."""

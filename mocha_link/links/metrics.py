@@ -142,40 +142,42 @@ class LinkMetrics:
 
 @dataclass(slots=True)
 class _Totals:
-    messages_in: int = 0
-    messages_out: int = 0
-    bytes_in: int = 0
+    messages_in: int = 0  # that we pulled and stored
+    messages_out: int = 0  # that the peer pulled
+    bytes_in: int = 0  # of replies, as the next
     bytes_out: int = 0
 
 
 @dataclass(slots=True)
-class _Account:
+class _LinkRecord:
     """All that is known of one link; `LinkMetrics` is made from it on request."""
 
-    states: dict[Direction, LinkState] = field(
+    states: dict[Direction, LinkState] = field(  # of the latest sync
         default_factory=lambda: dict.fromkeys(Direction, LinkState.IDLE)
     )
     state: LinkState = LinkState.IDLE
-    last_sync_s: dict[Direction, float] = field(default_factory=dict)
+    last_sync_s: dict[Direction, float] = field(default_factory=dict)  # Unix time
+    # syncs ended well
     syncs: dict[Direction, int] = field(default_factory=lambda: dict.fromkeys(Direction, 0))
-    timeouts: int = 0
-    refused: int = 0
-    rtt_s: float | None = None
-    rtt_smoothed_s: float | None = None
-    bandwidth_bytes_s: float | None = None
-    signal: Reading | None = None
-    path: str | None = None
-    protected: bool = False
-    team_differs: bool = False
+    timeouts: int = 0  # syncs broken off
+    refused: int = 0  # messages
+    rtt_s: float | None = None  # of the last sync
+    rtt_smoothed_s: float | None = None  # over the last syncs
+    bandwidth_bytes_s: float | None = None  # of the last sync that moved enough
+    signal: Reading | None = None  # as the radio said last
+    path: str | None = None  # how it was synced last
+    protected: bool = False  # encrypted
+    team_differs: bool = False  # its configuration hash is another
     totals: _Totals = field(default_factory=_Totals)
     counted: _Totals = field(default_factory=_Totals)  # the totals when the last contact ended
+    # contacts that are over
     contacts: deque[Contact] = field(default_factory=lambda: deque(maxlen=MAX_CONTACTS))
-    contacts_over: int = 0
+    contacts_over: int = 0  # ever
     began_s: float | None = None  # of the contact that lasts
     by_radio: bool = False  # the radio has begun it, and will end it
-    active_s: float = 0.0
+    active_s: float = 0.0  # Unix time of the last event
 
-    def turn(self, direction: Direction, state: LinkState) -> None:
+    def set_state(self, direction: Direction, state: LinkState) -> None:
         """A sync of one direction stands otherwise."""
         self.states[direction] = state
         busy = LinkState.STARTED in self.states.values()
@@ -263,7 +265,7 @@ class LinkTable:
     """
 
     def __init__(self, peers: Iterable[str], *, quiet_s: float = QUIET_S) -> None:
-        self._links = {peer: _Account() for peer in peers}
+        self._links = {peer: _LinkRecord() for peer in peers}  # by peer
         self._quiet_s = quiet_s
 
     def update(self, event: LinkEvent) -> None:
@@ -275,12 +277,12 @@ class LinkTable:
             case SyncStarted():
                 link.close_if_quiet(event.at_s, self._quiet_s)
                 link.begin(event.at_s, by_radio=False)
-                link.turn(event.direction, LinkState.STARTED)
+                link.set_state(event.direction, LinkState.STARTED)
             case SyncEnded():
                 _ended(link, event)
             case SyncTimedOut():
                 link.timeouts += 1
-                link.turn(event.direction, LinkState.TIMED_OUT)
+                link.set_state(event.direction, LinkState.TIMED_OUT)
                 if link.state is not LinkState.STARTED and not link.by_radio:
                     link.end(event.at_s, "timed out")
             case RssiChanged():
@@ -346,7 +348,7 @@ class LinkTable:
         }
 
 
-def _ended(link: _Account, event: SyncEnded) -> None:
+def _ended(link: _LinkRecord, event: SyncEnded) -> None:
     link.active_s = event.at_s
     link.last_sync_s[event.direction] = event.at_s
     link.syncs[event.direction] += 1
@@ -357,4 +359,4 @@ def _ended(link: _Account, event: SyncEnded) -> None:
         link.bandwidth_bytes_s = (
             throughput_bytes_s(event.bytes, moved_s, link.rtt_s) or link.bandwidth_bytes_s
         )
-    link.turn(event.direction, LinkState.ENDED)
+    link.set_state(event.direction, LinkState.ENDED)

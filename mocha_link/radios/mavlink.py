@@ -29,7 +29,7 @@ class MavlinkRadio(ThreadRadio):
         super().__init__()
         self._url = url
         self._peer = peer
-        self._socket: socket.socket | None = None
+        self._socket: socket.socket | None = None  # while it listens
 
     @property
     def port(self) -> int | None:

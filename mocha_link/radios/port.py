@@ -29,7 +29,7 @@ class ManualRadio:
     """A radio that says what it is told to; for embedding and tests."""
 
     def __init__(self) -> None:
-        self._report: Report | None = None
+        self._report: Report | None = None  # while it is started
 
     def start(self, report: Report) -> None:
         """Begin to pass reports on."""

@@ -110,7 +110,7 @@ class _Session:
     """One run of the monitor, from its first line to its last."""
 
     def __init__(self, peers: Mapping[str, str], radio: ThreadRadio, report: Report) -> None:
-        self.lines_seen = False
+        self.lines_seen = False  # the monitor has printed something
         self._peers = peers
         self._radio = radio
         self._report = report

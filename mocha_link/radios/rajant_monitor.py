@@ -37,7 +37,7 @@ class _Blocks:
     """Reads ``name { key: value ... }``, nested: protobuf text, or a dictionary made from it."""
 
     def __init__(self) -> None:
-        self._open: list[tuple[str, dict[str, str]]] = []
+        self._open: list[tuple[str, dict[str, str]]] = []  # name and values, outermost first
 
     @property
     def depth(self) -> int:
@@ -82,8 +82,8 @@ class Monitor:
     """
 
     def __init__(self) -> None:
-        self._found: dict[str, Reading | None] = {}
-        self._known: dict[str, tuple[Reading, float]] = {}
+        self._found: dict[str, Reading | None] = {}  # in the report under way, by radio
+        self._known: dict[str, tuple[Reading, float]] = {}  # newest, and when
         self._blocks = _Blocks()
 
     def feed(self, line: str, now_s: float) -> dict[str, Reading | None]:

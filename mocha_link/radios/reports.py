@@ -83,8 +83,8 @@ class Lines:
     def __init__(self, limit: int = MAX_LINE_BYTES) -> None:
         self.dropped = 0
         self._limit = limit
-        self._rest = b""
-        self._skipping = False
+        self._rest = b""  # of a line that has not ended
+        self._skipping = False  # within a line that is too long
 
     def feed(self, data: bytes) -> list[bytes]:
         """The lines that end in `data`, without their ends; blank ones are left out."""

@@ -22,12 +22,12 @@ RETRY_S = 0.1
 class _Listening(ThreadRadio):
     """What radios that listen on a port of their own have in common."""
 
-    SCHEME: ClassVar[str]
+    SCHEME: ClassVar[str]  # of its URLs
 
     def __init__(self, url: str) -> None:
         super().__init__()
-        self._url = RadioUrl.parse(url, scheme=self.SCHEME)
-        self._socket: socket.socket | None = None
+        self._url = RadioUrl.parse(url, scheme=self.SCHEME)  # where it listens
+        self._socket: socket.socket | None = None  # while it listens
 
     @property
     def port(self) -> int:

@@ -29,8 +29,8 @@ class ThreadRadio:
 
     def __init__(self) -> None:
         self.refused = 0
-        self._stop: socket.socket | None = None
-        self._thread: threading.Thread | None = None
+        self._stop: socket.socket | None = None  # closed to end the thread
+        self._thread: threading.Thread | None = None  # while it is started
 
     def close(self) -> None:
         """End the thread and wait for it; may be called twice."""

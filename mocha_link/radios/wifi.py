@@ -28,9 +28,9 @@ _INACTIVE = re.compile(r"\s*inactive time:\s*(\d{1,15}) ms\b")
 
 @dataclass(slots=True)
 class _Station:
-    signal: float | None = None
-    signal_avg: float | None = None
-    inactive_s: float | None = None
+    signal: float | None = None  # dBm of the last frame
+    signal_avg: float | None = None  # dBm, smoothed
+    inactive_s: float | None = None  # since its last frame
 
     def take(self, line: str) -> None:
         """Take a line in; only the first of a kind: those of single links come behind it."""
@@ -93,9 +93,9 @@ class WifiRadio(ThreadRadio):
         self._peers = peers
         self._poll_s = poll_s
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None
-        self._closed = False
-        self._complaint = ""
+        self._process: subprocess.Popen[str] | None = None  # `iw` at work
+        self._closed = False  # no `iw` is started any more
+        self._complaint = ""  # told last
 
     def start(self, report: Report) -> None:
         """Begin to ask. Raises RadioError if `iw` is not installed."""

@@ -37,7 +37,7 @@ class RosCodec:
     """
 
     def __init__(self, definitions: Mapping[str, str] | None = None) -> None:
-        self._types = {ros: RosTypes(ros, definitions or {}) for ros in (1, 2)}
+        self._types = {ros: RosTypes(ros, definitions or {}) for ros in (1, 2)}  # by ROS version
 
     def knows(self, kind: str, ros: Ros = 1) -> bool:
         """Whether messages of a type can be read and written."""

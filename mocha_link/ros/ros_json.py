@@ -89,7 +89,7 @@ class Builder:
 
     def __init__(self, types: RosTypes) -> None:
         self._types = types
-        self._left = MAX_OBJECTS
+        self._left = MAX_OBJECTS  # objects it may still make
 
     def message(self, name: str, values: object, where: str) -> object:
         """A message of a type that has been checked. Raises RosError, which says where."""

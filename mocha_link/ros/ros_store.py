@@ -64,9 +64,9 @@ class _Counting(Typestore):
 
     def __init__(self, types: Typestore) -> None:
         super().__init__(max_sequence_length=MAX_BYTES)
-        self.fielddefs = types.fielddefs
-        self.types = types.types
-        self.left = 0
+        self.fielddefs = types.fielddefs  # as in a typestore
+        self.types = types.types  # as in a typestore
+        self.left = 0  # messages it may still make
 
     def get_msgdef(self, typename: str) -> Msgdef[object]:
         if typename in self.cache:
@@ -99,8 +99,8 @@ class RosTypes:
 
     def __init__(self, ros: int, definitions: Mapping[str, str]) -> None:
         self.ros = ros
-        self._store = _Counting(get_typestore(_STANDARD[ros]))
-        self._checked: set[str] = set()
+        self._store = _Counting(get_typestore(_STANDARD[ros]))  # stops where there are too many
+        self._checked: set[str] = set()  # names whose fields can be read
         self._lock = threading.Lock()
         for name, text in definitions.items():
             self._register(name, text)

@@ -83,7 +83,7 @@ class _Metrics(Collector):
 
     def __init__(self, node: Measured) -> None:
         self._node = node
-        self._families = {
+        self._families = {  # by name, without the prefix
             name: Metric(
                 f"mocha_link_{name.removesuffix(_TOTAL)}",
                 text,
@@ -171,7 +171,7 @@ class _Server(ThreadingTCPServer):
 
     def __init__(self, address: tuple[str, int], node: Measured) -> None:
         self.node = node
-        self._open: dict[socket.socket, float] = {}
+        self._open: dict[socket.socket, float] = {}  # when each was accepted, monotonic
         self._lock = threading.Lock()
         super().__init__(address, _Handler)
 
@@ -218,9 +218,9 @@ class PrometheusServer(Startable):
         if not port.isdecimal() or int(port) > 65535:
             raise PrometheusError(f"'{address}' is no address; write host:port")
         self._node = node
-        self._address = (host or "127.0.0.1", int(port))
-        self._server: _Server | None = None
-        self._thread: threading.Thread | None = None
+        self._address = (host or "127.0.0.1", int(port))  # as asked for
+        self._server: _Server | None = None  # while it serves
+        self._thread: threading.Thread | None = None  # while it serves
 
     @property
     def url(self) -> str:

@@ -28,10 +28,10 @@ class EndpointServer(Startable):
         self.endpoint = endpoint
         self._node = node
         self._what = what
-        self._stopping = False
-        self._waker: socket.socket | None = None
-        self._thread: threading.Thread | None = None
-        self._unsubscribe: Callable[[], None] | None = None
+        self._stopping = False  # set by `close`
+        self._waker: socket.socket | None = None  # ends the wait
+        self._thread: threading.Thread | None = None  # while it serves
+        self._unsubscribe: Callable[[], None] | None = None  # from the node's events
 
     def start(self) -> None:
         """Begin to serve. Raises PortInUseError or ListenError."""

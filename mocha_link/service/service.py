@@ -54,24 +54,26 @@ class _Latest(Request):
 
 class _Publish(Request):
     topic: str
+    # makes a request that is sent twice publish once
     key: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    now: bool = False
+    now: bool = False  # without the topic's interval
     ros: Ros = None
 
 
 class _Since(Request):
+    # of the sequence; another one begins anew
     epoch: Annotated[str, Field(max_length=64)] | None = None
     sequence: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    limit: Annotated[int, Field(ge=1, le=1000)] = 100
+    limit: Annotated[int, Field(ge=1, le=1000)] = 100  # messages in an answer
     wait_s: Annotated[float, Field(ge=0, le=60)] = 0.0
-    own: bool = False
+    own: bool = False  # the node's own messages too
     ros: Ros = None
 
 
 @dataclass(slots=True)
 class _Waiting:
     request: _Since
-    until_s: float
+    until_s: float  # then an empty answer
     send: Send
 
 
@@ -85,10 +87,10 @@ class Service:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._types = Types(node.team.definitions)
-        self._waiting: list[_Waiting] = []
-        self._done: OrderedDict[str, Answer] = OrderedDict()
+        self._waiting: list[_Waiting] = []  # for messages
+        self._done: OrderedDict[str, Answer] = OrderedDict()  # by key, oldest first
         self._boot_id = secrets.token_hex(4)  # after a crash the last numbers may be given again
-        self.verbs = {
+        self.verbs = {  # what answers each
             "publish": Verb(_Publish, self._publish, frames=1),
             "latest": Verb(_Latest, self._latest),
             "list": Verb(_List, self._list),

@@ -21,10 +21,10 @@ LOOK_S = 0.05
 """So often it is looked whether the program that is to answer has begun."""
 
 
-class Asker(Closeable):
-    """One who is asked, at an endpoint. One thread may use it; a context manager.
+class EndpointClient(Closeable):
+    """The client of a request endpoint. One thread may use it; a context manager.
 
-    Who does not answer may come back: every request tries anew.
+    A server that does not answer may come back: every request tries anew.
 
     Args:
         endpoint: where to ask.
@@ -42,9 +42,9 @@ class Asker(Closeable):
     def __init__(self, endpoint: str, *, timeout_s: float = 5.0) -> None:
         self.endpoint = endpoint
         self._timeout_s = timeout_s
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._socket: zmq.Socket[bytes] | None = None
-        self._number = 0
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of its socket
+        self._socket: zmq.Socket[bytes] | None = None  # None until it asks, and after a failure
+        self._number = 0  # of the latest request
         try:
             self._connected()
         except BaseException:
@@ -144,7 +144,7 @@ class ServiceUnreachableError(MochaLinkError):
     """No program answers at the endpoint, or one that is no node."""
 
 
-class ServiceClient(Asker):
+class ServiceClient(EndpointClient):
     """Asks one node. One thread may use it; a context manager.
 
     A node that does not answer may come back: every request tries anew.
@@ -160,11 +160,11 @@ class ServiceClient(Asker):
     whom, option = "node", "--serve"
 
     def refused(self, message: str, *, again: bool) -> ServiceError:
-        """See `Asker`."""
+        """See `EndpointClient`."""
         return ServiceError(message, again=again)
 
     def unreachable(self, message: str) -> ServiceUnreachableError:
-        """See `Asker`."""
+        """See `EndpointClient`."""
         return ServiceUnreachableError(message)
 
     def publish(

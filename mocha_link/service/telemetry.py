@@ -62,8 +62,9 @@ class MetricsServer(EndpointServer):
 
     def __init__(self, node: Node, endpoint: str) -> None:
         super().__init__(node, endpoint, "metrics")
+        # of any thread, to be sent
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
-        self._due_s = time.monotonic() + SNAPSHOT_S
+        self._due_s = time.monotonic() + SNAPSHOT_S  # the next snapshot, monotonic
 
     def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
         publisher = context.socket(zmq.XPUB)

@@ -49,17 +49,17 @@ class Database:
     ) -> None:
         self._history = history
         self._storage: Storage | None = None
-        self._epoch = secrets.randbits(64) or 1
-        self._sequence = 0
+        self._epoch = secrets.randbits(64) or 1  # random: another database has other numbers
+        self._sequence = 0  # number of the newest record
         self._lock = threading.Lock()
         self._versions: dict[int, list[Kept]] = {}  # by topic key (see index), newest first
-        self._by_raw: dict[bytes, Kept] = {}
+        self._by_raw: dict[bytes, Kept] = {}  # by their headers
         self._by_number: dict[int, Kept] = {}  # in the order of the numbers
         self._floors = Floors()
         self._wire = WireOrder()
-        self._groups: dict[int, list[int]] = {}
-        self._knowledge: dict[str, Knowledge] = {}
-        self._parts: list[StoredFragment] = []
+        self._groups: dict[int, list[int]] = {}  # digests by robot id
+        self._knowledge: dict[str, Knowledge] = {}  # of peers' databases
+        self._parts: list[StoredFragment] = []  # loaded, until they are taken over
         if storage:
             self._begin(storage)
 

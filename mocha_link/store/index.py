@@ -30,7 +30,7 @@ class Kept:
     record: Record
     raw: bytes  # its header
     rank: int  # its place in the wire order
-    number: int
+    number: int  # in the sequence of what was stored
 
 
 def rank(record: Record, key: int) -> int:
@@ -76,8 +76,8 @@ class Floors:
     """For every topic the stamp that a version must exceed to be among those that are kept."""
 
     def __init__(self) -> None:
-        self._stamps_ms = array("q", [-1]) * KEYS
-        self._view = np.frombuffer(self._stamps_ms, np.int64)
+        self._stamps_ms = array("q", [-1]) * KEYS  # by topic key; -1: any
+        self._view = np.frombuffer(self._stamps_ms, np.int64)  # the same, for numpy
 
     def __getitem__(self, key: int) -> int:
         return self._stamps_ms[key]
@@ -124,10 +124,10 @@ class WireOrder:
     """The newest version of every topic, sorted. Brought up to date only on request."""
 
     def __init__(self) -> None:
-        self._ranks: list[int] = []
-        self._records: list[Record] = []
-        self._raws = bytearray()
-        self._headers = b""
+        self._ranks: list[int] = []  # sorted
+        self._records: list[Record] = []  # in the same order
+        self._raws = bytearray()  # their headers in a row
+        self._headers = b""  # copy of `_raws`
         self._changed: dict[int, int | None] = {}  # topic key -> its rank in the lists
 
     def changed(self, key: int, old_rank: int | None) -> None:

@@ -60,8 +60,8 @@ class Fragment:
         self.total = total
         self.held = 0
         self.unsaved: list[Range] = []
-        self._starts: list[int] = []
-        self._segments: list[bytearray | memoryview] = []
+        self._starts: list[int] = []  # of the segments, sorted
+        self._segments: list[bytearray | memoryview] = []  # that do not touch
 
     @property
     def cost(self) -> int:
@@ -161,9 +161,9 @@ class ReassemblyBuffer:
         self._keeper = keeper
         self._fragments: dict[tuple[int, int], Fragment] = {}  # the latest grown last
         self._kept: set[tuple[int, int]] = set()  # of which the keeper has something
-        self._cost = 0
-        self._unsaved = 0
-        self._saved_s: float | None = None
+        self._cost = 0  # bytes held, overhead included
+        self._unsaved = 0  # bytes that came since
+        self._saved_s: float | None = None  # when they were saved last
         for message_id, total, start, data in saved:
             self._kept.add((message_id, total))
             if self.add(message_id, total, start, memoryview(data)) is not None:

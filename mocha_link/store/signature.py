@@ -44,6 +44,7 @@ class Verifier:
 
     def __init__(self, team: Team) -> None:
         self._team = team
+        # by robot; None: it signs nothing
         self._keys = {name: public_key(robot) for name, robot in team.robots.items()}
 
     def verify(

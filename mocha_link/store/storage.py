@@ -85,20 +85,21 @@ class Storage:
         self._on_fault = on_fault
         self._retry_s = retry_s
         self._connect = connect
-        self._file: StorageFile | None = None
-        self._inode = 0
-        self._refused: tuple[int, ...] | None = None
-        self._epoch = 0
+        self._file: StorageFile | None = None  # None: closed, or after a fault
+        self._inode = 0  # of the open file
+        self._refused: tuple[int, ...] | None = None  # state of a file that stays unusable
+        self._epoch = 0  # of the database that is kept
+        # after a fault: what the file lacks
         self._reconcile: Callable[[Contents, Storage], None] | None = None
-        self._thread: threading.Thread | None = None
+        self._thread: threading.Thread | None = None  # writes
         self._changed = threading.Condition()  # guards all below
-        self._pending = Changes()
-        self._given = 0
-        self._saved = 0
-        self._fault: StorageError | None = None
-        self._hurried = False
-        self._closing = False
-        self._ended = False
+        self._pending = Changes()  # for the next transaction
+        self._given = 0  # changes so far; those on disk: `_saved`
+        self._saved = 0  # changes on disk
+        self._fault: StorageError | None = None  # None while it works
+        self._hurried = False  # after a fault: try again now
+        self._closing = False  # write what is left, and end
+        self._ended = False  # the thread has ended
 
     @property
     def fault(self) -> StorageError | None:

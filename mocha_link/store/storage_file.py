@@ -93,9 +93,9 @@ class Contents:
     """What a file has. Without an `epoch` it could not be read to its end."""
 
     epoch: int | None = None
-    records: dict[int, Record] = field(default_factory=dict)
+    records: dict[int, Record] = field(default_factory=dict)  # by number
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
-    parts: list[StoredFragment] = field(default_factory=list)
+    parts: list[StoredFragment] = field(default_factory=list)  # of messages not complete yet
 
     def latest_ms(self) -> int:
         """The latest stamp that a header could stand for when the last message came."""
@@ -108,11 +108,11 @@ class Contents:
 class Changes:
     """What one transaction writes: dropped numbers first, then the rest."""
 
-    drops: set[int] = field(default_factory=set)
-    puts: dict[int, Record] = field(default_factory=dict)
+    drops: set[int] = field(default_factory=set)  # numbers of records
+    puts: dict[int, Record] = field(default_factory=dict)  # by number
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
-    part_drops: set[tuple[int, int]] = field(default_factory=set)
-    parts: list[StoredFragment] = field(default_factory=list)
+    part_drops: set[tuple[int, int]] = field(default_factory=set)  # message id, total
+    parts: list[StoredFragment] = field(default_factory=list)  # of messages not complete yet
 
 
 def connect(path: Path) -> sqlite3.Connection:

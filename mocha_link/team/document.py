@@ -83,7 +83,7 @@ class _TooDeepError(Exception):
 
     def __init__(self, line: int, column: int) -> None:
         super().__init__()
-        self.place = (line + 1, column + 1)
+        self.place = (line + 1, column + 1)  # from 1
 
 
 def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
@@ -230,9 +230,9 @@ class _Plain:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.problems: list[Problem] = []
-        self._count = 0
-        self._open: set[int] = set()
+        self.problems: list[Problem] = []  # in file order
+        self._count = 0  # of values so far
+        self._open: set[int] = set()  # ids of nodes from the root down
 
     def value(self, node: yaml.Node) -> Any:
         self._count += 1

@@ -248,8 +248,8 @@ class Seal:
             shared = nacl.bindings.crypto_box_beforenm(its, own.curve)
         except nacl.exceptions.CryptoError:
             raise SealError(f"'{peer.text}' is not a key to share a secret with") from None
-        self._out = _key(shared, mine + its)
-        self._in = _key(shared, its + mine)
+        self._out = _key(shared, mine + its)  # key of what we send
+        self._in = _key(shared, its + mine)  # key of what the peer sends
 
     def seal(self, packet: bytes) -> bytes:
         """The packet as it goes out: OVERHEAD_BYTES longer."""

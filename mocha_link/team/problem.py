@@ -52,7 +52,7 @@ class DocumentError(MochaLinkError):
     """A file cannot be used; carries every problem found in it, in file order."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = first_of_each_kind(problems)
+        self.problems = first_of_each_kind(problems)  # the first of each kind
         super().__init__("\n".join(map(str, self.problems)))
 
 
@@ -75,9 +75,9 @@ class ProblemList:
     """
 
     def __init__(self) -> None:
-        self._told: list[Problem] = []
-        self._numbers: Counter[tuple[Path, str]] = Counter()
-        self._last: dict[tuple[Path, str], Problem] = {}
+        self._told: list[Problem] = []  # the first of each kind
+        self._numbers: Counter[tuple[Path, str]] = Counter()  # all that were found
+        self._last: dict[tuple[Path, str], Problem] = {}  # of each file and kind
 
     def add(self, path: Path, code: str, make: Callable[[], Problem]) -> None:
         """Note a problem; `make` is only called if it is one of the first of its kind."""

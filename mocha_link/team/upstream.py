@@ -110,18 +110,18 @@ class _Robot:
     kind: str
     address: str
     base_port: int
-    clients: list[Any]
-    radio_id: str | None = None
+    clients: list[Any]  # names, as the file has them
+    radio_id: str | None = None  # hardware address of a Rajant radio
 
 
 class _Converter:
     def __init__(self, documents: Sequence[Document], ours: Collection[str], ros: int) -> None:
-        self._robot_file, self._topic_file = documents[0], documents[1]
-        self._radio_file = documents[2] if len(documents) > 2 else None
+        self._robot_file, self._topic_file = documents[0], documents[1]  # and the topics' file
+        self._radio_file = documents[2] if len(documents) > 2 else None  # None: radios stay unknown
         self._ours = ours
         self._ros = ros
-        self._problems: list[Problem] = []
-        self._notices: list[Problem] = []
+        self._problems: list[Problem] = []  # of all files
+        self._notices: list[Problem] = []  # for the user
 
     def data(self) -> tuple[dict[str, Any], list[Problem]]:
         """What the team file says, and notices. Raises DocumentError or UnknownRobotError."""
