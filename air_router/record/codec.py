@@ -36,7 +36,12 @@ Plain = Any
 RECORDED_AS: Final = {"CommandAck": "Answered"}
 """Classes by name that records call otherwise: records of before are to be read."""
 
-FIELDS_RECORDED_AS: Final = {("FlightSetup", "pilot_arms"): "patient"}
+FIELDS_RECORDED_AS: Final = {
+    ("FlightSetup", "pilot_arms"): "patient",
+    ("Mission", "climb_airspace"): "column_airspace",
+    ("Mission", "climb_corridors"): "columns",
+    ("Airspace", "relaxed_m"): "ease_m",
+}
 """The same of fields."""
 
 _NOT_NUMBERS: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
@@ -46,7 +51,7 @@ _MADE_OF: Final[dict[Any, dict[str, Any]]] = {
         "zones": tuple[Zone, ...],
         "clearance_m": float,
         "margin_m": float,
-        "ease_m": tuple[float, float],
+        "relaxed_m": tuple[float, float],
     }
 }
 """Classes that are no dataclasses, whose constructors take what attributes of these names hold."""

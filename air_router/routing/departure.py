@@ -1,4 +1,4 @@
-"""What the first leg from where the vehicle is has to satisfy, however cramped the place is.
+"""What the first leg from where the vehicle is has to satisfy, however near to zones that is.
 
 * Over its whole length it is clear in the airspace of the caller: with the whole tracking margin
   when a route is planned; with half of it when that fails, and when a leg of the route is about to
@@ -61,7 +61,7 @@ class Departure:
         rest: where it would come to rest.
         pending: where else it may be on its way to.
         moving: whether it may be elsewhere than at the start when it is told.
-        cramped: whether the vehicle is where routes do not go.
+        in_margin: whether the vehicle is where routes do not go.
         warnings: what the operator should know about that.
     """
 
@@ -80,15 +80,15 @@ class Departure:
         self.pending = tuple(pending)
         self.moving = self.rest != start or bool(self.pending)
         here = airspace.point_clear(start)
-        self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
+        self.in_margin = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
         self._near: Airspace | None = airspace  # for the leg's beginning
         self._kept: Airspace | None = None  # for all of it
         self._reach_m = 0.0  # where the beginning ends
-        if self.cramped:
-            self._squeeze()
+        if self.in_margin:
+            self._relax()
 
-    def _squeeze(self) -> None:
+    def _relax(self) -> None:
         """Find out how close to zones, and over how many metres, the leg may be at first."""
         holders = self._airspace.holders(self.start)
         if holders:
@@ -98,7 +98,7 @@ class Departure:
             self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
             others = self._airspace.leaving(self.start)
             self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
-            self._ease_others(others)
+            self._relax_others(others)
             return
         margin_m = self._airspace.margin_m
         spare_m, name = self._airspace.spare_m(self.start)
@@ -114,10 +114,10 @@ class Departure:
         drift_m = math.dist(self.start, self.rest)
         self._reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
         nearest_m = min(self._airspace.distance_m(place) for place in (self.start, self.rest))
-        self._near = self._airspace.eased(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
+        self._near = self._airspace.relaxed(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
         self._kept = self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
 
-    def _ease_others(self, others: Airspace) -> None:
+    def _relax_others(self, others: Airspace) -> None:
         """It may stay as near to other zones as it is, on the way out of the one that it is in."""
         near = self._near
         assert near is not None  # noqa: S101 - the caller's
@@ -126,11 +126,11 @@ class Departure:
             return
         nearest_m = min(others.distance_m(place) for place in (self.start, self.rest))
         self._kept = near.kept_from(self.start, self.rest)
-        self._near = near.eased(_GIVE_M - min(here_m, rest_m), nearest_m - _GIVE_M)
+        self._near = near.relaxed(_GIVE_M - min(here_m, rest_m), nearest_m - _GIVE_M)
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
-        if not self.cramped:
+        if not self.in_margin:
             if not self.moving:
                 return self._airspace.leg_clear(self.start, end)
             return self._airspace.swept_clear(self._area(end))
@@ -155,12 +155,12 @@ class Departure:
     @property
     def special(self) -> bool:
         """Whether more, or less, is asked of the first leg than to be clear."""
-        return self.cramped or self.moving
+        return self.in_margin or self.moving
 
     @cached_property
     def way_out(self) -> tuple[Point, ...] | None:
         """The shortest way out of a tight place that no single leg leads out of."""
-        if not self.cramped or self._near is None:
+        if not self.in_margin or self._near is None:
             return None
         if any(self.allows(place) for place in self._paths.exits(self.start)):
             return None
@@ -186,7 +186,7 @@ class Departure:
 
     def allowed(self, ends: Sequence[Point]) -> list[bool]:
         """`allows` for many."""
-        if self.cramped:
+        if self.in_margin:
             return [self.allows(end) for end in ends]
         straight = self._airspace.legs_clear(self.start, ends)
         if not self.moving:

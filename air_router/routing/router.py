@@ -92,7 +92,7 @@ class Router:
             legs = self._planner.legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
-        if rule.cramped:
+        if rule.in_margin:
             for out in self._ways_out(rule):
                 if not self.check_leg(start, out[0], stopping, pending):
                     continue
@@ -194,7 +194,7 @@ class Router:
             return NoRoute(
                 "no first leg is clear at this speed", self._airspace.blockers(start, rule.rest)
             )
-        if rule.cramped:
+        if rule.in_margin:
             return NoRoute(
                 "no clear way out of where the vehicle is", (self._airspace.nearest(start)[1],)
             )

@@ -61,7 +61,7 @@ class Airspace:
         clearance_m: the least distance to every zone that has no clearance of its own, and to the
             fences' borders.
         margin_m: kept on top of every clearance. It may be negative: no distance gets less than 0.
-        ease_m: see `eased`.
+        relaxed_m: see `relaxed`.
 
     Raises:
         ZoneError: a fence is not a simple polygon.
@@ -74,7 +74,7 @@ class Airspace:
         zones: Sequence[Zone],
         clearance_m: float,
         margin_m: float = 0.0,
-        ease_m: tuple[float, float] = (0.0, 0.0),
+        relaxed_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if not 0 <= clearance_m < math.inf:
             raise ValueError(f"a clearance of {clearance_m} m; it must be 0 or more")
@@ -84,7 +84,7 @@ class Airspace:
         self.zones = tuple(zones)
         self.clearance_m = clearance_m
         self.margin_m = margin_m
-        self.ease_m = ease_m
+        self.relaxed_m = relaxed_m
         # to keep, by zone
         self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
         self.fence_distance_m = self._kept_m(None)  # to keep from fences
@@ -99,24 +99,24 @@ class Airspace:
 
     def with_clearance(self, clearance_m: float) -> Airspace:
         """The same with another clearance for all that has none of its own."""
-        return Airspace(self.fences, self.zones, clearance_m, self.margin_m, self.ease_m)
+        return Airspace(self.fences, self.zones, clearance_m, self.margin_m, self.relaxed_m)
 
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
-        return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.ease_m)
+        return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.relaxed_m)
 
     def as_drawn(self) -> Airspace:
         """The same fences and zones, with no distance to keep from them."""
         return self.with_margin(-math.inf)
 
-    def eased(self, shortfall_m: float, floor_m: float) -> Airspace:
+    def relaxed(self, shortfall_m: float, floor_m: float) -> Airspace:
         """The same with every distance shorter by `shortfall_m`, but none below `floor_m` for that.
 
         For a vehicle that is too near to something: it may stay as near for a moment. The floor is
         how near it is, so that a zone with a wide clearance does not take away all of the others'.
         """
-        ease_m = (shortfall_m, floor_m)
-        return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, ease_m)
+        relaxed_m = (shortfall_m, floor_m)
+        return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, relaxed_m)
 
     def without(self, names: Sequence[str]) -> Airspace:
         """The airspace without the zones (or the fences) of these names."""
@@ -330,12 +330,12 @@ class Airspace:
         )
 
     def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
-        return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.ease_m)
+        return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.relaxed_m)
 
     def _kept_m(self, own_clearance_m: float | None) -> float:
         clearance_m = self.clearance_m if own_clearance_m is None else own_clearance_m
         distance_m = clearance_m + self.margin_m
-        shortfall_m, floor_m = self.ease_m
+        shortfall_m, floor_m = self.relaxed_m
         return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
 
     def _clear(self, shape: BaseGeometry) -> bool:

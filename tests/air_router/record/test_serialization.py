@@ -116,8 +116,15 @@ def test_records_call_a_class_as_before():
 def test_records_call_a_field_as_before(pennovation):
     plain = codec.encode(FlightSetup(pennovation, pilot_arms=True))
     assert plain["patient"] is True
-    assert "pilot_arms" not in plain
-    assert decoder(FlightSetup)(plain).pilot_arms
+    mission = plain["mission"]
+    assert {"columns", "column_airspace"} < mission.keys()
+    assert "ease_m" in mission["airspace"]
+    now = {"pilot_arms", "climb_corridors", "climb_airspace", "relaxed_m"}
+    assert not now & (plain.keys() | mission.keys() | mission["airspace"].keys())
+    again = decoder(FlightSetup)(plain)
+    assert again.pilot_arms
+    assert again.mission.climb_airspace.zones == pennovation.climb_airspace.zones
+    assert again.mission.airspace.relaxed_m == pennovation.airspace.relaxed_m
 
 
 @pytest.mark.parametrize("kind", members().values(), ids=lambda kind: kind.__name__)

@@ -573,5 +573,5 @@ def test_who_is_too_near_to_one_zone_keeps_the_clearance_of_others(aside_m, allo
     other = Zone("other", Circle(Point(40.0, aside_m), 10.0))
     airspace = Airspace(None, [near, wide, other], 5.0, 1.5)
     rule = Departure(airspace, ShortestPaths(airspace), Point(0.0, 0.0), None)
-    assert rule.cramped
+    assert rule.in_margin
     assert rule.allows(Point(100.0, 0.0)) is allowed

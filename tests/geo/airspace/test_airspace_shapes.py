@@ -148,12 +148,12 @@ def test_spare_distance_weighs_what_is_kept():
 def test_easing_for_one_zone_takes_little_from_the_others():
     zones = [box("wide", 0, 0, 10, 10, clearance_m=50), box("usual", 100, 0, 110, 10)]
     space = Airspace(FENCED, zones, 5, 1.5)
-    assert space.eased(3, 4).distances_m == (48.5, 4)
-    assert space.eased(48, 3.5).distances_m == (3.5, 3.5)
-    assert space.eased(48, 3.5).fence_distance_m == 3.5
-    assert space.eased(1, 9).distances_m == (50.5, 6.5)
-    assert space.eased(99, -2).distances_m == (0, 0)
-    assert space.eased(48, 3.5).point_clear(P(-4, 5))
+    assert space.relaxed(3, 4).distances_m == (48.5, 4)
+    assert space.relaxed(48, 3.5).distances_m == (3.5, 3.5)
+    assert space.relaxed(48, 3.5).fence_distance_m == 3.5
+    assert space.relaxed(1, 9).distances_m == (50.5, 6.5)
+    assert space.relaxed(99, -2).distances_m == (0, 0)
+    assert space.relaxed(48, 3.5).point_clear(P(-4, 5))
     assert not space.point_clear(P(-4, 5))
 
 
