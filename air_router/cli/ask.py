@@ -61,14 +61,14 @@ def run(arguments: argparse.Namespace) -> int:
             endpoint, words = endpoint_of(words[0]), words[1:]
         except argparse.ArgumentTypeError as error:
             raise UsageError(str(error)) from None
-    wish = spoken(" ".join(words))
-    values = wish.model_dump(exclude_none=True)
+    command = spoken(" ".join(words))
+    values = command.model_dump(exclude_none=True)
     if arguments.hold_s is not None:
         values["hold_s"] = arguments.hold_s
     values["by"] = arguments.by
     with ControlClient(endpoint, by=arguments.by, timeout_s=arguments.timeout) as client:
-        if wish.request == "reload":  # it is read after the answer: what came of it?
-            answer = {"ok": True, "id": wish.id, **dataclasses.asdict(client.reload())}
+        if command.request == "reload":  # it is read after the answer: what came of it?
+            answer = {"ok": True, "id": command.id, **dataclasses.asdict(client.reload())}
         else:
             answer = client.request(values)
     if arguments.json:

@@ -42,9 +42,11 @@ class Budget:
         self._left -= amount
         return True
 
-    def affords(self, wish: CommandRequest) -> bool:
+    def affords(self, command: CommandRequest) -> bool:
         """Whether a request may be looked at; those that cost nothing always."""
-        return wish.request not in COSTLY or self.affords_ways(len(getattr(wish, "points", ())))
+        return command.request not in COSTLY or self.affords_ways(
+            len(getattr(command, "points", ()))
+        )
 
     def affords_ways(self, points: int) -> bool:
         """Whether ways to so many points may be planned."""

@@ -62,7 +62,7 @@ class CommandRequest(BaseModel, extra="forbid", strict=True):
 
         Args:
             frame: The mission's.
-            by: Who asks, if the wish does not say.
+            by: Who asks, if the request does not say.
 
         Raises:
             CommandRequestError: a place cannot be told in the mission's frame.
@@ -252,5 +252,5 @@ def _complaint(error: ValidationError, model: type[CommandRequest]) -> str:
 class Grants(Protocol):
     """Where requests are handed in."""
 
-    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
+    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Ask for something; what became of it. Raises CommandRequestError."""

@@ -42,11 +42,11 @@ def listening(
         if not line.strip():
             return
         try:
-            wish = spoken(line)
+            command = spoken(line)
         except CommandRequestError as error:
             complain(f"{error}; or press Ctrl-C")
         else:
-            deliver(wish)
+            deliver(command)
 
     typed = keyboard.isatty()
     if typed:

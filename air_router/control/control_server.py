@@ -103,10 +103,10 @@ class ControlServer:
         values: Any = None
         try:
             values = parse(frames)
-            wish = command_request_of(values)
-            if not self._costly.affords(wish):
-                return {"ok": False, "id": wish.id, "error": TOO_MANY, "again": True}
-            return self._grant(wish, "a program")
+            command = command_request_of(values)
+            if not self._costly.affords(command):
+                return {"ok": False, "id": command.id, "error": TOO_MANY, "again": True}
+            return self._grant(command, "a program")
         except CommandRequestError as error:
             return {"ok": False, "id": _id_of(values), "error": str(error), "again": False}
 

@@ -42,7 +42,7 @@ class Phase(Enum):
     """How far a change is."""
 
     CLEARING = "the vehicle stops, or leaves, where it may not be any more"
-    BOARDING = "the new fence is being put on board"
+    UPLOADING = "the new fence is being put on board"
 
 
 @dataclass(slots=True, eq=False)
@@ -79,7 +79,7 @@ class AirspaceUpdate:
         """An interlock: while zones change, nothing is begun but the way out of one."""
         if self.phase is None:
             return motion
-        if self.phase is Phase.BOARDING:
+        if self.phase is Phase.UPLOADING:
             # It is wanted elsewhere than its leg leads, and waits: there, it would not be watched.
             self._gate.navigator.stop()
             self._has_to_stop = True
@@ -101,7 +101,7 @@ class AirspaceUpdate:
         if context.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
-        if self.phase is Phase.BOARDING:
+        if self.phase is Phase.UPLOADING:
             context.say("zones not changed: others are being put on board just now; ask again")
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
@@ -144,7 +144,7 @@ class AirspaceUpdate:
         """What is done at once, wherever the vehicle is."""
         telemetry, state = self._context.telemetry, self._context.state
         if state is State.READY and (telemetry is None or not telemetry.armed):
-            self._board()
+            self._upload()
         if telemetry is None or state in {State.READY, State.PASSIVE}:
             return
         if self._authority.giving_up is not None:
@@ -192,7 +192,7 @@ class AirspaceUpdate:
         if self._has_to_stop and commanded_mode.last is None:
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
-        if self.phase is Phase.BOARDING:
+        if self.phase is Phase.UPLOADING:
             if gate.navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
@@ -203,18 +203,18 @@ class AirspaceUpdate:
             return
         stopping = isinstance(commanded_mode.last, HoldHere)
         if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
-            self._board()
+            self._upload()
 
-    def board_again(self) -> None:
+    def upload_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""
-        if self.phase is not Phase.BOARDING:
+        if self.phase is not Phase.UPLOADING:
             self.phase = Phase.CLEARING
             self._what = "this mission's plan"
             self._way_out = None
             self._has_to_stop = True
 
-    def _board(self) -> None:
-        self.phase = Phase.BOARDING
+    def _upload(self) -> None:
+        self.phase = Phase.UPLOADING
         self._context.do(RenewPlan())
 
     def _leave(self, telemetry: Telemetry, inside: tuple[str, ...]) -> None:
@@ -248,7 +248,7 @@ class AirspaceUpdate:
 
     def plan_renewed(self, event: PlanRenewed) -> None:
         """Go on, or home where the autopilot has no such fence."""
-        if self.phase is not Phase.BOARDING:
+        if self.phase is not Phase.UPLOADING:
             return
         self.phase = None
         self.leaving = self._new = frozenset()

@@ -154,7 +154,7 @@ class CommandHandler:
                 return silent
             upload = request.upload
             if upload and self._authority.why_not_back(flies_plan=False) is None:
-                self._airspace_update.board_again()
+                self._airspace_update.upload_again()
             why = self._authority.resume(upload=upload)
             if why is not None:
                 return Refused(self._why_ours_not(), why)
@@ -202,13 +202,13 @@ class CommandHandler:
         objection = self._preconditions.to_move()
         if objection is not None:
             return objection
-        aim = self._search.aim(robot, self._context.now_s)
-        refused = self._validator.way(self._context.heard, [aim.goal])
+        point = self._search.search_point(robot, self._context.now_s)
+        refused = self._validator.way(self._context.heard, [point.goal])
         if refused is not None:
             return refused
         self._return_state.call_off()
         self._search_state.seek(robot)
-        return Accepted(f"it seeks {robot}: {aim.reason}")
+        return Accepted(f"it seeks {robot}: {point.reason}")
 
     def _asked_to_explore(self, request: ExploreNow) -> Accepted | Refused:
         del request
@@ -300,7 +300,7 @@ class CommandHandler:
         objection = self._preconditions.to_decide()
         if objection is not None:
             return objection
-        if self._airspace_update.phase is Phase.BOARDING:
+        if self._airspace_update.phase is Phase.UPLOADING:
             return Refused(Refusal.BUSY, "zones are being changed just now; ask again")
         self._context.do(ReadAgain())
         if self._context.telemetry is None:

@@ -153,20 +153,20 @@ class TelemetryHandler:
     def _hear(self, telemetry: Telemetry) -> bool:
         """Whether enough of the vehicle is heard to fly on by; what is missing is told."""
         context, gate = self._context, self._gate
-        outlook = self._inputs.look(telemetry)
+        status = self._inputs.look(telemetry)
         landing = context.state is State.LAND  # PX4 does so without a position too
-        for what, then in outlook.news:
+        for what, then in status.news:
             context.say(f"{what}: {'landing on' if landing else then}" if then else what)
-        if outlook.home_why is not None:
-            self._return_state.come_home(outlook.home_why)
+        if status.home_why is not None:
+            self._return_state.come_home(status.home_why)
         if context.state is State.READY:
             return True
-        if outlook.stop is Stop.NONE:
-            if outlook.back:
+        if status.stop is Stop.NONE:
+            if status.back:
                 context.retry_in(0.0)
             return True
-        if outlook.stop is Stop.HOLD and not landing and self._may_retry():
-            gate.hold(outlook.why)  # unless that is what it does
+        if status.stop is Stop.HOLD and not landing and self._may_retry():
+            gate.hold(status.why)  # unless that is what it does
         self._return_state.check(telemetry)  # time and charge go on
         if context.left_s == 0.0 and self._airspace_update.phase is None:
             context.signal(Signal.TIMER)

@@ -95,7 +95,7 @@ class EditorServer:
             answer, state = await loop.run_in_executor(worker, self._answered, text)
             if state is not None:
                 self._state = state
-                self._audience.tell_all("state", state)
+                self._audience.broadcast("state", state)
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
@@ -106,7 +106,7 @@ class EditorServer:
             changed = await loop.run_in_executor(worker, self._session.changed_on_disk)
             if changed != self._changed_on_disk:
                 self._changed_on_disk = changed
-                self._audience.tell_all("disk", as_json({"type": "disk", "changed": changed}))
+                self._audience.broadcast("disk", as_json({"type": "disk", "changed": changed}))
 
     def _shown(self) -> str:
         return as_json({"type": "state", **self._session.view()})

@@ -63,30 +63,30 @@ class CommandService:
         """The controller has answered a request, of ours or of another program."""
         self._answers[answer.request_id] = answer
 
-    def typed(self, say: Callable[[str], None], wish: CommandRequest) -> None:
+    def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
         """The operator has typed something; its answer is shown as every answer is."""
         try:
-            reply = self.grant(wish, OPERATOR)
+            reply = self.grant(command, OPERATOR)
         except CommandRequestError as error:
             say(str(error))
         else:
             if "accepted" not in reply:
                 say(json.dumps(reply))
 
-    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
+    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Ask for something, in degrees; returns what a program is answered, in JSON's values.
 
         Raises:
             CommandRequestError: a place cannot be told in the mission's frame.
         """
-        request = wish.asked(self._frame, by)
+        request = command.asked(self._frame, by)
         if request is None:
-            more = self._view(wish) if isinstance(wish, View) else {}
-            return {"ok": True, "id": wish.id, **self.situation(), **more}
+            more = self._view(command) if isinstance(command, View) else {}
+            return {"ok": True, "id": command.id, **self.situation(), **more}
         answer = self.ask(request)
         reply: dict[str, Any] = {
             "ok": True,
-            "id": wish.id,
+            "id": command.id,
             "accepted": answer.accepted,
             "why": answer.why,
             "code": answer.code,

@@ -42,7 +42,7 @@ class FlightView:
         self._map: str | None = None  # compressed, in base64
         self._map_cells = 0  # known in `_map`
 
-    def tell(self, wish: View) -> dict[str, Any]:
+    def tell(self, command: View) -> dict[str, Any]:
         """What is asked for, in JSON's values."""
         router = self._controller.router
         if router is not self._router:  # zones have changed: with them comes another router
@@ -58,10 +58,10 @@ class FlightView:
             "areas_revision": self._revision,
             "known_cells": self._stats.mapper.known_cells,
         }
-        if wish.areas:
+        if command.areas:
             self._areas = self._areas or scenery(router.graph.mission, router)
             about["areas"] = self._areas
-        if wish.map:
+        if command.map:
             about["map"] = self._encoded_map()
         return about
 

@@ -51,9 +51,9 @@ class Watching(Protocol):
 class _Closed:
     """The command service of a flight that is over."""
 
-    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
+    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Nothing can be asked of it."""
-        del wish, by
+        del command, by
         raise CommandRequestError("this flight is over: it is shown from its record")
 
 

@@ -112,7 +112,7 @@ class LivePage:
         self._sent.clear()
         self._begin(controller, mapper)
         for kind, text in self._greeting():
-            self._audience.tell_all(kind, text)
+            self._audience.broadcast(kind, text)
 
     def event(self, event: Event, now_s: float) -> None:
         """Take in what happened."""
@@ -160,34 +160,36 @@ class LivePage:
         self._ticks += 1
         if self._controller.router is not self._router:
             self._draw_scenery()
-            self._audience.tell_all("scenery", self._scenery)
+            self._audience.broadcast("scenery", self._scenery)
         self.tell("vehicle", scene.vehicle())
         self.tell("robots", {"robots": scene.robots()})
         if self._ticks % SLOW_TICKS == 1:
             scene.links(self._links())
             piece = self._ground.news()
             if piece is not None:
-                self._audience.tell_all(f"piece {self._ticks}", as_json({"type": "piece", **piece}))
+                self._audience.broadcast(
+                    f"piece {self._ticks}", as_json({"type": "piece", **piece})
+                )
         links = scene.link_lines()
         for link in links:
             link["map_share"] = self._ground.share(link["peer"])
         self.tell("links", {"links": links})
         if scene.row_count > self._sent_rows and not self.record:
             start, self._sent_rows = self._sent_rows, scene.row_count
-            self._audience.tell_all(f"rows {start}", self._rows(start))
+            self._audience.broadcast(f"rows {start}", self._rows(start))
         if scene.track_length > self._sent_track:
             start, self._sent_track = self._sent_track, scene.track_length
-            self._audience.tell_all(f"track {start}", self._track(start))
+            self._audience.broadcast(f"track {start}", self._track(start))
         if scene.news_count > self._sent_news:
             start, self._sent_news = self._sent_news, scene.news_count
-            self._audience.tell_all(f"news {start}", self._news(start))
+            self._audience.broadcast(f"news {start}", self._news(start))
 
     def tell(self, kind: str, values: dict[str, Any]) -> None:
         """Tell all pages, unless they know."""
         text = as_json({"type": kind, **values})
         if self._sent.get(kind) != text:
             self._sent[kind] = text
-            self._audience.tell_all(kind, text)
+            self._audience.broadcast(kind, text)
 
     def _draw_scenery(self) -> None:
         """Zones may change in flight: with them comes another router."""
@@ -239,10 +241,10 @@ class LivePage:
             number = number if isinstance(number, int) else None
             if self.steer is not None and isinstance(values, dict) and "ask" in values:
                 return {"type": "done", "id": number, **self.steer(values)}
-            wish = command_request_of(values)
-            if not (self._requests.spend() and self._costly.affords(wish)):
+            command = command_request_of(values)
+            if not (self._requests.spend() and self._costly.affords(command)):
                 return {"type": "refused", "id": number, "kind": "busy", "why": TOO_MANY}
-            return {"type": "done", **self._commands.grant(wish, "the page"), "id": number}
+            return {"type": "done", **self._commands.grant(command, "the page"), "id": number}
         except CommandRequestError as error:
             return {"type": "refused", "id": number, "kind": "request", "why": str(error)}
         except (ValueError, RecursionError):

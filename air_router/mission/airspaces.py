@@ -2,7 +2,7 @@
 
 The vehicle cruises between the lowest and the highest altitude of the mission, and what it may be
 off them (`planner.vertical_margin_m`). Below that it climbs or descends: it takes off, lands, or
-returns, and heeds every zone from the ground up.
+returns, and keeps from every zone from the ground up.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class FlightWindow:
 class IdleZone:
     """A zone that the mission need not keep away from where it cruises, and why.
 
-    `below` says that it is heeded below the cruise altitudes all the same.
+    `below` says that it applies below the cruise altitudes all the same.
     """
 
     zone: Zone
@@ -110,13 +110,13 @@ def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
     climb = active.at(-math.inf, altitudes.upper_m)
     cruise = active.at(altitudes.lower_m, altitudes.upper_m)
     above = active.at(altitudes.lower_m, math.inf)
-    heeded, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in climb.zones}
+    active_ids, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in climb.zones}
     in_time = {id(zone) for zone in active.zones}
     idle = []
     for zone in zones:
         if id(zone) not in in_time and zone.validity is not None:
             idle.append(IdleZone(zone, _out_of_time(zone.validity, window)))
-        elif id(zone) not in heeded and zone.band is not None:
+        elif id(zone) not in active_ids and zone.band is not None:
             reason = _out_of_height(zone.band, altitudes)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
     return Airspaces(zones, climb_corridors, cruise, climb, above, tuple(idle), altitudes)

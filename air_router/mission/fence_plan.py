@@ -79,7 +79,7 @@ def fence_plan(mission: Mission) -> FencePlan:
         else:
             add(zone.name, zone.shape, inclusion=False)
     simpler += [
-        (idle.zone.name, "PX4 would heed it at all altitudes, and the mission flies above it")
+        (idle.zone.name, "PX4 would apply it at all altitudes, and the mission flies above it")
         for idle in mission.idle_zones
         if idle.below
     ]

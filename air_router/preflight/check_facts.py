@@ -112,29 +112,29 @@ def _layers(mission: Mission) -> list[str]:
 
 
 def _coming_home(findings: MissionSurvey) -> list[str]:
-    mission, homeward = findings.mission, findings.homeward
+    mission, ways = findings.mission, findings.return_planner
     lines = []
-    worst = homeward.worst_waypoint
+    worst = ways.worst_waypoint
     if worst is not None:
         number, way = worst
-        charge = _charge(mission, homeward.pace, way)
+        charge = _charge(mission, ways.pace, way)
         lines.append(
             f"  home       farthest is waypoint {number}: {way.length_m:.0f} m, "
-            f"{_duration(homeward.pace.home_s(way))} to the ground{charge}"
+            f"{_duration(ways.pace.home_s(way))} to the ground{charge}"
         )
-    place = homeward.worst_place
+    place = ways.worst_place
     if place is not None and worst is not None and place[1].length_m > worst[1].length_m + 0.5:
         (a, b), way = place
-        charge = "" if mission.endurance_s is None else _charge(mission, homeward.pace, way)
+        charge = "" if mission.endurance_s is None else _charge(mission, ways.pace, way)
         lines.append(
             f"  home       from between {_node(a)} and {_node(b)}: {way.length_m:.0f} m, "
-            f"{_duration(homeward.pace.home_s(way))}{charge}"
+            f"{_duration(ways.pace.home_s(way))}{charge}"
         )
     if mission.rally_points:
-        if homeward.rally:
-            farthest = max(homeward.rally, key=lambda node: homeward.rally[node].length_m)
+        if ways.rally:
+            farthest = max(ways.rally, key=lambda node: ways.rally[node].length_m)
             lines.append(
-                f"  rally      a rally point is at most {homeward.rally[farthest].length_m:.0f} m "
+                f"  rally      a rally point is at most {ways.rally[farthest].length_m:.0f} m "
                 f"away, from {_node(farthest)}"
             )
         else:
@@ -213,14 +213,14 @@ def facts_of(findings: MissionSurvey) -> dict[str, Any]:
 
 
 def _home_facts(findings: MissionSurvey) -> dict[str, Any]:
-    mission, homeward = findings.mission, findings.homeward
-    worst = homeward.worst_waypoint
-    need = None if worst is None else homeward.pace.need(worst[1])
-    rally = max((way.length_m for way in homeward.rally.values()), default=None)
+    mission, ways = findings.mission, findings.return_planner
+    worst = ways.worst_waypoint
+    need = None if worst is None else ways.pace.need(worst[1])
+    rally = max((way.length_m for way in ways.rally.values()), default=None)
     return {
         "farthest_waypoint": None if worst is None else worst[0],
         "length_m": None if worst is None else round(worst[1].length_m, 2),
-        "time_s": None if worst is None else round(homeward.pace.home_s(worst[1]), 1),
+        "time_s": None if worst is None else round(ways.pace.home_s(worst[1]), 1),
         "endurance_s": mission.endurance_s,
         "need": None if need is None else round(need, 4),
         "landing_margin": LANDING_MARGIN,

@@ -36,13 +36,13 @@ def battery(
             return Check("battery", CheckVerdict.BAD, found, "charge it, or swap it")
         advice = "say in the mission how long a full battery flies (endurance_s) to have it checked"
         return Check("battery", CheckVerdict.LOOK, found, advice)
-    homeward = ReturnPlanner(router)
-    worst = homeward.worst_waypoint
+    return_planner = ReturnPlanner(router)
+    worst = return_planner.worst_waypoint
     out_s = mission.altitude_above_home_m / CLIMB_M_S
     turning = mission.battery_reserve  # the charge at which the vehicle would turn there
     if worst is not None:
-        out_s += homeward.pace.time_s(worst[1])
-        turning = max(turning, homeward.pace.home_s(worst[1]) / endurance_s + LANDING_MARGIN)
+        out_s += return_planner.pace.time_s(worst[1])
+        turning = max(turning, return_planner.pace.home_s(worst[1]) / endurance_s + LANDING_MARGIN)
     usable_s = (charge - turning) * endurance_s
     found += f": {max(usable_s, 0.0) / 60:.1f} min before it must come home"
     if usable_s < out_s:

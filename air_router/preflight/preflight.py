@@ -35,7 +35,7 @@ STRONG_M_S: Final = 8.0
 """Gusts of a wind like this have cost a simulated vehicle metres of its clearance."""
 CLOCK_S: Final = 2.0
 WRONG_CLOCK_S: Final = 600.0
-"""Zones are heeded so much longer than a flight may take, anyway."""
+"""Zones apply so much longer than a flight may take, anyway."""
 KILOMETRES_M: Final = 10_000.0
 GPS_ALTITUDE_M: Final = 10.0
 WRONG_ALTITUDE_M: Final = 50.0

@@ -66,7 +66,7 @@ def _less_than(limit: float) -> _Wanted:
     return lambda _mission, value: value < limit
 
 
-WISHES: Final = (
+WANTED: Final = (
     WantedParameter(
         "GF_ACTION",
         "2 (Hold)",
@@ -199,7 +199,7 @@ WISHES: Final = (
         accept="rtl_type",
     ),
 )
-NAMES: Final = tuple(wish.name for wish in WISHES)
+NAMES: Final = tuple(each.name for each in WANTED)
 
 _LAYER: Final = WantedParameter(
     "RTL_RETURN_ALT",
@@ -223,12 +223,12 @@ def parameters(
     checks = []
     unknown = [name for name in NAMES if values.get(name) is None]
     several = len(mission.layers) > 1
-    wishes = (*WISHES, _LAYER) if several else WISHES
-    for wish in wishes:
-        value = values.get(wish.name)
-        if value is None or wish.good(mission, value / max(rate, 1.0) if wish.scaled else value):
+    wanted = (*WANTED, _LAYER) if several else WANTED
+    for each in wanted:
+        value = values.get(each.name)
+        if value is None or each.good(mission, value / max(rate, 1.0) if each.scaled else value):
             continue
-        checks.append(wish.check(mission, value))
+        checks.append(each.check(mission, value))
     if unknown:
         found = f"not told: {', '.join(unknown)}"
         checks.append(Check("parameters", CheckVerdict.LOOK, found, "look at them yourself"))

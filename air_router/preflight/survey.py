@@ -36,7 +36,7 @@ class MissionSurvey:
         mission: What was surveyed.
         graph: Its waypoint graph.
         router: Its router.
-        homeward: The ways home.
+        return_planner: The ways home.
         steps: From home through all waypoints in order, and home again.
     """
 
@@ -44,7 +44,7 @@ class MissionSurvey:
         self.mission = graph.mission
         self.graph = graph
         self.router = Router(graph)
-        self.homeward = ReturnPlanner(self.router)
+        self.return_planner = ReturnPlanner(self.router)
         self.steps = tuple(self._steps())
 
     @property
@@ -67,7 +67,7 @@ class MissionSurvey:
         """Waypoints from which no way home was found, with the reason."""
         found = []
         for waypoint in self.mission.waypoints:
-            if waypoint.number not in self.homeward.home:
+            if waypoint.number not in self.return_planner.home:
                 answer = self.router.route(waypoint.position, HOME_NODE)
                 if isinstance(answer, NoRoute):
                     found.append((waypoint.number, answer.reason))

@@ -31,7 +31,7 @@ from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
-from air_router.record import serialization as journal
+from air_router.record import serialization
 from air_router.record.codec import TYPE_KEY, CodecError, decoder, shown
 from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT, RecordChannel
 from air_router.record.record_channels import NOTES
@@ -202,7 +202,7 @@ class Log:
         t, order = _time_s(data.pop("t")), data.pop(ORDER_KEY, None)
         if kind not in _DECISIONS:
             return _READERS[kind](t, data)
-        value = journal.decode(data)
+        value = serialization.decode(data)
         if isinstance(value, _MOTIONS):
             self._motions.append((order, value))
         elif isinstance(value, CommandConfirmed | CommandFailed):

@@ -20,7 +20,7 @@ from typing import Any, Final, Protocol
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.gossip.mapper import Mapper
-from air_router.record import serialization as journal
+from air_router.record import serialization
 from air_router.record.codec import TYPE_KEY, encode
 from air_router.record.foxglove import Drawn, FoxgloveDrawing, grid, schema_text
 from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, LogFile, RecordChannel
@@ -249,7 +249,7 @@ class Recorder(Closeable):
             _log.error(text)
 
     def _write(self, kind: str, value: object, now_s: float) -> None:
-        plain = self._encoded(journal.encode, value)
+        plain = self._encoded(serialization.encode, value)
         if plain is None:
             self.note("Unwritable", now_s, {"kind": kind, "value": repr(value)[:1000]})
         else:

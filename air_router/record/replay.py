@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 from air_router.controller.controller import Controller
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
-from air_router.record import serialization as journal
+from air_router.record import serialization
 from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.log_file import RECENT
 from air_router.vehicle.vehicle import Telemetry
@@ -97,7 +97,7 @@ class Replay:
             else {
                 "t": found.t,
                 "state": found.state,
-                "event": journal.encode(found.event),
+                "event": serialization.encode(found.event),
                 "recorded": [_plain(action) for action in found.recorded],
                 "replayed": [_plain(action) for action in found.replayed],
             },
@@ -214,4 +214,4 @@ def _comparable(action: Any) -> str:
 
 
 def _plain(action: Any) -> Any:
-    return action if isinstance(action, str) else journal.encode(action)
+    return action if isinstance(action, str) else serialization.encode(action)

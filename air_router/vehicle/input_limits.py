@@ -159,7 +159,7 @@ class InputNews(NamedTuple):
     then: str
 
 
-class InputOutlook(NamedTuple):
+class InputStatus(NamedTuple):
     """What the inputs allow now.
 
     Attributes:
@@ -176,7 +176,7 @@ class InputOutlook(NamedTuple):
     news: tuple[InputNews, ...]
 
 
-_CALM: Final = InputOutlook(Stop.NONE, "", back=False, home_why=None, news=())
+_CALM: Final = InputStatus(Stop.NONE, "", back=False, home_why=None, news=())
 
 
 @dataclass(slots=True, eq=False)
@@ -194,7 +194,7 @@ class InputWatch:
             return _NO_FIX
         return next(iter(self._stopped), None)
 
-    def look(self, telemetry: Telemetry) -> InputOutlook:
+    def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
         waits = not telemetry.fix or self._stopped or self._told
         if not waits and all(map(lt, _ages(telemetry.ages), _TOLD_S)):
@@ -225,7 +225,7 @@ class InputWatch:
         stops = self._stopped.values()
         stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE
         why = next(iter(missing), next(iter(self._stopped), ""))
-        return InputOutlook(stop, why, back, home_why, tuple(news))
+        return InputStatus(stop, why, back, home_why, tuple(news))
 
     def _back(self, missing: dict[str, Stop], now_s: float) -> bool:
         """Whether nothing stops it any more: what did has come again for some time."""

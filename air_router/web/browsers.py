@@ -28,7 +28,7 @@ class Browsers:
         self._pause_s = pause_s
         self._outboxes: set[PageOutbox] = set()  # one for each browser
 
-    def tell_all(self, kind: str, text: str) -> None:
+    def broadcast(self, kind: str, text: str) -> None:
         """Send a text to every page; one of its kind that still waits is replaced."""
         for outbox in self._outboxes:
             outbox.post(kind, text)

@@ -83,9 +83,9 @@ def shortest(
 
 def seen_corners(mesh: Mesh, place: Point, goal: Point) -> list[Point]:
     """The corners seen from a place that a shortest path from there to a goal may turn at first."""
-    outlook = _Outlook(mesh, [Source(0.0, place)], goal)
-    outlook.run(math.inf)
-    return outlook.corners
+    search = _CornerSearch(mesh, [Source(0.0, place)], goal)
+    search.run(math.inf)
+    return search.corners
 
 
 class _Search:
@@ -365,7 +365,7 @@ class _Search:
         return tuple(path[::-1])
 
 
-class _Outlook(_Search):
+class _CornerSearch(_Search):
     """A search that only notes where it could turn; it never arrives."""
 
     def __init__(self, mesh: Mesh, sources: Sequence[Source], goal: Point) -> None:

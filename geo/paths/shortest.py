@@ -261,8 +261,8 @@ class ShortestPaths:
         goal = self._landing(mesh, end)
         if goal is None:
             return None
-        outlook = start if mesh.part_of(start) is not None else mesh.nearest(start)[1]
-        places = [outlook, *doors, *seen_corners(mesh, outlook, goal[0][-1])]
+        begin = start if mesh.part_of(start) is not None else mesh.nearest(start)[1]
+        places = [begin, *doors, *seen_corners(mesh, begin, goal[0][-1])]
         sources = [Source(math.dist(start, place), place) for place in dict.fromkeys(places)]
         path = shortest(mesh, sources, goal[0][-1], allowed=first)
         if path is None:

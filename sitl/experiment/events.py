@@ -25,7 +25,7 @@ from typing import Any
 
 from air_router.controller.model.actions import Action, Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
-from air_router.record import serialization as journal
+from air_router.record import serialization
 
 _DIGITS = 6
 """Times are whole microseconds: what a logarithm of another machine's library may differ by is far
@@ -113,18 +113,18 @@ class EventLog:
     def event(self, uav: str, event: Event) -> None:
         """A controller is told."""
         if isinstance(event, CommandConfirmed | CommandFailed):
-            self._write(uav=uav, event=journal.encode(event), of=self._number(event.action))
+            self._write(uav=uav, event=serialization.encode(event), of=self._number(event.action))
         else:
-            self._write(uav=uav, event=journal.encode(event))
+            self._write(uav=uav, event=serialization.encode(event))
 
     def action(self, uav: str, action: Action) -> None:
         """A controller asks for something."""
         self.actions += 1
         if isinstance(action, Motion):
             self._motions.append(action)
-            self._write(uav=uav, action=journal.encode(action), of=self._number(action))
+            self._write(uav=uav, action=serialization.encode(action), of=self._number(action))
         else:
-            self._write(uav=uav, action=journal.encode(action))
+            self._write(uav=uav, action=serialization.encode(action))
 
     def sent(self, row: tuple[Any, ...]) -> None:
         """A transmission ended."""

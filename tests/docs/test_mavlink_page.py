@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from air_router.mission.plan_item import Command
-from air_router.preflight.preflight_parameters import WISHES
+from air_router.preflight.preflight_parameters import WANTED
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "mavlink.md").read_text(encoding="utf-8")
@@ -37,4 +37,4 @@ def test_items_and_parameters():
         str(int(command)) for command in Command
     }
     named = set(re.findall(r"\b[A-Z]+_[A-Z_]+\b", section("Parameters that are looked at")))
-    assert named == {wish.name for wish in WISHES}
+    assert named == {each.name for each in WANTED}

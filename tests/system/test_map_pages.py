@@ -218,8 +218,8 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
 class Refusing:
     """Grants what is asked of a flight that is only looked at."""
 
-    def grant(self, wish, by):
-        raise CommandRequestError(f"{by} asks for {type(wish).__name__}")
+    def grant(self, command, by):
+        raise CommandRequestError(f"{by} asks for {type(command).__name__}")
 
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):

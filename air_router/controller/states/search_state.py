@@ -65,16 +65,16 @@ class SearchState(StateHandler):
 
         One that is sought already, if it `goes_on`, is not tried once more by that.
         """
-        for aim in self._aims(first):
-            motion = self._gate.plan_to(aim.goal)
+        for point in self._candidates(first):
+            motion = self._gate.plan_to(point.goal)
             if self._gate.navigator.progress is not Progress.NO_ROUTE:
-                self.robot = aim.robot
-                if not (goes_on and aim.robot == first):
-                    self._search.targets.sought(aim.robot)
-                self._context.say(f"SEARCH {aim.robot}: {aim.reason}")
+                self.robot = point.robot
+                if not (goes_on and point.robot == first):
+                    self._search.targets.sought(point.robot)
+                self._context.say(f"SEARCH {point.robot}: {point.reason}")
                 self._gate.advance(motion)
                 return
-            self._context.say(f"no way to {aim.robot}: {self._gate.refusal}")
+            self._context.say(f"no way to {point.robot}: {self._gate.refusal}")
         self._no_target()
 
     def arrived(self) -> None:
@@ -99,12 +99,12 @@ class SearchState(StateHandler):
         """Seek the same robot, if there is a way to it now."""
         self._set_out(self.robot, goes_on=True)
 
-    def _aims(self, first: str | None) -> Iterator[SearchPoint]:
+    def _candidates(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
         now_s = self._context.now_s
         if first is not None:
-            yield self._search.aim(first, now_s)
-        yield from (aim for aim in self._search.aims(now_s) if aim.robot != first)
+            yield self._search.search_point(first, now_s)
+        yield from (point for point in self._search.search_points(now_s) if point.robot != first)
 
     def _no_target(self) -> None:
         self.robot = None

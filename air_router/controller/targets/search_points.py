@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.seeking import POLICIES, Outlook
+from air_router.controller.targets.seeking import POLICIES, SeekContext
 from air_router.controller.targets.target_list import SearchPlace, TargetList
 from air_router.routing.departure import names_of
 from air_router.routing.return_planner import Way
@@ -77,19 +77,19 @@ class Search:
         if isinstance(event, SyncEnded) and event.complete:
             self.targets.synced(event.peer, event.direction, now_s)
 
-    def aims(self, now_s: float) -> Iterator[SearchPoint]:
+    def search_points(self, now_s: float) -> Iterator[SearchPoint]:
         """The robots in the order in which they are to be tried."""
-        for place in self._policy.order(self.targets, self._outlook(now_s)):
-            yield self._aim(place)
+        for place in self._policy.order(self.targets, self._seek_context(now_s)):
+            yield self._beside(place)
 
-    def aim(self, robot: str, now_s: float) -> SearchPoint:
+    def search_point(self, robot: str, now_s: float) -> SearchPoint:
         """Where one of the robots would be sought now."""
-        return self._aim(self._policy.place(robot, self.targets, self._outlook(now_s)))
+        return self._beside(self._policy.place(robot, self.targets, self._seek_context(now_s)))
 
-    def _outlook(self, now_s: float) -> Outlook:
+    def _seek_context(self, now_s: float) -> SeekContext:
         exploration = self._exploration
         began_s = now_s if exploration.began_s is None else exploration.began_s
-        return Outlook(
+        return SeekContext(
             now_s,
             began_s,
             self._flight_s,
@@ -106,7 +106,7 @@ class Search:
             return math.inf
         return self._context.pace.time_s(Way(route.length_m, len(route.legs)))
 
-    def _aim(self, place: SearchPlace) -> SearchPoint:
+    def _beside(self, place: SearchPlace) -> SearchPoint:
         robot = place.robot
         if place.position is None:
             return SearchPoint(robot, self._exploration.longest_unseen(), place.reason)
@@ -122,8 +122,8 @@ class Search:
 
     def ahead_of(self, robot: str, now_s: float) -> tuple[Goal, float] | None:
         """Where a robot is to be met from here, and how far beside it; None if never heard of."""
-        aim = self.aim(robot, now_s)
-        return None if self.targets.position_of(robot) is None else (aim.goal, aim.beside_m)
+        point = self.search_point(robot, now_s)
+        return None if self.targets.position_of(robot) is None else (point.goal, point.beside_m)
 
     def over(self, robot: str) -> tuple[Goal, float] | None:
         """The hovering place nearest to a robot, and how far beside it; None if never heard of."""

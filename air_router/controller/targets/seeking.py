@@ -26,7 +26,7 @@ EARLY_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class SeekContext:
     """What a policy can see beside the robots.
 
     Attributes:
@@ -50,13 +50,13 @@ class Policy(Protocol):
     foresees: bool
     """Whether it matters where a robot goes, and not only where it is."""
 
-    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
         """Every robot of the list once, best first.
 
         Robots that another UAV seeks come last, before them those that count as lost.
         """
 
-    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """Where to look for one robot."""
 
 
@@ -65,15 +65,15 @@ class RoundRobin:
 
     foresees = False
 
-    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
         """As `Policy.order`."""
         return tuple(
-            self.place(name, targets, outlook) for name in targets.candidates(outlook.now_s)
+            self.place(name, targets, context) for name in targets.candidates(context.now_s)
         )
 
-    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """The last pose while it is recent, else the end of the path, else the last pose."""
-        return targets.place(robot, outlook.now_s)
+        return targets.place(robot, context.now_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,52 +129,52 @@ class Freshest:
 
     foresees = False
 
-    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
         """As `Policy.order`; of equals the one whose turn it is."""
         groups = [
             sorted(
-                (self._prospect(name, targets, outlook) for name in group),
+                (self._prospect(name, targets, context) for name in group),
                 key=lambda prospect: -prospect.benefit,
             )
-            for group in targets.groups(outlook.now_s)
+            for group in targets.groups(context.now_s)
         ]
         prospects = [prospect for group in groups for prospect in group]
         oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
         return tuple(prospect.told(oldest_s) for prospect in prospects)
 
-    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """As `Policy.place`."""
-        return self._meeting(robot, targets, outlook).place
+        return self._meeting(robot, targets, context).place
 
-    def _prospect(self, robot: str, targets: TargetList, outlook: Outlook) -> _Candidate:
+    def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
         known = targets[robot]
-        meeting = self._meeting(robot, targets, outlook)
-        arrival_s = outlook.now_s + meeting.flight_s
+        meeting = self._meeting(robot, targets, context)
+        arrival_s = context.now_s + meeting.flight_s
         course = targets.course(robot)
-        doubt_s = max(arrival_s - (outlook.began_s if course is None else course.end_s), 0.0)
-        age_s = _since_s(outlook.now_s, outlook.began_s, known.word_s, known.taken_s)
-        ages_s = age_s + _since_s(outlook.now_s, outlook.began_s, known.given_s)
-        round_s = outlook.round_s
+        doubt_s = max(arrival_s - (context.began_s if course is None else course.end_s), 0.0)
+        age_s = _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
+        ages_s = age_s + _since_s(context.now_s, context.began_s, known.given_s)
+        round_s = context.round_s
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
         benefit = ages_s * chance / (meeting.flight_s + round_s)
         return _Candidate(meeting.place, age_s, meeting.flight_s, benefit)
 
-    def _meeting(self, robot: str, targets: TargetList, outlook: Outlook) -> MeetingPoint:
+    def _meeting(self, robot: str, targets: TargetList, context: SeekContext) -> MeetingPoint:
         course = targets.course(robot)
         if course is None:
             return MeetingPoint(
-                SearchPlace(robot, None, NEVER_HEARD), outlook.flight_s(outlook.unseen)
+                SearchPlace(robot, None, NEVER_HEARD), context.flight_s(context.unseen)
             )
-        along_m, flight_s = self._aim(course, outlook)
-        words = _words(course, along_m, outlook)
+        along_m, flight_s = self._meet(course, context)
+        words = _words(course, along_m, context)
         return MeetingPoint(SearchPlace(robot, course.place(along_m), words), flight_s)
 
-    def _aim(self, course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
+    def _meet(self, course: PredictedPath, context: SeekContext) -> tuple[float, float]:
         """How far along a course the robot is sought, and the flight there."""
-        recent = outlook.now_s - course.start_s <= RECENT_POSE_S
+        recent = context.now_s - course.start_s <= RECENT_POSE_S
         along_m = 0.0 if recent else course.length_m
-        return along_m, outlook.flight_s(course.place(along_m))
+        return along_m, context.flight_s(course.place(along_m))
 
 
 class Rendezvous(Freshest):
@@ -190,11 +190,11 @@ class Rendezvous(Freshest):
 
     foresees = True
 
-    def _aim(self, course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
-        return meet(course, outlook)
+    def _meet(self, course: PredictedPath, context: SeekContext) -> tuple[float, float]:
+        return meet(course, context)
 
 
-def meet(course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
+def meet(course: PredictedPath, context: SeekContext) -> tuple[float, float]:
     """How far along a course a robot can be met soonest, and how long the vehicle flies there.
 
     The vehicle is there before the robot, and `MEETING_M` sooner on the way it would not be; or it
@@ -202,10 +202,10 @@ def meet(course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
     """
 
     def in_time(along_m: float) -> bool:
-        way_s = course.due_s(along_m) - outlook.now_s
-        return outlook.flight_s(course.place(along_m)) <= (1 - EARLY_SHARE) * way_s
+        way_s = course.due_s(along_m) - context.now_s
+        return context.flight_s(course.place(along_m)) <= (1 - EARLY_SHARE) * way_s
 
-    low_m, high_m = course.along_m(outlook.now_s), course.length_m
+    low_m, high_m = course.along_m(context.now_s), course.length_m
     if in_time(low_m):
         high_m = low_m
     elif in_time(high_m):
@@ -215,15 +215,15 @@ def meet(course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
                 high_m = middle_m
             else:
                 low_m = middle_m
-    return high_m, outlook.flight_s(course.place(high_m))
+    return high_m, context.flight_s(course.place(high_m))
 
 
-def _words(course: PredictedPath, along_m: float, outlook: Outlook) -> str:
+def _words(course: PredictedPath, along_m: float, context: SeekContext) -> str:
     if along_m <= 0 or len(course.points) == 1:
         return "its last position"
     if along_m >= course.length_m:
         return "where its path ends"
-    return f"where its path leads it in {course.due_s(along_m) - outlook.now_s:.0f} s"
+    return f"where its path leads it in {course.due_s(along_m) - context.now_s:.0f} s"
 
 
 def _since_s(now_s: float, *moments_s: float | None) -> float:

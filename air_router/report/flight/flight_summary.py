@@ -176,7 +176,7 @@ class FlightSummary:
             self.robots.setdefault(event.robot, []).append((t, *event.position, event.stamp_s))
         elif isinstance(event, Asked):
             self._open[event.by, event.request_id] = len(self.requests)
-            self.requests.append(RequestRecord(t, _wish(event), event.by))
+            self.requests.append(RequestRecord(t, _request_words(event), event.by))
         elif isinstance(event, CommandFailed):
             self.failures.append((t, f"{type(event.action).__name__}: {event.reason}"))
 
@@ -222,9 +222,9 @@ class FlightSummary:
         if place is None:
             self.requests.append(RequestRecord(t, "", answer.by, answer.accepted, answer.why))
         else:
-            wish = self.requests[place]
+            request = self.requests[place]
             self.requests[place] = RequestRecord(
-                wish.t, wish.what, wish.by, answer.accepted, answer.why
+                request.t, request.what, request.by, answer.accepted, answer.why
             )
 
     def _leave(self, t: float) -> None:
@@ -272,7 +272,7 @@ class FlightSummary:
                 }
                 for name in self.exchanges.names()
             },
-            "requests": [asdict(wish) for wish in self.requests],
+            "requests": [asdict(request) for request in self.requests],
             "announcements": [{"t": t, "text": text} for t, text in self.announcements],
             "not_followed": [{"t": t, "text": text} for t, text in self.failures],
             "track": [[round(v, 3) for v in row] for row in self.track],
@@ -291,7 +291,7 @@ def summary_of(entries: Iterable[RecordEntry]) -> FlightSummary:
     return summary
 
 
-def _wish(event: Asked) -> str:
+def _request_words(event: Asked) -> str:
     match event:
         case SeekNow(robot=robot):
             return f"seek {robot}"

@@ -142,12 +142,12 @@ def _requests(summary: FlightSummary) -> list[tuple[str, ...]]:
     answers = {None: "no answer recorded", True: "accepted", False: "refused"}
     return [
         (
-            clock(wish.t - summary.from_s),
-            wish.what,
-            wish.by,
-            f"{answers[wish.accepted]}{': ' if wish.why else ''}{wish.why}",
+            clock(request.t - summary.from_s),
+            request.what,
+            request.by,
+            f"{answers[request.accepted]}{': ' if request.why else ''}{request.why}",
         )
-        for wish in summary.requests
+        for request in summary.requests
     ]
 
 

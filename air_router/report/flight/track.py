@@ -87,9 +87,9 @@ def _draw(summary: FlightSummary, ulog: UlogTrack | None, sheet: _Sheet) -> str:
     mission = summary.mission
     assert mission is not None  # noqa: S101 - the caller has looked
     parts = [_area(sheet, fence, "fence", "fence") for fence in mission.fences]
-    heeded = {id(zone) for zone in mission.airspace.zones}
+    active = {id(zone) for zone in mission.airspace.zones}
     for zone in mission.zones:
-        css = "zone" if id(zone) in heeded or zone in mission.airspace.zones else "zone idle"
+        css = "zone" if id(zone) in active or zone in mission.airspace.zones else "zone idle"
         parts.append(_area(sheet, zone.shape, css, zone.name))
     for waypoint in mission.waypoints:
         x, y = sheet.at(waypoint.position)

@@ -143,9 +143,9 @@ class Px4Vehicle(Vehicle):
         self._geofence, self._events = plugins.geofence, plugins.events
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
-        wishes = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
-        wishes += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
-        await asyncio.gather(*(self._wish(*wish) for wish in wishes))
+        requests = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
+        requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
+        await asyncio.gather(*(self._request_message(*request) for request in requests))
         telemetry = self._telemetry
         await self._connection.heard(telemetry.complete, "positions")
         await telemetry.shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
@@ -312,7 +312,7 @@ class Px4Vehicle(Vehicle):
             name = method.__name__.removesuffix("_async")
             raise NotConfirmedError(f"{name}: no answer within {ANSWER_S:.0f} s") from None
 
-    async def _wish(self, command: int, *params: float) -> None:
+    async def _request_message(self, command: int, *params: float) -> None:
         """Ask for a message or its rate; without it things go on, only less well."""
         try:
             async with asyncio.timeout(ONCE_S):
@@ -343,7 +343,7 @@ class Px4Vehicle(Vehicle):
         for name in self._telemetry.missing(ASK_AGAIN_S):
             what = STREAMS[name]
             interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
-            await self._wish(SET_MESSAGE_INTERVAL, what, interval_us)
+            await self._request_message(SET_MESSAGE_INTERVAL, what, interval_us)
 
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()

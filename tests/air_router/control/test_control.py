@@ -217,11 +217,11 @@ FIELDS = st.fixed_dictionaries(
 @given(values=FIELDS | JSON)
 def test_whatever_json_comes_is_a_request_or_a_complaint(values):
     try:
-        wish = command_request_of(values)
+        command = command_request_of(values)
     except CommandRequestError as error:
         complaint = str(error)
     else:
-        complaint = wish.request
+        complaint = command.request
     assert complaint
     assert complaint.isprintable()
 
@@ -416,8 +416,8 @@ def test_words_and_who_asks(pennovation):
     request = spoken("goto 39.9415,-75.1990 39.9420,-75.1995").asked(frame)
     assert isinstance(request, GoTo)
     assert len(request.points) == 2
-    wish = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
-    assert wish.asked(frame) == HoldNow(by="eve?[2J")
+    command = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
+    assert command.asked(frame) == HoldNow(by="eve?[2J")
     assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
     assert spoken("status").asked(frame) is None
 

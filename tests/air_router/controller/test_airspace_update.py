@@ -513,7 +513,7 @@ def enclosed(pretend, **changes):
     for zone in walls(flight.position):
         drawn.append(zone)
         change(flight, *drawn)
-        flight.fly_until(lambda: flight.controller.airspace_update.phase is Phase.BOARDING, 10.0)
+        flight.fly_until(lambda: flight.controller.airspace_update.phase is Phase.UPLOADING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
         if flight.controller.no_way_home:  # what the mission has beside it is a wall too

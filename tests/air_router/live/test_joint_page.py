@@ -112,7 +112,7 @@ def test_texts_go_to_one_flight_and_answers_come_back():
                 assert await text(second) == await text(third) == "atlas greets"
                 await second.send_str("hold")
                 assert await text(second) == "atlas: hold"
-                atlas.audience.tell_all("news", "landed")
+                atlas.audience.broadcast("news", "landed")
                 assert await text(second) == await text(third) == "landed"
                 async with browser.looking("io") as unanswered:
                     assert await why_closed(unanswered) == "does not answer"

@@ -19,11 +19,11 @@ def check(mission, router, charge, **changes):
 
 
 def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(pennovation, router):
-    homeward = ReturnPlanner(router)
-    _, way = homeward.worst_waypoint
-    out_s = pennovation.altitude_above_home_m / CLIMB_M_S + homeward.pace.time_s(way)
+    return_planner = ReturnPlanner(router)
+    _, way = return_planner.worst_waypoint
+    out_s = pennovation.altitude_above_home_m / CLIMB_M_S + return_planner.pace.time_s(way)
     for reserve in (0.0, 0.25):
-        turning = max(reserve, homeward.pace.home_s(way) / 1500 + LANDING_MARGIN)
+        turning = max(reserve, return_planner.pace.home_s(way) / 1500 + LANDING_MARGIN)
         for spare, verdict in ((0.001, CheckVerdict.GOOD), (-0.001, CheckVerdict.BAD)):
             charge = turning + out_s / 1500 + spare
             wanted = {"endurance_s": 1500.0, "duration_s": None, "battery_reserve": reserve}

@@ -40,13 +40,13 @@ def made(folder, **changes):
     return load_mission(path)
 
 
-def homeward(mission):
+def planner_of(mission):
     graph = WaypointGraph(mission)
     return ReturnPlanner(Router(graph))
 
 
 def test_ways_home_go_around_and_straight_ones_are_taken(tmp_path):
-    ways = homeward(made(tmp_path)).home
+    ways = planner_of(made(tmp_path)).home
     assert ways[0] == Way(0.0, 0)
     assert ways[1] == Way(80.0)
     assert ways[2] == Way(160.0, 2)  # straight over the barn it would be 113 m
@@ -54,7 +54,7 @@ def test_ways_home_go_around_and_straight_ones_are_taken(tmp_path):
 
 
 def test_the_worst_waypoint_and_the_worst_place_of_a_leg(tmp_path):
-    found = homeward(made(tmp_path))
+    found = planner_of(made(tmp_path))
     assert found.worst_waypoint == (2, Way(160.0, 2))
     (_, leg), (_, way) = found.worst_place[0], found.worst_place
     assert leg == 2
@@ -64,10 +64,10 @@ def test_the_worst_waypoint_and_the_worst_place_of_a_leg(tmp_path):
 def test_where_routes_are_the_shortest_so_is_the_worst_way(tmp_path):
     waypoints = [[80, 0], [80, 80], [-150, -150], [0, 80]]
     mission = made(tmp_path, waypoints=waypoints, planner={"kind": "shortest"})
-    found = homeward(mission)
+    found = planner_of(mission)
     assert found.worst_place is None
     assert found.worst_waypoint == (3, Way(math.hypot(150, 150)))
-    hidden = homeward(made(tmp_path, waypoints=waypoints[:2], planner={"kind": "shortest"}))
+    hidden = planner_of(made(tmp_path, waypoints=waypoints[:2], planner={"kind": "shortest"}))
     number, way = hidden.worst_waypoint
     assert number == 2
     assert 113 < way.length_m < 160  # around the barn, not by way of waypoint 1
@@ -93,8 +93,8 @@ def test_what_a_way_takes(tmp_path):
 
 
 def test_rally_points(tmp_path):
-    assert homeward(made(tmp_path)).rally == {}
-    ways = homeward(made(tmp_path, rally_points=[[80, 100], [-100, 0]])).rally
+    assert planner_of(made(tmp_path)).rally == {}
+    ways = planner_of(made(tmp_path, rally_points=[[80, 100], [-100, 0]])).rally
     assert ways[2] == Way(20.0)
     assert ways[0] == Way(100.0)
     assert ways[1] == Way(100.0)  # the other one would be 180 m
@@ -113,7 +113,7 @@ def test_a_rally_point_that_no_waypoint_sees_is_reached_around_corners(tmp_path)
         [-60, 160],
     ]
     mission = made(tmp_path, no_fly_zones=[{"polygon": yard}], rally_points=[[-35, 130]])
-    ways = homeward(mission).rally
+    ways = planner_of(mission).rally
     assert set(ways) == {0, 1, 2, 3}
     assert ways[3].length_m > 150
 
@@ -165,7 +165,7 @@ def test_large_missions(tmp_path):
         planner={"max_edge_m": 250},
         fence=[[-2100, -2100], [2100, -2100], [2100, 2100], [-2100, 2100]],
     )
-    found = homeward(mission)
+    found = planner_of(mission)
     assert len(found.home) == 2001
     assert len({r.waypoint for r in straight_returns(mission)}) > 1000
 

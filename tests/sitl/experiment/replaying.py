@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from air_router.controller.model.actions import Motion
-from air_router.record import serialization as journal
+from air_router.record import serialization
 from air_router.record.log import RecordEntry
 from air_router.record.log_file import ORDER_KEY, RECENT
 from air_router.record.replay import Replay
@@ -51,7 +51,7 @@ def entries_of(lines: Iterable[str]) -> dict[str, list[RecordEntry]]:
             continue
         recent = motions.setdefault(uav, deque(maxlen=RECENT))
         kind = "event" if "event" in data else "action"
-        value = journal.decode(data[kind])
+        value = serialization.decode(data[kind])
         order = data.get(ORDER_KEY)
         if isinstance(value, Motion):
             recent.append((order, value))

@@ -40,37 +40,39 @@ def searching(folder, zones):
     return mission, Search(MissionContext(mission, router), ("io",), exploration)
 
 
-def aim_at(search, place):
+def point_for(search, place):
     search.targets.pose_heard("io", place, 1.0, 1.0)
-    (aim,) = search.aims(2.0)
-    return aim
+    (point,) = search.search_points(2.0)
+    return point
 
 
 def test_a_robot_in_the_open_is_sought_where_it_is(tmp_path):
     _, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
-    aim = aim_at(search, Point(50, 50))
-    assert aim.goal.position == (50, 50)
-    assert aim.beside_m == 0
-    assert aim.reason == "its last position"
+    point = point_for(search, Point(50, 50))
+    assert point.goal.position == (50, 50)
+    assert point.beside_m == 0
+    assert point.reason == "its last position"
 
 
 def test_a_robot_in_a_zone_is_sought_from_the_nearest_clear_place_and_that_is_said(tmp_path):
     mission, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
-    aim = aim_at(search, Point(15, 0))
-    assert mission.planning_airspace.point_clear(aim.goal.position)
-    assert math.dist(aim.goal.position, (26.5, 0)) < 0.01
-    assert aim.reason == ("its last position; it is inside no-fly zone 'hall', so 11.5 m beside it")
+    point = point_for(search, Point(15, 0))
+    assert mission.planning_airspace.point_clear(point.goal.position)
+    assert math.dist(point.goal.position, (26.5, 0)) < 0.01
+    assert point.reason == (
+        "its last position; it is inside no-fly zone 'hall', so 11.5 m beside it"
+    )
     goal, beside_m = search.over("io")
-    assert goal == aim.goal
-    assert beside_m == aim.beside_m
+    assert goal == point.goal
+    assert beside_m == point.beside_m
 
 
 def test_a_robot_in_a_closed_yard_is_sought_from_outside_of_it(tmp_path):
     yard = {"name": "yard", "polygon": box(-40, -30, 40, 40), "holes": [box(-30, -20, 30, 30)]}
     mission, search = searching(tmp_path, [yard])
     for place, why in ((Point(0, -10), "no clear way leads there"), (Point(28, 0), "too close")):
-        aim = aim_at(search, place)
+        point = point_for(search, place)
         search.targets.__init__(("io",))
-        assert mission.planning_airspace.point_clear(aim.goal.position)
-        assert max(map(abs, aim.goal.position)) > 35
-        assert why in aim.reason
+        assert mission.planning_airspace.point_clear(point.goal.position)
+        assert max(map(abs, point.goal.position)) > 35
+        assert why in point.reason

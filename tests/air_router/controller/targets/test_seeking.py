@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.states import State
-from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, POLICIES, Outlook, meet
+from air_router.controller.targets.seeking import (
+    EARLY_SHARE,
+    MEETING_M,
+    POLICIES,
+    SeekContext,
+    meet,
+)
 from air_router.controller.targets.target_list import LOST_AFTER_S, TargetList
 from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
 from air_router.files.settings import SEEK_POLICIES
@@ -29,15 +35,15 @@ paths = st.lists(points, min_size=1, max_size=5).map(tuple)
 moments = st.floats(0, 2500)
 
 
-def outlook(now_s, here=HOME, *, began_s=0.0, walled=()):
+def context(now_s, here=HOME, *, began_s=0.0, walled=()):
     def flight_s(place):
         return math.inf if place in walled else math.dist(here, place) / SPEED_M_S
 
-    return Outlook(now_s, began_s, flight_s, unseen=UNSEEN, round_s=185.0)
+    return SeekContext(now_s, began_s, flight_s, unseen=UNSEEN, round_s=185.0)
 
 
 def order(policy, targets, *args, **how):
-    return [place.robot for place in POLICIES[policy].order(targets, outlook(*args, **how))]
+    return [place.robot for place in POLICIES[policy].order(targets, context(*args, **how))]
 
 
 def heard(targets, robot, place, now_s, *path, given=True):
@@ -74,8 +80,8 @@ def rosters(draw):
 @given(targets=rosters(), now_s=moments, here=points, wall=points)
 @few
 def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s, here, wall):
-    first = POLICIES[policy].order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
-    again = POLICIES[policy].order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
+    first = POLICIES[policy].order(targets, context(now_s, here, walled=[wall, UNSEEN]))
+    again = POLICIES[policy].order(targets, context(now_s, here, walled=[wall, UNSEEN]))
     assert first == again
     robots = [place.robot for place in first]
     assert sorted(robots) == sorted(targets.names)
@@ -93,7 +99,7 @@ courses = st.builds(PredictedPath, paths, st.floats(-300, 100), st.floats(0.2, 3
 @given(course=courses, here=points)
 @few
 def test_a_meeting_is_as_soon_as_can_be(course, here):
-    view = outlook(100.0, here)
+    view = context(100.0, here)
     along_m, flight_s = meet(course, view)
     place = course.place(along_m)
     assert flight_s == pytest.approx(math.dist(here, place) / SPEED_M_S)
@@ -113,7 +119,7 @@ def test_a_meeting_is_as_soon_as_can_be(course, here):
 def test_the_meeting_point_of_a_straight_way_is_where_the_times_are_equal():
     # 300 m away and driving towards us at 1 m/s: together 4 + 1 m/s, with the robot's share.
     course = PredictedPath((Point(300.0, 0.0), Point(0.0, 0.0)), 0.0, 1.0)
-    along_m, flight_s = meet(course, outlook(0.0))
+    along_m, flight_s = meet(course, context(0.0))
     assert along_m == pytest.approx(300.0 / (1 + SPEED_M_S * (1 - EARLY_SHARE)), abs=MEETING_M)
     assert flight_s == pytest.approx((300.0 - along_m) / SPEED_M_S)
 
@@ -210,7 +216,7 @@ def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
     heard(targets, "far", Point(400, 0), 100.0)
     heard(targets, "near", Point(10, 0), 105.0)
     assert order("freshest", targets, 300.0) == ["near", "far"]
-    (best, _) = POLICIES["freshest"].order(targets, outlook(300.0))
+    (best, _) = POLICIES["freshest"].order(targets, context(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
 
 
@@ -242,7 +248,7 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
     policy = POLICIES["rendezvous"]
     seen = []
     for _ in range(4):
-        first = policy.order(targets, outlook(200.0))[0]
+        first = policy.order(targets, context(200.0))[0]
         assert first.position is None
         seen.append(first.robot)
         targets.sought(first.robot)
@@ -252,14 +258,14 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
 def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
     targets = TargetList(("io",))
     heard(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
-    (place,) = POLICIES["rendezvous"].order(targets, outlook(120.0))
+    (place,) = POLICIES["rendezvous"].order(targets, context(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60
     assert "where its path leads it in" in place.reason
-    (place,) = POLICIES["rendezvous"].order(targets, outlook(500.0))
+    (place,) = POLICIES["rendezvous"].order(targets, context(500.0))
     assert place.position == (100, 300)
     assert place.reason.endswith("where its path ends")
-    (place,) = POLICIES["freshest"].order(targets, outlook(120.0))
+    (place,) = POLICIES["freshest"].order(targets, context(120.0))
     assert place.position == (100, 0)
 
 

@@ -353,10 +353,10 @@ def test_a_stream_that_was_turned_off_is_asked_for_again(px4, pennovation, monke
     monkeypatch.setattr(vehicle, "_telemetry", px4.telemetry)
     asked = []
 
-    async def note(*wish):
-        asked.append(wish)
+    async def note(*request):
+        asked.append(request)
 
-    monkeypatch.setattr(vehicle, "_wish", note)
+    monkeypatch.setattr(vehicle, "_request_message", note)
     px4.run(5.0)
     asyncio.run(vehicle._ask_again())
     assert asked == []
