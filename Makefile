@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint film bench bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments experiments-verify lint film bench bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -58,7 +58,12 @@ sabotage-slice: setup
 # Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
 EXPERIMENTS ?= table1 field passive policies protocols readings crowd links
 experiments: setup
-	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/experiments.md || exit 1; done
+	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/experiments.md \
+		--archive docs/evidence/$$name-runs.jsonl.xz || exit 1; done
+
+# Tables and verdicts of docs/experiments.md, remade from the archived runs: fails if a number differs
+experiments-verify: setup
+	for file in docs/evidence/*-runs.jsonl.xz; do $(BIN)/python -m sitl experiment $$file --verify docs/experiments.md || exit 1; done
 
 lint: setup
 	$(BIN)/ruff check

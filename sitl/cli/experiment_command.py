@@ -18,6 +18,7 @@ from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
 from sitl.experiment.campaign import results
+from sitl.experiment.campaign.archive import ENDING, read_archive, write_archive
 from sitl.experiment.campaign.campaign import Campaign
 from sitl.experiment.campaign.plan import Experiment, Record, Task, seeds_of
 from sitl.experiment.campaign.plan_file import load_experiment
@@ -45,7 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = _EPILOG
     parser.add_argument(
-        "experiment", nargs="?", metavar="NAME|FILE", help=f"one of {', '.join(experiment_names())}"
+        "experiment",
+        nargs="?",
+        metavar="NAME|FILE",
+        help=f"one of {', '.join(experiment_names())}; an experiment's file; or an archive of runs "
+        f"(*{ENDING}), from which table and claims are remade",
     )
     parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
     parser.add_argument(
@@ -76,6 +81,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="put table, claims and figures into a Markdown file, between its marks",
     )
+    parser.add_argument(
+        "--archive",
+        type=_archive,
+        metavar="FILE",
+        help=f"keep what tables and claims are made of in a file *{ENDING}",
+    )
+    parser.add_argument(
+        "--verify",
+        type=Path,
+        metavar="FILE",
+        help="of an archive: say what differs in a Markdown file and its evidence, and change "
+        "nothing",
+    )
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--list", action="store_true", help="list the experiments and their rows")
@@ -97,7 +115,9 @@ def run_with(
     """The command, with what makes one run, and what looks whether that can be done."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
-    experiment, _ = load_experiment(arguments.experiment)
+    if arguments.verify or arguments.experiment.endswith(ENDING):
+        return _from_archive(Path(arguments.experiment), arguments)
+    experiment, plan = load_experiment(arguments.experiment)
     rows = chosen_rows(experiment, arguments.rows)
     seeds = arguments.seeds or experiment.seeds
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
@@ -118,10 +138,39 @@ def run_with(
             if arguments.fresh:
                 log.clear()
             interrupted = _run_campaign(campaign, arguments, work, log)
-    _evaluate(campaign, folder, arguments)
+    _tell_of_other_programs(campaign)
+    records = campaign.records
+    if arguments.archive is not None and records:
+        write_archive(arguments.archive, plan, records)
+    _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
+
+
+def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
+    """Table and claims of archived runs; or whether a document still says what they say."""
+    if not archive.name.endswith(ENDING):
+        raise UsageError(f"--verify is about an archive of runs; give a file *{ENDING}")
+    experiment, records = read_archive(archive)
+    if experiment.name in experiment_names():
+        now, _ = load_experiment(experiment.name)
+        if (now.rows, now.rules) != (experiment.rows, experiment.rules):
+            sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
+    if arguments.verify is None:
+        folder = arguments.out or Path("experiments") / experiment.name
+        folder.mkdir(parents=True, exist_ok=True)
+        arguments.no_figures = True  # their curves are not archived
+        _evaluate(experiment, records, folder, arguments, archive)
+        return ExitCode.DONE
+    from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
+
+    found = document_part.differences(arguments.verify, experiment, records, archive)
+    for what in found:
+        sys.stderr.write(f"{what}: not what the archived runs say\n")
+    if not found:
+        sys.stderr.write(f"{experiment.name}: {counted(len(records), 'runs')} say the same\n")
+    return ExitCode.ENDED_OTHERWISE if found else ExitCode.DONE
 
 
 def _run_campaign(
@@ -170,9 +219,13 @@ def _tell_of_other_programs(campaign: Campaign) -> None:
         )
 
 
-def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -> None:
-    records = campaign.records
-    _tell_of_other_programs(campaign)
+def _evaluate(
+    experiment: Experiment,
+    records: list[Record],
+    folder: Path,
+    arguments: argparse.Namespace,
+    archive: Path | None,
+) -> None:
     if not records:
         if arguments.only_evaluate:
             raise UsageError(f"{folder} has no finished run of these rows; leave --only-evaluate")
@@ -180,7 +233,6 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     from sitl.experiment.analysis import tables  # noqa: PLC0415 - only with SciPy
     from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415
 
-    experiment = campaign.experiment
     tidy = results.tidy(records)
     found = tables.lines(experiment, records)
     results.write_csv(tidy, folder / "results.csv")
@@ -191,8 +243,8 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     claims = claims_of(experiment, records)
     summary = {
         "experiment": experiment.name,
-        "phase": campaign.phase,
-        "seeds": [campaign.numbers[0], campaign.numbers[-1]],
+        "phase": records[0]["phase"],
+        "seeds": sorted({record["number"] for record in records}),
         "runs": len(records),
         "rows": tables.as_plain(found),
         "claims": [{**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in claims],
@@ -210,6 +262,8 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
 
         blocks = document_part.blocks_of(experiment, records)
+        if archive is not None:
+            blocks["archive"] = document_part.archive_text(archive, arguments.docs, records)
         evidence = document_part.evidence_of(experiment, records)
         document_part.fill(arguments.docs, experiment.name, blocks, figures, evidence)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
@@ -251,6 +305,12 @@ def _print_list(as_json: bool) -> None:
     for entry in found:
         count = f"{counted(len(entry['rows']), 'rows')}, {counted(entry['seeds'], 'seeds')}"
         sys.stdout.write(f"{entry['name']:12} {entry['title']} ({count})\n")
+
+
+def _archive(text: str) -> Path:
+    if not text.endswith(ENDING):
+        raise argparse.ArgumentTypeError(f"{text} does not end with {ENDING}")
+    return Path(text)
 
 
 def _count(text: str, least: int = 1) -> int:

@@ -91,7 +91,7 @@ def _joined(experiment: Experiment, own: Sequence[Comparison]) -> Comparison:
 
 
 def pairs_as_markdown(comparisons: Sequence[Comparison]) -> str:
-    """For a document: difference, simultaneous interval, and what as many pairs would show."""
+    """For a document: difference, simultaneous interval, and what so many pairs tell from 0."""
     if not comparisons:
         return "No row has two runs with the seeds of another one."
     heads = ["row", "against", "pairs", *MEASURES.values()]

@@ -92,7 +92,7 @@ class Effect(NamedTuple):
         return Interval(self.value, self.value - reach, self.value + reach)
 
     def detectable(self, tests: int = 1) -> float:
-        """How large the effect must be for the interval to leave out 0 with a power of 0.8."""
+        """How far from a bound an effect lies that is told from it with a power of 0.8."""
         quantiles = stats.t.isf([LEVEL / 2 / tests, 1 - POWER], self.freedom)
         return float(quantiles.sum()) * self.error
 

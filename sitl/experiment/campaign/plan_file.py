@@ -104,9 +104,12 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
         DocumentError: the file is wrong; with all problems.
     """
     path = experiment_file(name)
-    document = Document.load(path)
-    model = document.parse(_Model)
-    return _Reading(document, model).experiment(), path
+    return experiment_of(Document.load(path)), path
+
+
+def experiment_of(document: Document) -> Experiment:
+    """What a file says. Raises DocumentError."""
+    return _Reading(document, document.parse(_Model)).experiment()
 
 
 @dataclass(slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -78,31 +79,22 @@ class AirtimeStats:
 _Floats = npt.NDArray[np.float32]
 
 
+@dataclass(slots=True)
 class Samples:
-    """Takes samples; every array has one row per sample."""
+    """Samples of a run, an entry for each.
 
-    def __init__(self) -> None:
-        self._times_s: list[float] = []  # one entry for each sample, as in all of these
-        self._places: list[_Floats] = []  # by robot: east, north
-        self._shares: list[float] = []  # of the town, known to the first UAV's map
+    Attributes:
+        times_s: when they were taken.
+        positions_m: (robots, 2): east, north.
+        known_share: of the town, on the first UAV's map.
+    """
+
+    times_s: list[float] = field(default_factory=list)
+    positions_m: list[_Floats] = field(default_factory=list)
+    known_share: list[float] = field(default_factory=list)
 
     def take(self, now_s: float, places: Places, known_share: float) -> None:
         """Look at every robot now."""
-        self._times_s.append(now_s)
-        self._places.append(places[:, :2].astype(np.float32))
-        self._shares.append(known_share)
-
-    @property
-    def times_s(self) -> npt.NDArray[np.float64]:
-        """When samples were taken."""
-        return np.array(self._times_s)
-
-    @property
-    def positions_m(self) -> _Floats:
-        """(samples, robots, 2)."""
-        return np.array(self._places, dtype=np.float32)
-
-    @property
-    def known_share(self) -> _Floats:
-        """(samples,)."""
-        return np.array(self._shares, dtype=np.float32)
+        self.times_s.append(now_s)
+        self.positions_m.append(places[:, :2].astype(np.float32))
+        self.known_share.append(known_share)

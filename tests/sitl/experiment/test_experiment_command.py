@@ -18,6 +18,7 @@ from sitl.cli import experiment_command as command
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.document_part import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
+from sitl.experiment.campaign.archive import checksum
 from sitl.experiment.campaign.campaign import Progress, in_words
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, Finished, Lost
@@ -68,10 +69,18 @@ def sitl(tmp_path, monkeypatch):
     path = tmp_path / "small.yaml"
     path.write_text(SMALL, encoding="utf-8")
 
-    def call(*words, pool=None, work=made_up.work, figures=False, try_out=None):
+    def call(  # noqa: PLR0913 - what tests vary
+        *words,
+        experiment=path,
+        out=True,
+        pool=None,
+        work=made_up.work,
+        figures=False,
+        try_out=None,
+    ):
         parser = argparse.ArgumentParser()
         command.add_arguments(parser)
-        fixed = [str(path), "--out", str(tmp_path / "out")]
+        fixed = [str(experiment), *(["--out", str(tmp_path / "out")] if out else [])]
         arguments = parser.parse_args([*fixed, *([] if figures else ["--no-figures"]), *words])
         pool = pool or Here()
         monkeypatch.setattr(command, "ProcessPool", lambda _jobs: pool)
@@ -124,6 +133,18 @@ def test_runs_of_other_settings_are_not_mixed_in(sitl, tmp_path):
         RunLog(tmp_path / "other")
 
 
+def test_each_phase_has_a_folder_of_its_own(sitl, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sitl.path.write_text(SMALL + "first_seed: 8\nconfirmation_seed: 11\n", encoding="utf-8")
+    numbers = []
+    for first in ([], ["--first-seed", "11"]):
+        _, pool = sitl("--rows", "5 m, 3 UGVs", *first, out=False)
+        numbers.append([number for _, number in pool.made])
+    assert numbers == [[8, 9, 10], [11, 12, 13]]
+    folders = sorted(path.name for path in (tmp_path / "experiments").iterdir())
+    assert folders == ["small", "small-confirmation"]
+
+
 def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
     sitl.path.write_text(SMALL + "confirmation_seed: 2\n", encoding="utf-8")
     with pytest.raises(MixedRunsError, match="seeds 0 to 2 are of both phases"):
@@ -146,6 +167,48 @@ def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
     sitl.path.write_text(SMALL + "confirmation_seed: 3\n", encoding="utf-8")
     with pytest.raises(MixedRunsError, match="other settings or seeds"):
         sitl("--seeds", "1", "--first-seed", "3", "--out", after)
+
+
+def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
+    page, folder = tmp_path / "page.md", tmp_path / "evidence"
+    folder.mkdir()
+    table = folder / "small-table.csv"
+    table.touch()
+    marks = [f"<!-- begin small {what} -->\n<!-- end -->\n" for what in ("facts", "archive")]
+    page.write_text("# Page\n" + "".join(marks), encoding="utf-8")
+    archive = folder / "small-runs.jsonl.xz"
+    sitl("--docs", str(page), "--archive", str(archive))
+    size = sum(len(json.dumps(record)) for record in read_runs(tmp_path / "out"))
+    assert archive.stat().st_size < size / 10
+    told = page.read_text(encoding="utf-8")
+    assert f"SHA-256 `{checksum(archive)}`" in told
+    assert "12 runs (4 rows, exploration seeds 0 to 2)" in told
+    # What the file says later, and what its towns are, changes nothing of what was archived.
+    sitl.path.write_text("name: small\ntitle: Another\nrows: [{ugvs: 1}]\n", encoding="utf-8")
+
+    capsys.readouterr()
+
+    def verify():
+        code, _ = sitl("--verify", str(page), experiment=archive)
+        return code, capsys.readouterr().err
+
+    assert verify() == (0, "small: 12 runs say the same\n")
+    page.write_text(told.replace("seeds 0 to 2", "seeds 0 to 3"), encoding="utf-8")
+    table.write_text(table.read_text(encoding="utf-8").replace("runs", "ruins"), encoding="utf-8")
+    code, err = verify()
+    assert code == 1
+    assert [line.partition(":")[0] for line in err.splitlines()] == [str(page), str(table)]
+    assert "page.md: small facts: not what the archived runs say" in err
+    page.write_text(told, encoding="utf-8")
+    table.write_text("", encoding="utf-8")
+    sitl("--docs", str(page), experiment=archive)
+    assert verify()[0] == 0
+    assert page.read_text(encoding="utf-8") == told
+    with pytest.raises(UsageError, match="is about an archive"):
+        sitl("--verify", str(page))
+    (folder / "x.jsonl.xz").write_bytes(b"none")
+    with pytest.raises(RunLogError, match="is no archive of runs"):
+        sitl(experiment=folder / "x.jsonl.xz")
 
 
 def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):

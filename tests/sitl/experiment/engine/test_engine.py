@@ -20,7 +20,7 @@ from geo.frame import Geodetic, LocalFrame, Point
 from sitl.experiment.channels import channel
 from sitl.experiment.engine.ages import mean_age_s
 from sitl.experiment.engine.engine import Run, run
-from sitl.experiment.engine.result import STAGES
+from sitl.experiment.engine.result import STAGES, measured
 from sitl.experiment.robots import explorer, uav
 from sitl.experiment.settings import PaperModel, RunSettings, TraceModel
 from sitl.world import camera
@@ -85,6 +85,14 @@ def test_only_one_robot_sends_at_a_time_and_what_it_sends_is_the_protocol_s(orig
     ends = rows["complete"] & (rows["stage"] == STAGES.index("end"))
     assert np.count_nonzero(ends) == original.exchanges_complete > 4
     assert np.all(rows["messages"][rows["complete"]] == (rows["stage"][rows["complete"]] == 1))
+    found = measured(original, 200.0)
+    data, headers = (
+        rows["complete"] & (rows["stage"] == STAGES.index(s)) for s in ("data", "header")
+    )
+    assert (found["data_waits"], found["header_waits"]) == (data.sum(), headers.sum())
+    assert found["waits"] == data.sum() + headers.sum() + ends.sum()
+    mean_s = (rows["start_s"] - rows["ready_s"])[headers].mean()
+    assert found["header_wait_mean_s"] == pytest.approx(mean_s)
 
 
 def test_ours_brings_more_messages_over_in_less_time_on_the_air(original, ours):
@@ -103,6 +111,8 @@ def test_poses_and_maps_travel(original, ours):
             name: [len(h) - 1 for pair, h in result.held.items() if pair[0] == name]
             for name in ("pose", "map")
         }
+        # there is a map from the first picture on, long before a robot asks for it
+        assert result.held["map", "uav01", "ugv01"][0].tolist() == [0.0, 4.0]
         assert all(news["pose"])
         assert any(news["map"])
         assert any(mean_age_s(held, 200.0) < 150.0 for held in result.held.values())
