@@ -236,6 +236,7 @@ def _evaluate(
     tidy = results.tidy(records)
     found = tables.lines(experiment, records)
     results.write_csv(tidy, folder / "results.csv")
+    results.write_csv(results.pair_ages(records), folder / "ages.csv")
     text = tables.as_text(experiment, found, seeds_of(records))
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
     (folder / "table.md").write_text(tables.as_markdown(experiment, found) + "\n", encoding="utf-8")

@@ -40,6 +40,20 @@ def tidy(records: Sequence[Record]) -> list[dict[str, Any]]:
     ]
 
 
+def pair_ages(records: Sequence[Record]) -> list[dict[str, Any]]:
+    """Ages of information: a line per run, topic, robot that makes it and robot that uses it."""
+    names = ("topic", "maker", "user", "age_mean_s", "age_peak_s")
+    return [
+        {
+            "row": record["row"],
+            "seed_number": record["number"],
+            **dict(zip(names, pair, strict=True)),
+        }
+        for record in records
+        for pair in record["curves"].get("pairs", ())  # archives have none
+    ]
+
+
 def flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Settings without mappings in them: `timers.init_s`."""
     result: dict[str, Any] = {}

@@ -285,6 +285,14 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
     with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == answer["runs"] == 12
+    with (tmp_path / "out" / "ages.csv").open(encoding="utf-8") as file:
+        ages = [row for row in csv.DictReader(file) if row["row"] == rows[0]["row"]]
+    own = [row for row in ages if (row["seed_number"], row["topic"]) == ("0", "map")]
+    assert {(row["maker"], row["user"]) for row in own} <= {
+        ("uav01", f"ugv0{n}") for n in (1, 2, 3)
+    }
+    means = [float(row["age_mean_s"]) for row in own]
+    assert np.mean(means) == pytest.approx(float(rows[0]["map_age_mean_s"]))
     assert rows[0]["radius_m"] == "5.0"
     assert rows[0]["timers.init_s"] == "99.0"
     assert (rows[0]["protocol"], rows[0]["uavs"]) == ("original", "1")  # which the file leaves out
