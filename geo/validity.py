@@ -20,7 +20,7 @@ class Hours(NamedTuple):
     `end` at or before `start` is on the next day; midnight to midnight is the whole day.
     """
 
-    days: frozenset[int]
+    days: frozenset[int]  # 0: Monday
     start: time
     end: time
 

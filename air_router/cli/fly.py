@@ -75,15 +75,15 @@ class FlyOptions:
     """
 
     url: str = DEFAULT_URL
-    system_id: int = 1
+    system_id: int = 1  # of the vehicle
     team: Path | None = None
     camera: str | None = None
-    metrics: str | None = None
+    metrics: str | None = None  # endpoint, see `camera`
     control: str | None = None
     web: Web | None = None
     keys: Path | None = None
     duration_s: float | None = None
-    arm: bool = False
+    arm: bool = False  # arm and start; otherwise the pilot does
     resume: bool = False
     recording: RecordingOptions = field(default_factory=RecordingOptions)
     foxglove: ViewerAddress | None = None

@@ -33,10 +33,10 @@ TELEMETRY_S: Final = 4.0
 class PreflightOptions:
     """What to look at; `upload`: put the plan on board, as a flight would."""
 
-    url: str
-    system_id: int
-    team: Path | None
-    log_dir: Path | None
+    url: str  # of the vehicle's connection
+    system_id: int  # of the vehicle
+    team: Path | None  # None: the mission's own
+    log_dir: Path | None  # where a flight would be recorded
     upload: bool
 
 

@@ -38,8 +38,8 @@ from geo.frame import Point
 class Accepted(NamedTuple):
     """What is done."""
 
-    what: str
-    points: tuple[Point, ...] = ()
+    what: str  # in words, for the answer
+    points: tuple[Point, ...] = ()  # where it flies, of a go-to
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,11 +35,11 @@ _FAR_M = 50_000.0
 class CoverOptions:
     """What a coverage that has no mission goes by; `inside`: the area is the fence as well."""
 
-    home: Geodetic | None
-    altitude_m: float | None
+    home: Geodetic | None  # None: the mission's
+    altitude_m: float | None  # above home
     speed_m_s: float | None
-    clearance_m: float | None
-    zones: Sequence[Path]
+    clearance_m: float | None  # from zones and the fence
+    zones: Sequence[Path]  # files with more zones
     inside: bool
 
 

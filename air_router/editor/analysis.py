@@ -41,9 +41,9 @@ class LegKind(StrEnum):
 class OperatorLeg:
     """From a node to the next in the operator's order, over `points` (both ends included)."""
 
-    start: int
+    start: int  # node, 0: home
     end: int
-    way: LegKind
+    way: LegKind  # how it is flown
     points: tuple[Point, ...]
 
 
@@ -58,7 +58,7 @@ class MissionAnalysis:
     mission: Mission | None
     graph: WaypointGraph | None
     router: Router | None
-    legs: tuple[OperatorLeg, ...]
+    legs: tuple[OperatorLeg, ...]  # in the operator's order
 
     @classmethod
     def of(cls, editable: EditableMission) -> MissionAnalysis:

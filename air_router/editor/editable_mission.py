@@ -25,7 +25,7 @@ class EditableMission:
     """A text that can be read. Never changes: an edit makes another one."""
 
     path: Path
-    text: str
+    text: str  # as it would be saved
     document: Document
     editor: TextEditor
 

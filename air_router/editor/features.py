@@ -41,7 +41,7 @@ class CircleHandle:
     """A circle: its centre, and where its radius stands."""
 
     keys: Keys
-    centre: Handle
+    centre: Handle  # moves the circle
     radius_keys: Keys
     radius_m: float
 
@@ -59,9 +59,9 @@ class Region:
     """A fence or a no-fly zone. `entry` is what is removed with it, None if that must not be."""
 
     keys: Keys
-    name: str
+    name: str  # shown on the page
     is_fence: bool
-    rings: tuple[Ring, ...] = ()
+    rings: tuple[Ring, ...] = ()  # the outline, then its holes
     circle: CircleHandle | None = None
     entry: Keys | None = None
 

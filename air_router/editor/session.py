@@ -30,8 +30,8 @@ class _Step:
     """A state of the text, and what led from the one before to it."""
 
     editable: EditableMission
-    what: str
-    gesture: str | None
+    what: str  # label of undo
+    gesture: str | None  # edits of one are undone together
 
 
 class EditSession:

@@ -32,7 +32,7 @@ class GpxPoint:
     """A waypoint of the file."""
 
     name: str
-    kind: str
+    kind: str  # HOME, RALLY_POINT or whatever its type says
     place: Geodetic
     keys: Keys
 
@@ -42,7 +42,7 @@ class GpxLine:
     """A route or a segment of a track; `points` each have a place and its keys."""
 
     name: str
-    kind: str
+    kind: str  # as its type says
     points: tuple[GpxPoint, ...]
     keys: Keys
 

@@ -56,10 +56,10 @@ class FilePlace(NamedTuple):
 class MissionPoint:
     """A named place of a mission: home, a waypoint, a rally point."""
 
-    label: str
+    label: str  # as messages name it
     position: Point
     keys: Keys
-    altitude_m: float | None = None
+    altitude_m: float | None = None  # above home; None: the mission's
 
 
 @dataclass(frozen=True, slots=True)

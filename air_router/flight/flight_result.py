@@ -19,7 +19,7 @@ class FlightResult:
         meetings: Whom it found, and where it was then.
     """
 
-    outcome: str
+    outcome: str  # in words
     exit_code: ExitCode
     report: dict[str, object]
     track: tuple[Point, ...]

@@ -24,7 +24,7 @@ class MapVersion:
     """How much of the map was painted at a time on the vehicle's clock."""
 
     time_s: float
-    known_cells: int
+    known_cells: int  # painted by then
 
 
 class Mapper:

@@ -58,7 +58,7 @@ class IdleZone:
     """
 
     zone: Zone
-    reason: str
+    reason: str  # in words
     below: bool = False
 
 

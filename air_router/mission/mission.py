@@ -23,7 +23,7 @@ class Waypoint:
 
     number: int
     position: Point
-    altitude_above_home_m: float
+    altitude_above_home_m: float  # of the flight there
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,11 +56,11 @@ class PlanItem:
 
     command: Command
     frame: Frame
-    params: tuple[float, float, float, float]
-    x_deg_e7: int = 0
-    y_deg_e7: int = 0
+    params: tuple[float, float, float, float]  # 1 to 4; 5 to 7 are x, y and z
+    x_deg_e7: int = 0  # latitude
+    y_deg_e7: int = 0  # longitude
     z_m: float = 0.0
-    autocontinue: bool = False
+    autocontinue: bool = False  # go on to the next item by itself
 
     def same_as(self, other: PlanItem) -> bool:
         """Whether the vehicle would fly the same: what a read-back has to hold to.

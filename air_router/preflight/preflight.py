@@ -57,10 +57,10 @@ class CheckVerdict(Enum):
 class Check:
     """One line: what was looked at, how it stands, what was found, what to do."""
 
-    name: str
+    name: str  # the first column of the card
     verdict: CheckVerdict
-    found: str
-    advice: str = ""
+    found: str  # in words
+    advice: str = ""  # what to do; empty: nothing
 
     def __str__(self) -> str:
         return f"{self.name}: {self.found}" + (f"; {self.advice}" if self.advice else "")

@@ -21,12 +21,12 @@ from geo.frame import Point
 class SurveyedLeg:
     """The way from one node to another, as the mission would fly it."""
 
-    start: int
+    start: int  # node
     end: int
     route: Route
-    closest_m: float
-    closest_to: str
-    straight_blockers: tuple[str, ...]
+    closest_m: float  # least distance to a zone or the fence
+    closest_to: str  # its name
+    straight_blockers: tuple[str, ...]  # zones in the straight way
 
 
 class MissionSurvey:

@@ -53,14 +53,14 @@ class LogError(AirRouterError):
 class Note(NamedTuple):
     """What the shell around the controller wrote down; its fields are plain data."""
 
-    name: str
+    name: str  # kind of note
     fields: dict[str, Any]
 
 
 class StoredFile(NamedTuple):
     """A file that was put into the record."""
 
-    name: str
+    name: str  # within the record
     data: bytes
 
 

@@ -52,13 +52,13 @@ class RecordChannel(NamedTuple):
 
     topic: str
     schema_name: str
-    schema: str
+    schema: str  # JSON schema
 
 
 class _Message(NamedTuple):
     channel: RecordChannel
     time_ns: int
-    data: bytes
+    data: bytes  # JSON
 
 
 class _File(NamedTuple):

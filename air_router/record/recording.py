@@ -85,7 +85,7 @@ class ViewerAddress(NamedTuple):
     """Where a viewer of records is served."""
 
     host: str = "127.0.0.1"
-    port: int = 8765
+    port: int = 8765  # Foxglove's usual one
 
     def __str__(self) -> str:
         """As `--foxglove` takes it."""

@@ -39,7 +39,7 @@ class OutgoingMessage:
     """A message to publish; a topic that begins with ``~/`` belongs to the vehicle."""
 
     topic: str
-    kind: str
+    kind: str  # package/Type
     values: Values
 
 

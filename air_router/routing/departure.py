@@ -42,8 +42,8 @@ _DRIFT_M = 0.25
 class PendingSetpoint(NamedTuple):
     """The end of a leg that the vehicle may be on, and how far it swings if turned away there."""
 
-    place: Point
-    reach: Point
+    place: Point  # end of the leg
+    reach: Point  # behind it, where it swings to
 
 
 class Departure:

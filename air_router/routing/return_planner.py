@@ -41,7 +41,7 @@ class Way:
     """A way that is known to be clear: its length and its number of legs."""
 
     length_m: float
-    legs: int = 1
+    legs: int = 1  # each takes time to brake and speed up
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,8 +41,8 @@ class Route:
 class NoRoute:
     """There is no route: why, and the names of the zones (or of the fence) in the way."""
 
-    reason: str
-    blockers: tuple[str, ...] = ()
+    reason: str  # in words
+    blockers: tuple[str, ...] = ()  # names of zones, or of the fence
 
 
 class Router:

@@ -156,7 +156,7 @@ class InputNews(NamedTuple):
     """What to announce: what is missing, and what is done about it."""
 
     what: str
-    then: str
+    then: str  # empty: nothing is done
 
 
 class InputStatus(NamedTuple):

@@ -121,7 +121,7 @@ class ItemReached:
     """The autopilot says that it has reached a plan item."""
 
     time_s: float
-    item: int
+    item: int  # seq in the plan on board
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +175,8 @@ class VehicleInfo:
 
     system_id: int
     autopilot: str
-    version: str
-    home: Point | None
+    version: str  # "1.17.0"
+    home: Point | None  # in the mission's frame; None: not known yet
     home_altitude_amsl_m: float | None
     took_off_s: float | None = None
 

@@ -44,7 +44,7 @@ class TileKey(NamedTuple):
 
     zoom: int
     column: int
-    row: int
+    row: int  # 0: the northernmost
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ class Fetched:
 
     new: int
     before: int
-    none: int
+    none: int  # the server has no such tile
 
 
 def fetch(

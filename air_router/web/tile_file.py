@@ -49,7 +49,7 @@ class TileError(AirRouterError):
 class Tile(NamedTuple):
     """A picture and its media type."""
 
-    kind: str
+    kind: str  # media type
     data: bytes
 
 

@@ -46,7 +46,7 @@ class Outline:
     """
 
     ring: Ring
-    holes: tuple[Ring, ...] = ()
+    holes: tuple[Ring, ...] = ()  # within the ring, apart from each other
     polygon: Polygon = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -52,7 +52,7 @@ class Row:
 class Cell:
     """Rows that are flown to and fro, one after the other."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...]  # side by side
 
     @property
     def entry(self) -> Point:
@@ -81,9 +81,9 @@ class Order:
     """Rows in order, with the points between them; see `geo.coverage.coverage.Coverage`."""
 
     rows: tuple[Row, ...]
-    track: tuple[Point, ...]
-    way_out: tuple[Point, ...]
-    way_back: tuple[Point, ...]
+    track: tuple[Point, ...]  # rows and what joins them
+    way_out: tuple[Point, ...]  # from the start to the first row
+    way_back: tuple[Point, ...]  # from the last row to the start
 
 
 def cells_of(

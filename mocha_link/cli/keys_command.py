@@ -39,7 +39,7 @@ class _Plan(NamedTuple):
     """What becomes of one robot: `secret` is to be written, `public` goes into the team file."""
 
     robot: Robot
-    told: str
+    told: str  # what is done, in words
     secret: SecretKey | None = None
     public: str | None = None
 

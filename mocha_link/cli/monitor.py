@@ -36,7 +36,7 @@ class Style:
     """What the terminal can show."""
 
     colour: bool = True
-    unicode: bool = True
+    unicode: bool = True  # beyond ASCII
 
     def paint(self, text: str, colour: str) -> str:
         """The text in a colour, if there are colours."""
@@ -46,19 +46,19 @@ class Style:
 class _Scene(NamedTuple):
     """What a cell needs to know beside its link."""
 
-    now_s: float
+    now_s: float  # Unix time of the node
     later_s: float  # since the snapshot
-    best_bytes_s: float
+    best_bytes_s: float  # a full bar
     unicode: bool
 
 
 class _Column(NamedTuple):
     """One column; the one with the highest rank goes first when the terminal is too narrow."""
 
-    head: str
-    rank: int
+    head: str  # heading
+    rank: int  # least important: highest
     cell: Callable[[Link, _Scene], str]
-    right: bool = False
+    right: bool = False  # aligned
 
 
 class Picture:

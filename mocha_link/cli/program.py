@@ -61,12 +61,12 @@ class Program:
 
     name: str
     description: str
-    epilog: str
+    epilog: str  # below the options of `--help`
     commands: tuple[Command, ...]
     expected: tuple[type[Exception], ...]
     ended: Callable[[Exception], tuple[int, str]]
     prepared: Callable[[Sequence[str]], Sequence[str]] = list
-    log_level: int = logging.WARNING
+    log_level: int = logging.WARNING  # without `--verbose`
     log_format: str = "%(levelname)s %(name)s: %(message)s"
 
     def parser(self, *, whole: bool = True) -> argparse.ArgumentParser:

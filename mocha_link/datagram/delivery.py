@@ -27,7 +27,7 @@ class Stamp:
     """What was known when a packet left; it comes back when the packet has arrived or is lost."""
 
     size: int  # bytes
-    sent_s: float
+    sent_s: float  # when it left
     delivered: int  # bytes that had arrived by then
     delivered_s: float  # when the last of these arrived
     first_s: float  # when the packet left that arrived last
@@ -40,7 +40,7 @@ class Train(NamedTuple):
 
     rate: float  # bytes/s at which they came out of the link
     stretched: bool  # they came out more slowly than they went in: the link is full
-    loss: float
+    loss: float  # share of bytes
     risen: bool  # even the fastest of the last ones had to wait somewhere
 
 

@@ -42,10 +42,10 @@ class Packet(NamedTuple):
     """One packet, taken apart. Without a number it only acknowledges."""
 
     ack: Ack | None
-    number: int | None
+    number: int | None  # None: it only acknowledges
     floor: int  # the sender asks for nothing below it again
     content: int  # the number under which these frames were sent first
-    frames: list[bytes]
+    frames: list[bytes]  # what it carries
 
 
 def token_of(packet: bytes) -> bytes | None:

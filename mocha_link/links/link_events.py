@@ -49,7 +49,7 @@ class SyncTimedOut:
     peer: str
     at_s: float
     direction: Direction
-    reason: str
+    reason: str  # in words
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class ContactBegan:
 
     peer: str
     at_s: float
-    signal: Reading | None
+    signal: Reading | None  # None: the contact began without one
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class ContactEnded:
     peer: str
     at_s: float
     duration_s: float
-    reason: str
+    reason: str  # in words
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class StorageFailed:
 
     peer: str
     at_s: float
-    reason: str
+    reason: str  # in words
 
 
 @dataclass(frozen=True, slots=True)

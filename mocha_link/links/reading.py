@@ -34,9 +34,9 @@ class Reading:
     if the value cannot be one in that unit, or if the source is no short printable text.
     """
 
-    value: float
+    value: float  # in the unit's own measure
     unit: Unit
-    source: str
+    source: str  # what reports it: a radio, a program
 
     def __post_init__(self) -> None:
         if isinstance(self.value, bool) or not isinstance(self.value, numbers.Real):

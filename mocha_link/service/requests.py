@@ -40,8 +40,8 @@ class Request(BaseModel, extra="forbid", strict=True):
 class Answer(NamedTuple):
     """The fields of an answer to a request that was done, and the data behind them."""
 
-    fields: Mapping[str, Any]
-    data: Sequence[bytes] = ()
+    fields: Mapping[str, Any]  # JSON
+    data: Sequence[bytes] = ()  # frames behind it
 
 
 class Verb(NamedTuple):

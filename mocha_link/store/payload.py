@@ -64,17 +64,17 @@ class PayloadError(MochaLinkError):
 class Trailer:
     """What a node of ours says behind the LZ4 frame: when, and perhaps its signature for it."""
 
-    stamp_ms: int
-    signature: bytes | None = None
-    version: int = VERSION
+    stamp_ms: int  # Unix milliseconds
+    signature: bytes | None = None  # Ed25519; None: unsigned
+    version: int = VERSION  # of the trailer
 
 
 class _Frame(NamedTuple):
     """An LZ4 frame in a body: where it ends, the stated size of its data, the most it may hold."""
 
-    end: int
-    size: int | None
-    most: int
+    end: int  # offset behind it
+    size: int | None  # None: it is not stated
+    most: int  # bytes of data, by its blocks
 
 
 def pack(  # noqa: PLR0913 - what a message is made from

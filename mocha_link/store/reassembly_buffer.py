@@ -31,8 +31,8 @@ class StoredFragment(NamedTuple):
     """A piece of a message as it is kept on disk."""
 
     message_id: int
-    total: int
-    start: int
+    total: int  # bytes of the whole body
+    start: int  # offset of the piece
     data: bytes
 
 

@@ -32,8 +32,8 @@ class Header:
 
     SIZE: ClassVar[int] = _LAYOUT.size
 
-    robot_id: int
-    topic_id: int
+    robot_id: int  # see `Team`
+    topic_id: int  # see `Team`
     seconds: int
     milliseconds: int
 
@@ -115,7 +115,7 @@ class Record:
     """
 
     header: Header
-    priority: int
+    priority: int  # of the topic; greater is more urgent
     body: bytes | memoryview
     stamp_ms: int
     received_s: float

@@ -61,9 +61,9 @@ class PublicKey:
         KeysUnavailableError: PyNaCl is missing.
     """
 
-    text: str
-    raw: bytes = field(init=False, repr=False)
-    curve: bytes = field(init=False, repr=False)
+    text: str  # Z85
+    raw: bytes = field(init=False, repr=False)  # Ed25519
+    curve: bytes = field(init=False, repr=False)  # X25519, for sealing and CURVE
 
     def __post_init__(self) -> None:
         require()
@@ -90,10 +90,10 @@ class PublicKey:
 class SecretKey:
     """The secret half: 32 random bytes. It never shows itself in a log."""
 
-    seed: bytes = field(repr=False)
+    seed: bytes = field(repr=False)  # of the Ed25519 key
     public: PublicKey = field(init=False)
-    curve: bytes = field(init=False, repr=False)
-    _signing: bytes = field(init=False, repr=False)
+    curve: bytes = field(init=False, repr=False)  # X25519
+    _signing: bytes = field(init=False, repr=False)  # Ed25519, as PyNaCl takes it
 
     def __post_init__(self) -> None:
         require()

@@ -28,9 +28,9 @@ class Problem:
     """
 
     path: Path
-    line: int
+    line: int  # of the value, or of the file's beginning
     column: int
-    message: str
+    message: str  # what is wrong, and what to do
     code: str
     keys: tuple[str | int, ...] = field(default=(), compare=False)
 

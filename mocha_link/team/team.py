@@ -64,9 +64,9 @@ class Topic:
     """
 
     name: str
-    topic_id: int
-    type: str
-    dtype: int
+    topic_id: int  # index in the list of its kind
+    type: str  # package/Type
+    dtype: int  # index of its type; see the module
     priority: Priority
     min_interval_s: float
     history: int = 1
@@ -85,13 +85,13 @@ class Robot:
     """
 
     name: str
-    robot_id: int
+    robot_id: int  # index in the sorted names
     kind: str
     address: str
-    base_port: int
+    base_port: int  # the first of its clients' ports
     listen: str
     clients: tuple[str | None, ...]
-    radio: str | None = None
+    radio: str | None = None  # URL of where its readings come from
     radio_id: str | None = None
     key: str | None = None
     original: bool = False
@@ -121,7 +121,7 @@ class Trigger:
 
     rssi_threshold_dbm: float = -75.0
     snr_threshold_db: float = 10.0
-    device_threshold: float = 20.0
+    device_threshold: float = 20.0  # in the radio's own unit
     hysteresis_db: float = 3.0
     interval_s: float = 2.0
     budget_bytes: int | None = None
@@ -134,13 +134,13 @@ class Team:
     `definitions` are the texts of message definitions (``.msg``) that the team brings along.
     """
 
-    robots: Mapping[str, Robot]
-    kinds: Mapping[str, tuple[Topic, ...]]
+    robots: Mapping[str, Robot]  # by name, in the order of ids
+    kinds: Mapping[str, tuple[Topic, ...]]  # topics of each kind
     trigger: Trigger
     trust: Trust
     definitions: Mapping[str, str]
     path: Path
-    _by_id: tuple[Robot, ...] = field(repr=False)
+    _by_id: tuple[Robot, ...] = field(repr=False)  # place is id
 
     @classmethod
     def load(cls, path: Path | str) -> Self:

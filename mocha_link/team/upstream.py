@@ -40,8 +40,8 @@ class Import:
     """A team of the original nodes, the text of its team file, and what to know about it."""
 
     team: Team
-    text: str
-    notices: tuple[Problem, ...]
+    text: str  # YAML
+    notices: tuple[Problem, ...]  # what was left out or assumed
 
 
 def load(

@@ -18,10 +18,10 @@ _URL = re.compile(rf"(?P<scheme>[a-z]+):(?://(?P<host>{_HOST})(?::(?P<port>\d{{1
 
 @dataclass(frozen=True, slots=True)
 class _Form:
-    shown: str
+    shown: str  # an example, for messages
     port: str  # "no", "may", "must"
-    options: tuple[str, ...] = ()
-    host: bool = True
+    options: tuple[str, ...] = ()  # that such a URL may have
+    host: bool = True  # it needs one
 
 
 FORMS: Mapping[str, _Form] = {
@@ -44,9 +44,9 @@ class RadioUrl:
 
     scheme: str
     host: str
-    port: int | None
-    options: Mapping[str, str] = field(hash=False)
-    text: str
+    port: int | None  # None: the URL has none
+    options: Mapping[str, str] = field(hash=False)  # behind the question mark
+    text: str  # as it was written
 
     @classmethod
     def parse(cls, text: str, scheme: str | None = None) -> Self:

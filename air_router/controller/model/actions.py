@@ -13,8 +13,8 @@ from geo.frame import Point
 class FlyToNode:
     """Jump to a node of the plan: a straight leg in Mission mode, checked before it was asked."""
 
-    node: int
-    position: Point
+    node: int  # 0: home
+    position: Point  # of that node
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class FlyToPoint:
 class HoldHere:
     """Stop and hover."""
 
-    why: str
+    why: str  # in words, for records
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class PublishMap:
 class Seeking:
     """Tell the team whom this UAV seeks, or hovers over, from now on; None: no robot."""
 
-    robot: str | None
+    robot: str | None  # None: no robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +73,10 @@ class Announce:
 class StateChanged:
     """The mission entered another state; for logs and displays."""
 
-    source: State
+    source: State  # the state before
     signal: Signal
     target: State
-    robot: str | None
+    robot: str | None  # sought or hovered over
 
 
 class Refusal(StrEnum):
@@ -131,9 +131,9 @@ class ControlHolder(Enum):
 class Finish:
     """The flight is over: landed by us, or by the one that took over (None: neither)."""
 
-    landed_by_us: bool
-    why: str
-    taken_by: ControlHolder | None = None
+    landed_by_us: bool  # after LAND, commanded by us
+    why: str  # in words
+    taken_by: ControlHolder | None = None  # None: the vehicle stayed ours
 
 
 Action = (

@@ -71,7 +71,7 @@ class CommandFailed:
     """The vehicle did not follow an action."""
 
     action: Motion
-    reason: str
+    reason: str  # in words
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class AirspaceChanged:
 class PlanRenewed:
     """The plan with the changed fence is on board and read back; or not, and why."""
 
-    why_not: str | None = None
+    why_not: str | None = None  # None: it is on board
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,7 +101,7 @@ class Deviation(NamedTuple):
     """What to say, and what to do about it."""
 
     response: Response
-    words: str
+    words: str  # announced
 
 
 @dataclass(slots=True, eq=False)

@@ -47,7 +47,7 @@ class MonitorEvent(NamedTuple):
     """A sign, and what to say about it."""
 
     kind: EventKind
-    words: str = ""
+    words: str = ""  # announced
 
 
 _GOOD: Final = MonitorEvent(EventKind.GOOD)

@@ -59,7 +59,7 @@ class Goal:
     """Where to: a node of the plan, or any point."""
 
     position: Point
-    node: int | None = None
+    node: int | None = None  # None: a point that is no node
 
 
 class Navigator:

@@ -61,8 +61,8 @@ class GotoTask:
 class Refused:
     """Why something is not done."""
 
-    code: Refusal
-    why: str
+    code: Refusal  # see docs/errors.md
+    why: str  # in words
 
 
 @dataclass(slots=True, eq=False)

@@ -81,7 +81,7 @@ class MeetingPoint:
     """Where a robot would be met, and how long the vehicle flies there."""
 
     place: SearchPlace
-    flight_s: float
+    flight_s: float  # inf: no way leads there
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +89,9 @@ class _Candidate:
     """A robot that could be sought: where, how old what we hold of it is, and what it is worth."""
 
     place: SearchPlace
-    age_s: float
-    flight_s: float
-    benefit: float
+    age_s: float  # of what we hold, at the meeting
+    flight_s: float  # to the place
+    benefit: float  # the greater, the sooner it is sought
 
     def told(self, oldest_s: float) -> SearchPlace:
         """The place, with the reason why this robot."""

@@ -28,8 +28,8 @@ class SearchPlace:
     """Where to look for a robot (None: where the UAV passed longest ago) and why there."""
 
     robot: str
-    position: Point | None
-    reason: str
+    position: Point | None  # None: nothing is known of it
+    reason: str  # announced
 
 
 @dataclass(slots=True)

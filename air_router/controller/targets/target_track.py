@@ -39,14 +39,14 @@ class Sighting:
     """Where a robot was, and when."""
 
     position: Point
-    stamp_s: float
+    stamp_s: float  # on the robot's clock, of a pose
 
 
 @dataclass(frozen=True, slots=True)
 class Intent:
     """The path that a robot said it would take, and when it said so, in its Unix seconds."""
 
-    points: tuple[Point, ...]
+    points: tuple[Point, ...]  # the last is its destination
     stamp_s: float
 
 

@@ -28,7 +28,7 @@ class MapArea:
 
     name: str
     shape: MapOutline | MapCircle
-    clearance_m: float | None = None
+    clearance_m: float | None = None  # of its own
     altitudes: Altitudes | None = None
     validity: Validity | None = None
 
@@ -39,7 +39,7 @@ class MapPoint:
 
     name: str
     place: Geodetic
-    altitude_above_home_m: float | None = None
+    altitude_above_home_m: float | None = None  # None: the mission's
 
 
 @dataclass(slots=True)

@@ -37,13 +37,13 @@ _REFERENCES: Final = {"AGL": Reference.GROUND, "AMSL": Reference.AMSL, "WGS84": 
 class _Names(NamedTuple):
     """Where a format has what: keys of a zone, of its properties and of a volume's layer."""
 
-    properties: Keys
+    properties: Keys  # of a zone
     restriction: str
-    periods: str
-    unit: str
+    periods: str  # when it applies
+    unit: str  # of both limits
     unit_needed: bool  # metres without one, where it is not
-    lower: tuple[str, str]
-    upper: tuple[str, str]
+    lower: tuple[str, str]  # value and reference
+    upper: tuple[str, str]  # value and reference
 
 
 def read_ed269(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading:

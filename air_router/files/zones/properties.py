@@ -29,7 +29,7 @@ _OWN_LIMITS = frozenset(
 class ZoneTerms:
     """How far, how high and when a zone is to be kept away from."""
 
-    clearance_m: float | None = None
+    clearance_m: float | None = None  # None: the mission's
     altitudes: Altitudes | None = None
     validity: Validity | None = None
 

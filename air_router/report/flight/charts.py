@@ -33,11 +33,11 @@ _LEAST_PX: Final = 1.0
 class Figure(NamedTuple):
     """A figure of the page: its heading, what it shows, the pictures, and (css, words) of it."""
 
-    name: str
+    name: str  # id on the page
     heading: str
-    words: str
-    pictures: str
-    legend: list[tuple[str, str]]
+    words: str  # below the heading
+    pictures: str  # SVG
+    legend: list[tuple[str, str]]  # css class, words
 
 
 def figures(summary: FlightSummary, ulog: UlogTrack | None = None) -> list[Figure]:

@@ -32,7 +32,7 @@ class ContactSpan:
     """A time in which a robot was heard well enough."""
 
     robot: str
-    from_s: float
+    from_s: float  # on the vehicle's clock
     to_s: float
 
 
@@ -41,10 +41,10 @@ class Sync:
     """One pull, ours ("in") or the robot's ("out"); `outcome`: complete, partial or broken off."""
 
     robot: str
-    direction: str
-    from_s: float
+    direction: str  # "in" or "out"
+    from_s: float  # on the vehicle's clock
     to_s: float
-    bytes: int
+    bytes: int  # of replies
     messages: int
     outcome: str
 

@@ -46,10 +46,10 @@ class StateInterval:
     """A time in one state; `robot` is whom it is about."""
 
     state: str
-    from_s: float
+    from_s: float  # on the vehicle's clock
     to_s: float
     robot: str | None
-    because: str
+    because: str  # the signal that led into it
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,10 @@ class RequestRecord:
     """A request, and the answer (None: none)."""
 
     t: float
-    what: str
-    by: str
+    what: str  # in words
+    by: str  # who asked
     accepted: bool | None = None
-    why: str = ""
+    why: str = ""  # of the answer
 
 
 @dataclass(slots=True)

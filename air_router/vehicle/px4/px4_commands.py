@@ -73,8 +73,8 @@ class Choices(NamedTuple):
     mode: FlightMode
     armed: bool
     failsafe: bool
-    item: int | None
-    target: Point | None
+    item: int | None  # of the plan, current
+    target: Point | None  # that it reports
 
     @classmethod
     def of(cls, telemetry: Px4Telemetry | Telemetry) -> Self:

@@ -83,11 +83,11 @@ class Px4Telemetry:
         self.wind_m_s: tuple[float, float] | None = None  # east, north
         self.time_s = 0.0  # since boot, of the newest position
         self.altitude_m = 0.0  # above the home of the take-off
-        self.altitude_amsl_m = 0.0
+        self.altitude_amsl_m = 0.0  # as the autopilot says
         self.velocity_m_s = (0.0, 0.0)  # east, north
         self.heading_deg: float | None = None  # clockwise from north
-        self.mode = FlightMode.OTHER
-        self.armed = False
+        self.mode = FlightMode.OTHER  # from HEARTBEAT and CURRENT_MODE
+        self.armed = False  # from HEARTBEAT
         self._mode = ModeState()
         self._streams = Streams()
         self._told_s = 0.0  # vehicle time of the latest telemetry
@@ -99,7 +99,7 @@ class Px4Telemetry:
         self.mission_state = 0  # MISSION_STATE
         self.mission_reports = 0  # MISSION_CURRENT so far
         self.home: Point | None = None  # of the autopilot, in the mission frame
-        self.home_altitude_amsl_m: float | None = None
+        self.home_altitude_amsl_m: float | None = None  # of the autopilot's home
         self.version: str | None = None  # of PX4, once it was asked
         self.took_off_s: float | None = None  # since boot, as PX4 says
 
