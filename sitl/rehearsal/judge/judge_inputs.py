@@ -166,7 +166,7 @@ class InputJudge:
         return _SAID_S + self.notice_s + max(self.track.evidence.reaction_s - 1.0, 0.0)
 
     def _judge_files_left(self) -> None:
-        """Other zones or fences that it was asked to heed, and did not: it says why."""
+        """Other zones or fences that it was asked to apply, and did not: it says why."""
         track = self.track
         for left in track.evidence.told(SceneEventKind.FILE_LEFT):
             asked_s, text = left.value
@@ -180,7 +180,7 @@ class InputJudge:
                 continue
             said = (words for at_s, words in self._said if asked_s - 0.1 <= at_s <= left.time_s)
             if not any(_NOT_TAKEN.search(words) for words in said):
-                what = f"{new[0].name} of a changed file is not heeded"
+                what = f"{new[0].name} of a changed file is not applied"
                 self._add(left.time_s, "told", f"not a word why {what}")
 
     # Streams.

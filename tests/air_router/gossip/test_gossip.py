@@ -122,7 +122,7 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     assert [number for number in given if number is not None] == ["0", "1", "49"]
 
 
-def test_only_what_the_mission_may_heed_is_decompressed(gossip, pennovation, monkeypatch):
+def test_only_what_the_mission_may_use_is_decompressed(gossip, pennovation, monkeypatch):
     read, given = [], []
     message = heard("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
     monkeypatch.setattr(gossip.node, "latest", lambda _, topic: read.append(topic) or message)

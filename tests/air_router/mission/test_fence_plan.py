@@ -121,7 +121,7 @@ def test_zones_that_do_not_matter_take_no_points(tmp_path):
     (note,) = mission.notes
     assert note.code == "fence-simpler-on-board"
     assert note.line == 10
-    assert "'low' is not in the fence on board: PX4 would heed it at all altitudes" in note.message
+    assert "'low' is not in the fence on board: PX4 would apply it at all altitudes" in note.message
 
 
 def test_long_sides_are_straight_where_they_were_drawn(tmp_path):

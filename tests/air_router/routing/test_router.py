@@ -519,7 +519,7 @@ def test_the_shortest_planner_is_never_longer_and_as_clear():
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_the_shortest_planner_heeds_speed_and_the_margin_too(seed):
+def test_the_shortest_planner_keeps_speed_and_the_margin_too(seed):
     rng = random.Random(seed)
     start, goal = (Point(rng.uniform(-190, 150), rng.uniform(-140, 80)) for _ in range(2))
     rest = Point(start.east_m + rng.uniform(-5, 5), start.north_m + rng.uniform(-5, 5))

@@ -1,4 +1,4 @@
-"""Which zones a mission heeds: by altitude and time, at home, in cruise, and below it."""
+"""Which zones apply to a mission: by altitude and time, at home, in cruise, and below it."""
 
 import math
 from datetime import UTC, datetime, timedelta
@@ -39,7 +39,7 @@ def zone(at, more):
     return f"no_fly_zones: [{{name: z, circle: {{centre: {at}, radius_m: 20}}, {more}}}]\n"
 
 
-def heeded(mission):
+def applied(mission):
     """Whether the only zone counts in cruise, and from the ground up."""
     return bool(mission.airspace.zones), bool(mission.climb_airspace.zones)
 
@@ -66,7 +66,7 @@ def heeded(mission):
 )
 def test_zones_count_by_their_altitudes(tmp_path, altitude, expected):
     mission = load(tmp_path, zone([50, 200], f"altitude: {altitude}"))
-    assert heeded(mission) == expected
+    assert applied(mission) == expected
     assert len(mission.zones) == 1
     assert mission.cruise == Band(35, 65)
     assert [(idle.zone.name, idle.below) for idle in mission.idle_zones] == (
@@ -96,7 +96,7 @@ def test_zones_count_by_their_altitudes(tmp_path, altitude, expected):
 def test_zones_count_by_time(tmp_path, active, hours, expected):
     duration = "" if hours is None else f"duration_s: {hours * 3600:g}\n"
     mission = load(tmp_path, zone([50, 200], f"active: {active}") + duration)
-    assert heeded(mission) == (expected, expected)
+    assert applied(mission) == (expected, expected)
     if not expected:
         (idle,) = mission.idle_zones
         assert idle.reason.startswith("applies ")
@@ -106,9 +106,9 @@ def test_zones_count_by_time(tmp_path, active, hours, expected):
 
 def test_a_longer_flight_meets_more_zones(tmp_path):
     text = zone([50, 200], 'active: [{from: "2026-11-20T12:00:00Z"}]') + "duration_s: 600\n"
-    assert heeded(load(tmp_path, text)) == (False, False)
+    assert applied(load(tmp_path, text)) == (False, False)
     longer = load_mission(tmp_path / "mission.yaml", start=START, duration_s=7200)
-    assert heeded(longer) == (True, True)
+    assert applied(longer) == (True, True)
     assert longer.duration_s == 7200
 
 
@@ -138,7 +138,7 @@ def test_by_day_it_is_refused_and_by_night_it_flies(tmp_path, capsys):
         assert "is not a time with its time zone" in capsys.readouterr().err
 
 
-def test_home_and_rally_points_heed_what_counts_from_the_ground_up(tmp_path):
+def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
     for place, rest, code in (
         ("home", zone([0, 10], "altitude: {upper_m: 10}"), "home-in-zone"),
         ("home", zone([0, 25], "altitude: {upper_m: 10}"), "home-too-near"),
@@ -263,7 +263,7 @@ CONTRADICTING = (
 
 def test_limits_that_exclude_each_other_here_make_the_larger_zone(tmp_path):
     mission = load(tmp_path, zone([50, 50], CONTRADICTING))
-    assert heeded(mission) == (True, True)
+    assert applied(mission) == (True, True)
     (note,) = mission.notes
     assert note.code == "altitudes-contradict"
     assert note.message == (
