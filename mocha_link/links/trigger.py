@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
+from math import inf
 
 from mocha_link.links.link_events import ContactBegan, ContactEnded
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
 
+FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
 SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
 MAX_SOURCES = 4  # that are remembered of a peer
 
@@ -33,6 +35,9 @@ class _Link:
 
 class SyncTrigger:
     """Says when a sync is due: at once when a contact begins, then every interval.
+
+    Peers that push what they store wait for longer where there are many of them: a crowd must not
+    spend its time on asking whether there is anything new.
 
     A contact begins when any source of readings hears the peer at the threshold of its unit, and
     ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
@@ -98,18 +103,37 @@ class SyncTrigger:
                     silent.append(peer)
         return silent
 
-    def due(self, now_s: float) -> list[str]:
-        """The peers to pull from now; each counts as pulled from by this answer."""
+    def due(self, now_s: float, followed: Collection[str] = ()) -> list[str]:
+        """The peers to pull from now; each counts as pulled from by this answer.
+
+        `followed` are those that push.
+        """
         due = []
         for peer, link in self._links.items():
             if link.contact_began_s is None and not self._by_timer:
                 continue
             last = link.last_sync_s
             # A clock that was set back must not stop the syncs until it comes round again.
-            if last is None or not 0 <= now_s - last < self._settings.interval_s:
+            if last is None or not 0 <= now_s - last < self._interval_s(peer, followed):
                 link.last_sync_s = now_s
                 due.append(peer)
         return due
+
+    def due_s(self, followed: Collection[str] = ()) -> float:
+        """When, in Unix seconds, `due` or `silenced` has something to say; inf: not by time."""
+        times = []
+        silent_s = SILENT_INTERVALS * self._settings.interval_s
+        for peer, link in self._links.items():
+            if link.contact_began_s is not None or self._by_timer:
+                if link.last_sync_s is None:
+                    return -inf
+                times.append(link.last_sync_s + self._interval_s(peer, followed))
+            times += [signal.reported_s + silent_s for signal in link.signals.values()]
+        return min(times, default=inf)
+
+    def _interval_s(self, peer: str, followed: Collection[str]) -> float:
+        interval_s = self._settings.interval_s
+        return max(interval_s, len(followed) / FOLLOWED_PULLS_S) if peer in followed else interval_s
 
     def news(self) -> list[ContactBegan | ContactEnded]:
         """The contacts that began and ended since the last call, in order."""

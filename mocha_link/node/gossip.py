@@ -184,7 +184,13 @@ class Gossip:
         left = budget - self._spent[peer] if budget else 0
         if budget and left < LEAST_BUDGET:
             return False
-        self._following.pop(peer, None)
+        followed = self._following.get(peer)
+        self._begin(peer, left, now, standing=followed is not None and followed.path == "zmq")
+        return True
+
+    def _begin(
+        self, peer: str, budget: int, now: Instant, *, standing: bool, again: bool = False
+    ) -> None:
         pull = self._pulls[peer] = Pull(
             peer,
             self._pull_context,
@@ -193,11 +199,23 @@ class Gossip:
             verify=partial(self._verifier.verify, handed_by=peer) if self._verifies else None,
             original=self._team.robot(peer).original,
             datagrams=self._datagrams,
-            budget=left,
+            standing=standing,
+            budget=budget,
         )
-        self._actions.append(Connect(peer))
-        self._take(pull, pull.start(now), now)
-        return True
+        if not standing:
+            self._following.pop(peer, None)
+            self._actions.append(Connect(peer))
+        step = pull.start(now)
+        if again:
+            step.events.clear()
+        self._take(pull, step, now)
+
+    def _begin_afresh(self, pull: Pull, now: Instant) -> None:
+        """Go on over a new connection where the one that stood is gone; the same pull to all."""
+        pull.fail("the connection that stood is gone", now)
+        budget = self._team.trigger.budget_bytes
+        left = max(budget - self._spent[pull.peer], LEAST_BUDGET) if budget else 0
+        self._begin(pull.peer, left, now, standing=False, again=True)
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
@@ -227,7 +245,9 @@ class Gossip:
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        pull = self._pulls.get(peer) or self._following.get(peer)
+        pull, followed = self._pulls.get(peer), self._following.get(peer)
+        if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
+            pull = followed  # pushed before the peer had heard of the pull that is under way
         if pull:
             self._count_in(peer, sum(map(len, parts)))
             self._take(pull, pull.reply(parts, now), now)
@@ -261,6 +281,9 @@ class Gossip:
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
         pull = self._pulls.get(peer)
+        if pull and pull.standing:
+            self._begin_afresh(pull, now)
+            return
         if peer in self._following:
             self._unfollow(peer)
         if pull:
@@ -290,7 +313,10 @@ class Gossip:
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
         for pull in list(self._pulls.values()):
-            self._take(pull, pull.tick(now), now)
+            if pull.is_in_vain(now):
+                self._begin_afresh(pull, now)
+            else:
+                self._take(pull, pull.tick(now), now)
         for peer, pull in list(self._following.items()):
             self._take(pull, pull.tick(now), now)
             if now.steady_s - pull.alive_s > FOLLOW_S:
@@ -311,6 +337,17 @@ class Gossip:
         times += [server.wake_s for server in self._servers.values()]
         times += [flow.wake_s for flow, _ in self._ending.values()]
         return min((each for each in times if each is not None), default=None)
+
+    @property
+    def due_s(self) -> float:
+        """When, in Unix seconds, `tick` has to store or to begin something; inf: nothing waits."""
+        return min(self._trigger.due_s(self._following), self._publisher.due_s)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a sync is under way: call `tick` often then."""
+        syncing = bool(self._pulls or self._ending)
+        return syncing or any(server.is_busy for server in self._servers.values())
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
@@ -342,7 +379,7 @@ class Gossip:
                 yield topic.name, now.unix_s - record.stamp_s
 
     def _pull_due(self, now: Instant) -> None:
-        for peer in self._trigger.due(now.unix_s):
+        for peer in self._trigger.due(now.unix_s, self._following):
             self.sync(peer, now)
 
     def _on_contact(self, peer: str, now: Instant) -> None:
@@ -363,13 +400,15 @@ class Gossip:
         self._send_datagrams(peer, step.packets)
         for reason in step.refusals:
             self._refuse(peer, reason)
-        if pull.over and self._pulls.pop(peer, None) is not None:
+        if pull.over and self._pulls.get(peer) is pull:
+            del self._pulls[peer]
             self._link_table.measure(
                 peer,
                 rtt_s=pull.rtt_s,
                 bandwidth_bytes_s=pull.throughput_bytes_s,
                 path=pull.path,
             )
+            self._following.pop(peer, None)
             if pull.follows:
                 self._following[peer] = pull
             if not pull.follows or pull.path == "udp":
@@ -385,7 +424,7 @@ class Gossip:
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
 
     def _unfollow(self, peer: str) -> None:
-        if self._following.pop(peer).path != "udp":
+        if self._following.pop(peer).path != "udp" and peer not in self._pulls:
             self._actions.append(Disconnect(peer, void=True))
 
     def _after_server(self, peer: str, now: Instant) -> None:

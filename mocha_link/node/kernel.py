@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import resource
 import socket
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 
 DATAGRAM_BYTES = 1500
 
@@ -17,6 +19,21 @@ _NO_RTT_US = 2**32 - 1
 _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
 _IP_FREEBIND = 15  # linux/in.h
 _AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
+
+
+def descriptors_lacking(count: int) -> int:
+    """How many of `count` further descriptors the process may not open.
+
+    Its soft limit is raised as far as the hard one allows, if need be.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    open_now = Path("/proc/self/fd")
+    needed = count + (len(list(open_now.iterdir())) if open_now.is_dir() else 0)
+    if needed <= soft or soft == resource.RLIM_INFINITY:
+        return 0
+    allowed = needed if hard == resource.RLIM_INFINITY else min(needed, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard))
+    return needed - allowed
 
 
 @contextlib.contextmanager

@@ -154,6 +154,7 @@ class Node(Startable):
             deliver=self._broadcast.send,
             secret=self._secret,
             keys=self._peer_keys,
+            simulated=not isinstance(self.clock, SystemClock),
         )
         transport.start()
         self._transport = transport

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from hashlib import blake2b
+from math import inf
 
 from mocha_link.store import batch, payload
 from mocha_link.store.database import Database
@@ -116,6 +117,14 @@ class Publisher:
         """Store the held messages whose interval is over, and return them."""
         names = [name for name in self._held if self._is_due(name, now_s)]
         return [self._flush(self._topics[name], now_s) for name in names]
+
+    @property
+    def due_s(self) -> float:
+        """When, in Unix seconds, `due` has something to store; inf: nothing is held."""
+        return min((self._due_s(name) for name in self._held), default=inf)
+
+    def _due_s(self, name: str) -> float:
+        return self._stored_s.get(name, -inf) + self._topics[name].min_interval_s
 
     def _flush(self, topic: Topic, now_s: float) -> Record:
         self._stored_s[topic.name] = now_s

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import zmq
 
 from mocha_link.clock import Instant
+from mocha_link.errors import ListenError
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
 from mocha_link.node.actions import (
@@ -31,12 +32,16 @@ from mocha_link.sync.server import Route
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team
 
-TICK_MS = 20  # the node's clock may be a simulated one: look at it often
+TICK_MS = 20  # while a sync is under way, and with a simulated clock, which may run fast
+IDLE_MS = 250  # a clock may be set, and a radio has its own thread
 FULL_MS = 1  # ZeroMQ does not tell when one of many connections takes more
 LATE_MS = 3  # the same for replies; a connection may sleep for a minute before it breaks
 OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
+PORT_DESCRIPTORS = 5  # a listener, datagrams, and three of libzmq
+LINK_DESCRIPTORS = 2  # a connection each way
+OWN_DESCRIPTORS = 16
 PATIENT_S = 300.0
 
 LOG = logging.getLogger("mocha_link")
@@ -46,7 +51,7 @@ class Transport:
     """Moves frames between the sockets and a `Gossip`, which it drives under `lock`.
 
     `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
-    key in the team file are encrypted.
+    key in the team file are encrypted. `simulated`: the clock of `now` may run at another rate.
     """
 
     def __init__(  # noqa: PLR0913 - what the shell stands between
@@ -59,6 +64,7 @@ class Transport:
         deliver: Callable[[LinkEvent], None],
         secret: SecretKey | None = None,
         keys: dict[str, PublicKey] | None = None,
+        simulated: bool = False,
     ) -> None:
         self._gossip = gossip
         self._team = team
@@ -68,6 +74,7 @@ class Transport:
         self._deliver = deliver
         self._secret = secret
         self._keys = keys or {}
+        self._simulated = simulated
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._poller = zmq.Poller()
         self._ports: dict[str, Port] = {}
@@ -90,6 +97,7 @@ class Transport:
     def start(self) -> None:
         """Bind the ports and begin. Raises PortInUseError or ListenError, and is closed then."""
         try:
+            self._provide_descriptors()
             if self._secret:
                 self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
                 self._gate = ZapHandler(self._context, self._keys)
@@ -114,6 +122,18 @@ class Transport:
             if each:
                 self._poller.register(each, zmq.POLLIN)
         self._thread.start()
+
+    def _provide_descriptors(self) -> None:
+        """Without enough of them libzmq waits for ever, or ends the process."""
+        peers = len(self._me.peers)
+        needed = OWN_DESCRIPTORS + peers * (PORT_DESCRIPTORS + LINK_DESCRIPTORS)
+        lacking = kernel.descriptors_lacking(needed)
+        if lacking:
+            raise ListenError(
+                f"{self._me.name} needs {needed} open files for {peers} peers, {lacking} more than "
+                "this process may have; raise the limit (ulimit -n, LimitNOFILE= of a systemd "
+                "unit), or list fewer clients in the team file"
+            )
 
     def wake(self) -> None:
         """Have the thread look at the gossip now; from any thread."""
@@ -177,19 +197,27 @@ class Transport:
         with self._lock:
             self._gossip.tick(now)
         self._act()
-        wait_ms = min((self._supply(port) for port in self._ports.values()), default=TICK_MS)
+        wait_ms = min((self._supply(port) for port in self._ports.values()), default=IDLE_MS)
         self._act()
         return min(wait_ms, self._wait_ms())
 
     def _wait_ms(self) -> int:
+        """How long nothing is to be done if nothing comes."""
         with self._lock:
-            wake_s = self._gossip.wake_s
+            wake_s, due_s, busy = self._gossip.wake_s, self._gossip.due_s, self._gossip.is_busy
+        now = self._now()
+        waits_s = [
+            (TICK_MS if busy or self._simulated else IDLE_MS) / 1000,
+            due_s - now.unix_s,
+        ]
+        if wake_s is not None:
+            waits_s.append(wake_s - now.steady_s)
         for connection in self._connections.values():
-            if not isinstance(connection, list) and connection.wake_s is not None:
-                wake_s = min(wake_s or connection.wake_s, connection.wake_s)
-        if wake_s is None:
-            return TICK_MS
-        return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)
+            if isinstance(connection, list):
+                waits_s.append(TICK_MS / 1000)
+            elif connection.wake_s is not None:
+                waits_s.append(connection.wake_s - now.steady_s)
+        return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
     def _serve(self, port: Port) -> None:
         for route, parts in port.resumed():
@@ -233,7 +261,7 @@ class Transport:
             with self._lock:
                 supplied = self._gossip.supply(port.peer)
             if supplied is None:
-                return LATE_MS if port.is_late else TICK_MS
+                return LATE_MS if port.is_late else IDLE_MS
             port.push(*supplied)
         return 0
 

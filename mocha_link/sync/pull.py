@@ -1,8 +1,9 @@
 """One pull from one peer, whatever node it runs and whatever path is open. No sockets here.
 
-It says three things at once: SYNC1 on a fresh connection (a new node goes on from there), GHEAD
+On a fresh connection it says three things at once: SYNC1 (a new node goes on from there), GHEAD
 with the same id right behind it (an original node, which refuses SYNC1, goes on from there), and
-the same opening in a datagram, which arrives before any connection stands.
+the same opening in a datagram, which arrives before any connection stands. On a connection that the
+pull before has left standing it says SYNC1 alone.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 RETRY_EVERY = 8  # then they are tried again only so often
+STANDS_S = 2.0  # without a byte for longer, a connection that stood is taken for gone
 
 
 @dataclass(slots=True)
@@ -81,6 +83,7 @@ class Pull:
     Args:
         original: the peer is known to run the original node: do not try anything newer.
         datagrams: there is a socket for them.
+        standing: the connection of the pull before stands, and the peer is a new node.
         budget: bytes that may come in; 0: no limit.
     """
 
@@ -94,12 +97,15 @@ class Pull:
         verify: Verify | None,
         original: bool,
         datagrams: bool,
+        standing: bool = False,
         budget: int,
     ) -> None:
         self.peer = peer
+        self.id = b""  # names it in every frame
         self.over = False
         self.broken = False
-        self.path: Path | None = "original" if original else None
+        self.standing = standing  # on a connection of which is not known yet whether it still does
+        self.path: Path | None = "original" if original else "zmq" if standing else None
         self.alive_s = 0.0
         self.flow: Flow | None = None
         self._path_stats = path_stats
@@ -127,25 +133,27 @@ class Pull:
             room=MESSAGE_ROOM,
             follow=pull_context.follow,
         )
-        self._datagrams = datagrams and not original and path_stats.may_use_datagrams()
+        may = datagrams and not original and not standing
+        self._datagrams = may and path_stats.may_use_datagrams()
         self._credit = Credit(path_stats.rate_bytes_s, path_stats.rtt_s)
-        self._id = b""
         self._outbox: deque[bytes] = deque()
         self._datagrams_at_s: float | None = None
         self._refused = False
         self._began_s = self._first_s = self._last_s = 0.0
 
     def start(self, now: Instant) -> Step:
-        """Begin; the frames are for a fresh connection."""
+        """Begin; the frames are for a fresh connection, or for the one that stands."""
         self._began_s = self.alive_s = now.steady_s
         step = self._session.start(now)
         if self.path == "original":
             return step
-        self._id = step.frames[0][:ID_BYTES]
+        self.id = step.frames[0][:ID_BYTES]
+        if self.standing:
+            step.frames.clear()
         acquainted = self._peer_state.address_token != 0
         opening = self._receiver.open(now).frames
-        first = request(self._id, SYNC1, self._credit.grant + opening[0])
-        rest = [request(self._id, SYNCF, frame) for frame in opening[1:]]
+        first = request(self.id, SYNC1, self._credit.grant + opening[0])
+        rest = [request(self.id, SYNCF, frame) for frame in opening[1:]]
         step.frames[:0] = [first, *rest]
         if self._datagrams:
             self._outbox.extend(opening)
@@ -167,7 +175,7 @@ class Pull:
         frame: Frame = parts[0] if parts else b""
         if self.path == "original":
             return self._reply_of_original(parts, now)
-        if frame[:ID_BYTES] != self._id:
+        if frame[:ID_BYTES] != self.id:
             return self._refuse("a reply to nothing that was asked", now)
         if frame[ID_BYTES:] == SERRM and len(parts) == 1:
             return self._reply_of_refusal(now)
@@ -179,10 +187,10 @@ class Pull:
         if first and step.refusals:
             broken = self.fail("what answers there is not a node", now)
             return Step(events=broken.events, refusals=step.refusals)
-        step.frames = [request(self._id, SYNCF, each) for each in step.frames]
+        step.frames = [request(self.id, SYNCF, each) for each in step.frames]
         size = sum(map(len, parts))
         if self._credit.take(size, now.steady_s, self._path_stats.rtt_s) and self.goes_on:
-            step.frames.append(request(self._id, SYNCC, self._credit.grant))
+            step.frames.append(request(self.id, SYNCC, self._credit.grant))
         return step
 
     def packet(self, packet: bytes, now: Instant) -> Step:
@@ -204,6 +212,7 @@ class Pull:
     def progress(self, now: Instant, rtt_s: float | None = None) -> None:
         """The connection stands, or bytes have arrived, though no whole reply yet."""
         self.alive_s = now.steady_s
+        self.standing = False
         if rtt_s is not None:
             self._path_stats.rtt_s = rtt_s
         if self.path in ("original", None):
@@ -264,6 +273,11 @@ class Pull:
     def goes_on(self) -> bool:
         """Whether frames of the peer are expected."""
         return not self.over or self.follows
+
+    def is_in_vain(self, now: Instant) -> bool:
+        """Whether the connection that stood has brought nothing for too long: try a fresh one."""
+        patience_s = STANDS_S + 2 * (self._path_stats.rtt_s or 0.0)
+        return self.standing and now.steady_s - self._began_s > patience_s
 
     @property
     def wake_s(self) -> float | None:
@@ -328,7 +342,7 @@ class Pull:
         if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
             self._datagrams_at_s = None
             if self.path is None and not self._refused:
-                self.flow = Flow(self._id, self._next_frame, rtt_s=self._path_stats.rtt_s)
+                self.flow = Flow(self.id, self._next_frame, rtt_s=self._path_stats.rtt_s)
         return self.flow.transmit(now.steady_s) if self.flow else []
 
     def _next_frame(self, _room: int) -> bytes | None:

@@ -99,7 +99,7 @@ class Server:
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
-        self._opened: tuple[bytes, Route] | None = None  # the last opening: its id and connection
+        self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._number = number
         self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
         self._deaf_until_s = 0.0
@@ -113,7 +113,7 @@ class Server:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         if code in (SYNC1, SYNCF, SYNCC):
             return self._answer_sync(route, frame, now)
-        if code == GHEAD and self._opened == (request_id, route):
+        if code == GHEAD and (request_id, route) in self._opened:
             return None  # the fallback for original nodes
         reply, events = self._session.answer(parts, now)
         self._events += events
@@ -148,6 +148,11 @@ class Server:
     def wake_s(self) -> float | None:
         """When to call `transmit` at the latest."""
         return self._flow.wake_s if self._flow else None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a pull is under way, whose time-outs are to be looked after."""
+        return self._flow is not None or (self._sync is not None and not self._sync.follows)
 
     @property
     def route(self) -> Route | None:
@@ -228,7 +233,7 @@ class Server:
         if sync is None or sync.id != request_id:
             if code != SYNC1:
                 return request_id + SERRM
-            self._opened = (request_id, route)
+            self._opened.append((request_id, route))
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
             sync = _Sync(
@@ -250,7 +255,7 @@ class Server:
             sync.allowed = 0
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
-            self._opened = (request_id, route)
+            self._opened.append((request_id, route))
         if code == SYNC1:
             sync.grant(argument[: GRANT.size])
             argument = argument[GRANT.size :]

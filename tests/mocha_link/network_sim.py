@@ -132,8 +132,10 @@ class NetworkSim:
     def become(self, name: str, node: Gossip | OldNode) -> None:
         """Another node takes the place of a robot; connections of the old one are gone."""
         self.nodes[name] = node
-        for key in [key for key in self.lines if name in key]:
-            del self.lines[key]
+        for client, server in [key for key in self.lines if name in key]:
+            del self.lines[client, server]
+            if client != name:
+                self.nodes[client].lost(server, "the peer closed the connection", self.at(client))
         self._callers = {pair for pair in self._callers if pair[0] != name}
 
     def publish(self, name: str, topic: str, data: bytes) -> Header:

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
+import resource
 import socket
 from pathlib import Path
 
+import pytest
+
+from mocha_link.errors import ListenError
 from mocha_link.node import kernel
+from mocha_link.node.node import Node
+from mocha_link.radios import ManualRadio
 
 
 def open_files() -> set[str]:
@@ -42,3 +48,29 @@ def test_a_number_that_is_nothing_by_now():
     for each in (*ends, None):
         with kernel.borrowed(each, local=1) as found:
             assert found is None
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """So many descriptors as are open now, and so many more as the system grants on request."""
+    taken = len(list(Path("/proc/self/fd").iterdir()))
+    limits = [taken, taken]
+    monkeypatch.setattr(resource, "getrlimit", lambda _: tuple(limits))
+    monkeypatch.setattr(resource, "setrlimit", lambda _, wanted: limits.__setitem__(0, wanted[0]))
+    return limits
+
+
+def test_the_limit_of_descriptors_is_raised_where_that_is_allowed(few):
+    few[1] = few[0] + 100
+    before = few[0]
+    assert kernel.descriptors_lacking(50) == 0
+    assert before + 50 <= few[0] <= before + 51  # reading the folder takes one
+    assert kernel.descriptors_lacking(120) in (20, 21)
+    assert few[0] == few[1]
+
+
+def test_a_node_with_more_peers_than_descriptors_says_so(few, field):
+    node = Node(field.team, "titan", radio=ManualRadio())
+    with pytest.raises(ListenError, match=r"titan needs \d+ open files for 2 peers, .*ulimit -n"):
+        node.start()
+    node.close()

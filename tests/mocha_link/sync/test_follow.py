@@ -1,5 +1,6 @@
 """What is stored after a pull leaves at once, and costs nothing when it does not get there."""
 
+import math
 import random
 from pathlib import Path
 
@@ -116,8 +117,72 @@ def test_who_follows_before_all_was_said_ends_the_pull():
     assert (sender.over, sender.follows) == (True, False)
 
 
+@pytest.mark.parametrize("net", [True], indirect=True)
 def test_frames_of_a_connection_that_a_new_pull_replaces_are_not_handed_in(net):
     io = net.nodes["io"]
     assert not io.leaves("titan")
     io.sync("titan", net.now)
     assert io.leaves("titan")
+
+
+standing = pytest.mark.parametrize("net", [False], indirect=True, ids=["connection"])
+IDLE_BYTES = 250  # both ways: what both have, and that it is the same
+
+
+@standing
+def test_a_pull_goes_on_over_the_connection_that_stands(net):
+    line, before = net.lines["io", "titan"], len(net.carried)
+    for _ in range(3):
+        net.pull("io", "titan")
+    assert net.lines["io", "titan"] is line
+    frames = [len(piece.data) for piece in net.carried[before:]]
+    assert len(frames) == 3 * 4  # OPEN, HELLO, DONE, FOLLOW
+    assert sum(frames) < 3 * IDLE_BYTES
+    assert all(end.complete for end in net.told("io", SyncEnded))
+    publish(net, "titan", "/map", b"still pushed")
+    net.wait(FAR_S + PROMPT_S)
+    assert net.held("io")["titan", "/map"] == b"still pushed"
+
+
+@standing
+def test_what_was_pushed_before_the_next_pull_reached_the_peer_is_taken(net):
+    net.nodes["io"].sync("titan", net.now)
+    publish(net, "titan", "/map", b"crossed")
+    net.wait(FAR_S + PROMPT_S)
+    assert net.held("io")["titan", "/map"] == b"crossed"
+    net.settle()
+    assert net.nodes["io"].links(net.now)["titan"].refused == 0
+
+
+@standing
+@pytest.mark.parametrize("told", [True, False], ids=["closed", "silent"])
+def test_where_the_connection_is_gone_the_pull_goes_on_over_a_new_one(net, told):
+    net.lines["io", "titan"].dead = True
+    publish(net, "titan", "/map", b"new")
+    ends = len(net.told("io", SyncEnded))
+    io = net.nodes["io"]
+    io.sync("titan", net.now)
+    if told:
+        io.lost("titan", "the peer closed the connection", net.now)
+    net.settle()
+    assert net.held("io")["titan", "/map"] == b"new"
+    assert len(net.told("io", SyncStarted)) == len(net.told("io", SyncEnded)) == ends + 1
+    assert net.told("io", SyncTimedOut) == []
+
+
+@standing
+def test_what_waits_says_when_it_is_due(net):
+    """A node sleeps until then; it ticks often only while a pull is under way."""
+    io = net.nodes["io"]
+    assert not io.is_busy
+    assert io.due_s == math.inf
+    io.heard("titan", NEAR_DBM, net.now)
+    assert io.is_busy
+    assert net.nodes["titan"].due_s == math.inf
+    net.settle()
+    assert not io.is_busy
+    assert not net.nodes["titan"].is_busy
+    assert io.due_s == pytest.approx(net.now.unix_s + net.team.trigger.interval_s, abs=0.5)
+    publish(net, "titan", "/slow", b"stored")
+    publish(net, "titan", "/slow", b"held")
+    assert net.nodes["titan"].due_s == pytest.approx(net.now.unix_s + 5.0)
