@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from mocha_link.clock import Instant
-from mocha_link.datagram.datagram import Flow
 from mocha_link.links.link_events import (
     ContactEnded,
     LinkEvent,
@@ -25,32 +24,28 @@ from mocha_link.links.link_events import (
 from mocha_link.links.metrics import QUIET_S, LinkMetrics, LinkTable
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
-from mocha_link.node.actions import (
-    Action,
-    Connect,
-    Disconnect,
-    Reply,
-    ReplyDatagram,
-    Send,
-    SendDatagram,
-)
 from mocha_link.node.publisher import Publisher
 from mocha_link.store.config_hash import config_hash_of, difference
 from mocha_link.store.database import Database
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Header, Record
 from mocha_link.store.signature import Signer, Verifier
+from mocha_link.sync.actions import (
+    Action,
+    Connect,
+    Disconnect,
+    Reply,
+    ReplyDatagram,
+)
 from mocha_link.sync.frames import Frame, Step
 from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES
-from mocha_link.sync.pull import PathStats, Pull, PullContext
-from mocha_link.sync.server import FOLLOW_S, Route, Server
+from mocha_link.sync.pull import PullContext
+from mocha_link.sync.puller import Puller
+from mocha_link.sync.server import Route, Server
 from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
 
 TIMEOUT_S = 5.0
-STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
-LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
-LEAST_BUDGET = 1024  # with less left no pull begins
 BOOT_ID_BYTES = 8
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file
 
@@ -93,10 +88,9 @@ class Gossip:
         self.database = database or Database(history)
         self._team = team
         self._by_timer = by_timer
-        self._datagrams = datagrams
-        self._verifier = Verifier(team)
+        verifier = Verifier(team)
         keyless = not any(robot.key for robot in team.robots.values())
-        self._verifies = team.trust is Trust.SIGNED or not keyless
+        verifies = team.trust is Trust.SIGNED or not keyless
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s)
         for peer in protected:
@@ -121,18 +115,28 @@ class Gossip:
         self._known = {peer: PeerState(boot_id, history, config_hash) for peer in self.me.peers}
         self._differs = dict.fromkeys(self.me.peers, False)  # whose team file is another one
         self._warned_s: dict[str, float] = {}  # of that
-        self._path_stats = {peer: PathStats() for peer in self.me.peers}
         self._servers = {
             peer: Server(peer, self.database, self._known[peer], pushed=team.pushed(self.me, peer))
             for peer in self.me.peers
         }
-        self._pulls: dict[str, Pull] = {}
-        self._following: dict[str, Pull] = {}  # that are over; what a peer stores comes in on them
-        self._ending: dict[str, tuple[Flow, float]] = {}
-        self._spent = dict.fromkeys(self.me.peers, 0)
         self._actions: deque[Action] = deque()
         self._events: deque[LinkEvent] = deque()
         self._refusals: Counter[str] = Counter()
+        self._pullers = {
+            peer: Puller(
+                peer,
+                self._pull_context,
+                self._known[peer],
+                verify=partial(verifier.verify, handed_by=peer) if verifies else None,
+                original=team.robot(peer).original,
+                datagrams=datagrams,
+                budget_bytes=team.trigger.budget_bytes or 0,
+                link_table=self._link_table,
+                act=self._actions.append,
+                tell=self._tell_step,
+            )
+            for peer in self.me.peers
+        }
 
     def publish(
         self,
@@ -164,10 +168,10 @@ class Gossip:
             self._tell_signal(peer, now)
         self._tell_contacts()
         if begins:
-            self._spent[peer] = 0
+            self._pullers[peer].renew_budget()
             self._servers[peer].on_contact(now)
             self._after_server(peer, now)
-            self._on_contact(peer, now)
+            self._pullers[peer].on_contact(now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant) -> bool:
@@ -176,46 +180,9 @@ class Gossip:
         Nothing begins either when the contact's budget is used up.
         """
         self._check(peer)
-        if peer in self._pulls:
-            return False
-        if self._by_timer:
-            self._spent[peer] = 0
-        budget = self._team.trigger.budget_bytes
-        left = budget - self._spent[peer] if budget else 0
-        if budget and left < LEAST_BUDGET:
-            return False
-        followed = self._following.get(peer)
-        self._begin(peer, left, now, standing=followed is not None and followed.path == "zmq")
-        return True
-
-    def _begin(
-        self, peer: str, budget: int, now: Instant, *, standing: bool, again: bool = False
-    ) -> None:
-        pull = self._pulls[peer] = Pull(
-            peer,
-            self._pull_context,
-            self._path_stats[peer],
-            self._known[peer],
-            verify=partial(self._verifier.verify, handed_by=peer) if self._verifies else None,
-            original=self._team.robot(peer).original,
-            datagrams=self._datagrams,
-            standing=standing,
-            budget=budget,
-        )
-        if not standing:
-            self._following.pop(peer, None)
-            self._actions.append(Connect(peer))
-        step = pull.start(now)
-        if again:
-            step.events.clear()
-        self._take(pull, step, now)
-
-    def _begin_afresh(self, pull: Pull, now: Instant) -> None:
-        """Go on over a new connection where the one that stood is gone; the same pull to all."""
-        pull.fail("the connection that stood is gone", now)
-        budget = self._team.trigger.budget_bytes
-        left = max(budget - self._spent[pull.peer], LEAST_BUDGET) if budget else 0
-        self._begin(pull.peer, left, now, standing=False, again=True)
+        if self._by_timer and not self._pullers[peer].pull:
+            self._pullers[peer].renew_budget()
+        return self._pullers[peer].sync(now)
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
@@ -245,31 +212,15 @@ class Gossip:
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        pull, followed = self._pulls.get(peer), self._following.get(peer)
-        if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
-            pull = followed  # pushed before the peer had heard of the pull that is under way
-        if pull:
-            self._count_in(peer, sum(map(len, parts)))
-            self._take(pull, pull.reply(parts, now), now)
+        self._pullers[peer].reply(parts, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        pull = self._pulls.get(peer) or self._following.get(peer)
-        if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
-            self._count_in(peer, len(packet))
-            self._take(pull, pull.packet(packet, now), now)
-        elif peer in self._ending:
-            flow, _ = self._ending[peer]
-            flow.receive(packet, now.steady_s)
-            self._send_datagrams(peer, flow.transmit(now.steady_s))
+        self._pullers[peer].packet(packet, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        pull = self._pulls.get(peer)
-        if pull:
-            pull.progress(now)
-            if rtt_s is not None:
-                pull.measured(rtt_s)
+        self._pullers[peer].progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -280,14 +231,7 @@ class Gossip:
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        pull = self._pulls.get(peer)
-        if pull and pull.standing:
-            self._begin_afresh(pull, now)
-            return
-        if peer in self._following:
-            self._unfollow(peer)
-        if pull:
-            self._take(pull, pull.disconnected(reason, now), now)
+        self._pullers[peer].lost(reason, now)
 
     def refused(self, peer: str, reason: str) -> None:
         """A connection was not let in at the port for a peer, or sent what is no message."""
@@ -312,19 +256,8 @@ class Gossip:
         self._tell_contacts()
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
-        for pull in list(self._pulls.values()):
-            if pull.is_in_vain(now):
-                self._begin_afresh(pull, now)
-            else:
-                self._take(pull, pull.tick(now), now)
-        for peer, pull in list(self._following.items()):
-            self._take(pull, pull.tick(now), now)
-            if now.steady_s - pull.alive_s > FOLLOW_S:
-                self._unfollow(peer)
-        for peer, (flow, until_s) in list(self._ending.items()):
-            self._send_datagrams(peer, flow.transmit(now.steady_s))
-            if flow.settled or now.steady_s > until_s:
-                del self._ending[peer]
+        for puller in self._pullers.values():
+            puller.tick(now)
         for peer, server in self._servers.items():
             server.tick(now)
             self._after_server(peer, now)
@@ -333,21 +266,25 @@ class Gossip:
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
-        times = [pull.wake_s for pull in (*self._pulls.values(), *self._following.values())]
+        times = [puller.wake_s for puller in self._pullers.values()]
         times += [server.wake_s for server in self._servers.values()]
-        times += [flow.wake_s for flow, _ in self._ending.values()]
         return min((each for each in times if each is not None), default=None)
+
+    @property
+    def pulling(self) -> list[str]:
+        """The peers from which a pull is under way."""
+        return [peer for peer, puller in self._pullers.items() if puller.pull]
 
     @property
     def due_s(self) -> float:
         """When, in Unix seconds, `tick` has to store or to begin something; inf: nothing waits."""
-        return min(self._trigger.due_s(self._following), self._publisher.due_s)
+        return min(self._trigger.due_s(self._followed()), self._publisher.due_s)
 
     @property
     def is_busy(self) -> bool:
         """Whether a sync is under way: call `tick` often then."""
-        syncing = bool(self._pulls or self._ending)
-        return syncing or any(server.is_busy for server in self._servers.values())
+        pulling = any(puller.is_busy for puller in self._pullers.values())
+        return pulling or any(server.is_busy for server in self._servers.values())
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
@@ -379,53 +316,23 @@ class Gossip:
                 yield topic.name, now.unix_s - record.stamp_s
 
     def _pull_due(self, now: Instant) -> None:
-        for peer in self._trigger.due(now.unix_s, self._following):
+        for peer in self._trigger.due(now.unix_s, self._followed()):
             self.sync(peer, now)
 
-    def _on_contact(self, peer: str, now: Instant) -> None:
-        """A contact begins: do not wait for the timers of a pull that stalls."""
-        pull = self._pulls.get(peer)
-        if pull is None or now.steady_s - pull.alive_s <= STALLED_S:
-            return
-        if pull.path == "udp":
-            self._take(pull, pull.on_contact(now), now)
-        else:
-            # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
-            self._take(pull, pull.fail("stalled, and a new contact began", now), now)
+    def _followed(self) -> list[str]:
+        """The peers that push what they store."""
+        return [peer for peer, puller in self._pullers.items() if puller.followed]
 
-    def _take(self, pull: Pull, step: Step, now: Instant) -> None:
-        peer = pull.peer
-        for frame in step.frames:
-            self._actions.append(Send(peer, frame))
-        self._send_datagrams(peer, step.packets)
+    def _tell_step(self, peer: str, step: Step, now: Instant) -> None:
+        """Tell what a step of a pull has brought."""
         for reason in step.refusals:
             self._refuse(peer, reason)
-        if pull.over and self._pulls.get(peer) is pull:
-            del self._pulls[peer]
-            self._link_table.measure(
-                peer,
-                rtt_s=pull.rtt_s,
-                bandwidth_bytes_s=pull.throughput_bytes_s,
-                path=pull.path,
-            )
-            self._following.pop(peer, None)
-            if pull.follows:
-                self._following[peer] = pull
-            if not pull.follows or pull.path == "udp":
-                self._actions.append(Disconnect(peer, pull.broken or pull.path == "udp"))
-            if pull.flow and pull.path == "udp" and not pull.follows:
-                self._send_datagrams(peer, pull.flow.transmit(now.steady_s))
-                self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
         self._compare_config(peer, now)
         for event in step.events:
             self._emit(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
-
-    def _unfollow(self, peer: str) -> None:
-        if self._following.pop(peer).path != "udp" and peer not in self._pulls:
-            self._actions.append(Disconnect(peer, void=True))
 
     def _after_server(self, peer: str, now: Instant) -> None:
         server = self._servers[peer]
@@ -446,14 +353,6 @@ class Gossip:
         if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
             self._warned_s[peer] = now.steady_s
             LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer))
-
-    def _send_datagrams(self, peer: str, packets: Iterable[bytes]) -> None:
-        for packet in packets:
-            self._actions.append(SendDatagram(peer, packet))
-
-    def _count_in(self, peer: str, size: int) -> None:
-        self._spent[peer] += size
-        self._link_table.count(peer, bytes_in=size)
 
     def _refuse(self, peer: str, reason: str) -> None:
         self._link_table.count(peer, refused=1)
@@ -477,8 +376,8 @@ class Gossip:
     def _tell_contacts(self) -> None:
         for event in self._trigger.news():
             self._emit(event)
-            if isinstance(event, ContactEnded) and event.peer in self._following:
-                self._unfollow(event.peer)
+            if isinstance(event, ContactEnded):
+                self._pullers[event.peer].unfollow()
 
     def _emit(self, event: LinkEvent) -> None:
         self._link_table.update(event)

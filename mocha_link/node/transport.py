@@ -14,7 +14,12 @@ from mocha_link.clock import Instant
 from mocha_link.errors import ListenError
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
-from mocha_link.node.actions import (
+from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
+from mocha_link.node.curve import ZapHandler
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.port import Port
+from mocha_link.node.resolver import Resolver
+from mocha_link.sync.actions import (
     Action,
     Connect,
     Disconnect,
@@ -23,11 +28,6 @@ from mocha_link.node.actions import (
     Send,
     SendDatagram,
 )
-from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
-from mocha_link.node.curve import ZapHandler
-from mocha_link.node.gossip import Gossip
-from mocha_link.node.port import Port
-from mocha_link.node.resolver import Resolver
 from mocha_link.sync.server import Route
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team

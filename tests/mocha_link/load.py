@@ -63,7 +63,7 @@ class NodeUnderLoad:
 
         def counting(engine, peer, *arguments):
             # What comes when the pull is over is not looked at.
-            counts = name in ("request", "packet_in") or peer in engine._pulls
+            counts = name in ("request", "packet_in") or peer in engine.pulling
             try:
                 return original(engine, peer, *arguments)
             finally:

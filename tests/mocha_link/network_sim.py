@@ -9,9 +9,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
+from mocha_link.sync.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link import original
@@ -19,8 +19,8 @@ from tests.mocha_link import original
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from mocha_link.node.actions import Action
     from mocha_link.store.record import Header
+    from mocha_link.sync.actions import Action
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")
@@ -189,7 +189,7 @@ class NetworkSim:
         """Let time pass until no pull is under way any more."""
         until_s = self.time_s + LIMIT_S
         self._act()
-        while any(node._pulls for node in self.nodes.values()) or self._due:
+        while any(node.pulling for node in self.nodes.values()) or self._due:
             assert self.time_s < until_s, "a pull that does not end"
             self._advance(until_s)
         self._act()
@@ -357,7 +357,7 @@ class OldNode(original.Original):
     """Stands in for an original node in the network instead of on sockets."""
 
     wake_s = None
-    _pulls = ()
+    pulling = ()
 
     def __init__(self, net: NetworkSim, name: str) -> None:
         super().__init__(net.team, name, now_s=lambda: net.at(name).unix_s)

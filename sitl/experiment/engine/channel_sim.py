@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-from mocha_link.node.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.store.record import Header
+from mocha_link.sync.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
 from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (

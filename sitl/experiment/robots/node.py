@@ -14,9 +14,9 @@ from air_router.messages import POSE_TOPIC, PoseMessage
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.links.trigger import NOT_HEARD
-from mocha_link.node.actions import Action
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
+from mocha_link.sync.actions import Action
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue

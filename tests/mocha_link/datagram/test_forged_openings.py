@@ -120,7 +120,7 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
 @pytest.fixture
 def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
+    net.nodes["io"]._pullers["titan"].path_stats.rtt_s = 2 * FAR_S  # so that datagrams go at once
     return net
 
 
@@ -145,6 +145,6 @@ def test_a_round_trip_at_the_first_contact_and_nothing_later(net):
 def test_the_same_after_a_restart(net, who):
     later = [pulled_s(net) for _ in range(2)][-1]
     net.restart(who)
-    net.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S
+    net.nodes["io"]._pullers["titan"].path_stats.rtt_s = 2 * FAR_S
     assert pulled_s(net) < later + 1.6 * 2 * FAR_S
     assert pulled_s(net) < 1.5 * 2 * FAR_S

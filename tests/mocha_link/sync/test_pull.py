@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node.actions import Connect
 from mocha_link.node.gossip import LEAST_BUDGET
+from mocha_link.sync.actions import Connect
 from mocha_link.sync.pull import MAX_MISSES, RETRY_EVERY
 from mocha_link.team.team import Team
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of
@@ -45,7 +45,7 @@ def until_some_came(net: NetworkSim, size: int = 100_000) -> None:
     """Let time pass until io has got so many bytes of titan."""
     while net.nodes["io"].links(net.now)["titan"].bytes_in < size:
         net.wait(0.01)
-    assert net.nodes["io"]._pulls, "it should still be under way"
+    assert net.nodes["io"].pulling, "it should still be under way"
 
 
 def blocked(*ways: tuple[str, str, str]) -> set[tuple[str, str, str]]:
@@ -206,7 +206,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert net.sent(*UP), "not tried"
         net.wait(20)
     assert not net.told("io", SyncEnded)
-    assert net.nodes["io"]._path_stats["titan"].udp_misses == 0
+    assert net.nodes["io"]._pullers["titan"].path_stats.udp_misses == 0
 
 
 def test_where_tcp_is_blocked_datagrams_serve(net):
@@ -255,7 +255,9 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     net = NetworkSim(team, datagrams=True, delay_s=0.008)
     net.publish("titan", "/map", noise(3_000_000))
     io = net.nodes["io"]
-    io._path_stats["titan"].rtt_s = 0.03  # it was further away last time: datagrams go at once
+    io._pullers[
+        "titan"
+    ].path_stats.rtt_s = 0.03  # it was further away last time: datagrams go at once
     io._known["titan"].address_token = net.nodes["titan"]._known["io"].next_token
     held: list[bytes] = []
 
@@ -456,7 +458,7 @@ def test_the_end_is_lost(team, seed, follow):
     chance = random.Random(seed)
 
     def mostly(piece: Carried) -> bool:
-        over = not net.nodes["io"]._pulls
+        over = not net.nodes["io"].pulling
         return not (over and piece.path == "udp" and chance.random() < 0.6)
 
     net.lets_by = mostly
