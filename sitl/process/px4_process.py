@@ -86,7 +86,6 @@ class Px4Process(Closeable):
 
     def __init__(self, install: Px4Install, settings: Px4Settings) -> None:
         self._install = install
-        self._settings = settings
         self._stack = contextlib.ExitStack()
         self.instance = _free_instance(settings.instance)
         folder = settings.folder

@@ -118,7 +118,6 @@ class GroundNodes:
 
     def __init__(self, team: Team, names: Iterable[str], clock: Clock) -> None:
         self._team = team
-        self._clock = clock
         self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()  # maps
         self._unsubscribe: list[Callable[[], object]] = []  # from each node
         self.keepers = {name: MapKeeper() for name in names}  # the maps that reach each robot

@@ -63,7 +63,6 @@ class Node:
             datagrams=False,
             follow=False,  # an exchange is counted when its connection closes
         )
-        self._team = team
         self._queue = queue
         self._publish = publish
         self._hear = hear

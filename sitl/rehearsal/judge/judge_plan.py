@@ -32,13 +32,11 @@ class Upload:
     """A transfer that the vehicle accepted.
 
     Attributes:
-        begun_s: When it was begun.
         time_s: When it was accepted.
         kind: MAV_MISSION_TYPE.
         items: Of it, in order; none: cleared.
     """
 
-    begun_s: float
     time_s: float
     kind: int
     items: tuple[WireMessage, ...]
@@ -203,25 +201,26 @@ def _everywhere(sky: Sky, areas: Sequence[BaseGeometry]) -> BaseGeometry:
 
 def _uploads(messages: Sequence[WireMessage]) -> Iterator[Upload]:
     """Transfers of the companion that the vehicle accepted."""
-    begun: dict[int, tuple[float, dict[int, WireMessage]]] = {}
-    cleared: dict[int, float] = {}
+    begun: dict[int, dict[int, WireMessage]] = {}
+    cleared: set[int] = set()
     for message in messages:
         fields: Any = message.fields
         kind = int(fields.get("mission_type", 0)) if message.name.startswith("MISSION_") else 0
         if message.component == COMPANION and message.delivered:
             if message.name == "MISSION_COUNT":
-                begun[kind] = message.time_s, {}
-                cleared.pop(kind, None)
+                begun[kind] = {}
+                cleared.discard(kind)
             elif message.name in {"MISSION_ITEM_INT", "MISSION_ITEM"} and kind in begun:
-                begun[kind][1][int(fields["seq"])] = message
+                begun[kind][int(fields["seq"])] = message
             elif message.name == "MISSION_CLEAR_ALL":
-                cleared[kind] = message.time_s
+                cleared.add(kind)
         elif message.component == AUTOPILOT and message.name == "MISSION_ACK":
             if int(fields["type"]) != 0:
                 continue
             if kind in begun:
-                begun_s, items = begun.pop(kind)
+                items = begun.pop(kind)
                 ordered = tuple(items[seq] for seq in sorted(items))
-                yield Upload(begun_s, message.time_s, kind, ordered)
+                yield Upload(message.time_s, kind, ordered)
             elif kind in cleared:
-                yield Upload(cleared.pop(kind), message.time_s, kind, ())
+                cleared.remove(kind)
+                yield Upload(message.time_s, kind, ())
