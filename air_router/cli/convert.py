@@ -172,7 +172,7 @@ class _Report:
     """What was written, what got lost, and what else there is to say."""
 
     def __init__(self, source: Path, target: Path) -> None:
-        self.source, self.target = source, target  # paths
+        self.source, self.target = source, target  # of the conversion
         self.written = False  # the target, to its end
         self.counts: dict[str, int] = {}  # what is in the target, by its noun
         self.warnings = ConversionWarnings()

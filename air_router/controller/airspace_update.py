@@ -68,12 +68,12 @@ class AirspaceUpdate:
     _return_state: ReturnState
     phase: Phase | None = None
     leaving: frozenset[str] = frozenset()
-    _prepared: Router | None = None  # made beforehand; see `prepare`
+    _prepared: Router | None = None  # the new router, if it was made elsewhere
     _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
-    _way_out: Goal | None = None  # of a zone drawn over the vehicle
-    _has_to_stop: bool = False  # and has not confirmed that it does
-    _what: str = ""  # is put on board, as announced
-    _stuck_until_s: float = -math.inf  # vehicle's clock
+    _way_out: Goal | None = None  # where it leaves a zone drawn over it
+    _has_to_stop: bool = False  # told to hold, and not confirmed yet
+    _what: str = ""  # what is being uploaded, in announcements
+    _stuck_until_s: float = -math.inf  # no way out is looked for before
 
     def only_hold(self, motion: Motion) -> Motion | None:
         """An interlock: while zones change, nothing is begun but the way out of one."""

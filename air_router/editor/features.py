@@ -74,7 +74,7 @@ class Features:
     waypoints: list[Handle] = field(default_factory=list)  # in the operator's order
     rally_points: list[Handle] = field(default_factory=list)
     regions: list[Region] = field(default_factory=list)  # fences first, then zones
-    in_metres: bool = False  # else in degrees
+    in_metres: bool = False  # pairs are metres, else degrees
     origin: Pair | None = None
 
     def handles(self) -> Iterator[Handle]:

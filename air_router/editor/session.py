@@ -30,7 +30,7 @@ class _Step:
     """A state of the text, and what led from the one before to it."""
 
     editable: EditableMission
-    what: str  # label of undo
+    what: str  # what undo calls it
     gesture: str | None  # edits of one are undone together
 
 
@@ -47,7 +47,7 @@ class EditSession:
         self._file = file
         self._viewer = Viewer()
         self.revision = 0  # counts the states shown; edits name the one they mean
-        self._saved = ""  # text on the disk
+        self._saved = ""  # the text on the disk
         self._steps: list[_Step] = []  # the first is the file as it was read
         self._now = 0  # index of the present state in `_steps`
         self._begin()

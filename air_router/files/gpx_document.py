@@ -52,7 +52,7 @@ class GpxDocument:
     """All of a GPX file that is read; what is wrong with it is in `problems`."""
 
     source: PlacedSource
-    points: list[GpxPoint] = field(default_factory=list)  # free waypoints
+    points: list[GpxPoint] = field(default_factory=list)  # waypoints outside of routes and tracks
     routes: list[GpxLine] = field(default_factory=list)
     tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
     problems: ProblemList = field(default_factory=ProblemList)

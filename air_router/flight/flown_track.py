@@ -36,7 +36,7 @@ class FlownTrack:
     armed_s: float | None = None
     ours: bool = True
     _now_s: float = 0.0  # vehicle's clock
-    _changed: Mission | None = None  # not in force yet
+    _changed: Mission | None = None  # mission whose zones are not in force yet
     _boarding: bool = False  # until the plan is renewed the controller refuses other zones
     _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # of each airspace
 

@@ -34,7 +34,7 @@ class MotionSender:
         self._objection = objection
         self._report = report
         self._waiting: Motion | None = None  # replaced by a newer one
-        self._given = asyncio.Event()  # one waits
+        self._given = asyncio.Event()  # a motion waits to be sent
         self._sending: asyncio.Task[None] | None = None  # until the vehicle follows
 
     def give(self, motion: Motion) -> None:

@@ -31,7 +31,7 @@ class StatusLine:
     ) -> None:
         self._out = out if out is not None else sys.stderr
         self._monotonic = monotonic
-        self._live = self._out.isatty()  # redrawn in place
+        self._live = self._out.isatty()  # on a terminal: one line, redrawn in place
         self._shown_s = -math.inf  # when it was written last
         self._width = 0  # of the line that is overwritten
 

@@ -28,7 +28,7 @@ class Ground:
         # only each so many'th cell is shown
         self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
         self._sent: Cells = np.zeros_like(self._shown())  # as the pages have it
-        self._sent_cells = -1  # known in `_sent`
+        self._sent_cells = -1  # number of known cells in `_sent`
         self._began_s: dict[str, float] = {}  # when each peer's pull began
         self._held: dict[str, int] = {}  # cells known in the map that each peer has
 

@@ -157,7 +157,7 @@ class Playback:
     def __init__(self, film: Film, web: Web, *, speed: float = 1.0) -> None:
         self._film = film
         self._speed = speed
-        self._paused = False  # by a viewer
+        self._paused = False  # a viewer has paused it
         self._wanted_s: float | None = None  # where a viewer wants to go
         record = film.plotted()
         mission = dataclasses.replace(film.controller.mission, uav=film.name or None)

@@ -58,17 +58,17 @@ class LiveScene:
         self._name = name
         self._now_s = 0.0  # vehicle's clock
         self._track: list[list[float]] = []  # latitude, longitude
-        self._track_end: Point | None = None  # the last of them
+        self._track_end: Point | None = None  # position of its last point
         self._robots: dict[str, _Robot] = {}  # heard of, by name
         self._syncing: dict[tuple[str, Direction], float] = {}  # when each began
         self._synced_s: dict[str, float] = {}  # pulled from, by peer
         self._syncs: Counter[str] = Counter()  # ended well, by peer
-        self._links: Mapping[str, LinkMetrics] = {}  # as told last
+        self._links: Mapping[str, LinkMetrics] = {}  # metrics, refreshed by the server
         self._rows: deque[list[Any]] = deque(maxlen=MOST_ROWS)  # samples for the charts
-        self._row_count = 0  # of all rows ever
+        self._row_count = 0  # how many rows there ever were
         self._sampled_s = -math.inf  # the last row's time
         self._news: list[dict[str, Any]] = []  # the newest are last
-        self._news_count = 0  # of all news ever
+        self._news_count = 0  # how many news there ever were
 
     # What happens.
 

@@ -80,7 +80,7 @@ class _Sink:
     """
 
     def __init__(self, path: Path, most_bytes: int) -> None:
-        self._file = path.open("xb", buffering=0)  # unbuffered
+        self._file = path.open("xb", buffering=0)  # written without a buffer of Python's
         self._most_bytes = most_bytes
         self._position = 0  # bytes the writer has written
         self._whole = 0  # up to here chunks are complete

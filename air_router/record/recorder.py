@@ -111,7 +111,7 @@ class Recorder(Closeable):
         self._links: dict[str, LinkMetrics] = {}  # recorded last, by peer
         self._held: dict[str, dict[tuple[str, str], float]] = {}  # newest stamps, by peer
         self._patch_bytes = 0  # received; recorded up to a limit
-        self._unwritable: set[str] = set()  # types, told once
+        self._unwritable: set[str] = set()  # types that cannot be recorded, warned of
         self._flown = False  # else the file is removed
         self._drawing: FoxgloveDrawing | None = None  # None until `begin`
         self._drawn: dict[str, RecordChannel] = {}  # by topic

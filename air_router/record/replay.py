@@ -77,8 +77,8 @@ class ReplayDifference:
 class Replay:
     """What came of it."""
 
-    events: int = 0  # taken in
-    actions: int = 0  # decided
+    events: int = 0  # number taken in
+    actions: int = 0  # number decided
     until_s: float = 0.0  # of the last event, vehicle's clock
     difference: ReplayDifference | None = None
     notes: list[str] = field(default_factory=list)  # why it may be incomplete

@@ -82,9 +82,9 @@ class Departure:
         here = airspace.point_clear(start)
         self.in_margin = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
-        self._near: Airspace | None = airspace  # for the leg's beginning
-        self._kept: Airspace | None = None  # for all of it
-        self._reach_m = 0.0  # where the beginning ends
+        self._near: Airspace | None = airspace  # what the leg's first metres keep to
+        self._kept: Airspace | None = None  # what the whole leg keeps to
+        self._reach_m = 0.0  # how far these first metres reach
         if self.in_margin:
             self._relax()
 

@@ -186,7 +186,7 @@ class InputWatch:
     _stopped: dict[str, Stop] = field(default_factory=dict)  # by what is missing
     # by what is missing: announced, when
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
-    _good_since_s: float | None = None  # the fix is back
+    _good_since_s: float | None = None  # since when the fix is good again
 
     def why_no_leg(self, telemetry: Telemetry | None) -> str | None:
         """Why the vehicle is sent nowhere; None if nothing is missing for that."""

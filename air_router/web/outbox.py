@@ -16,7 +16,7 @@ class PageOutbox:
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self._socket = socket
         self._waiting: dict[str, str] = {}  # text by kind, in order
-        self._news = asyncio.Event()  # something waits
+        self._news = asyncio.Event()  # set while something waits
         self.full = False  # the page reads nothing; it is given up
 
     def post(self, kind: str, text: str) -> None:

@@ -21,7 +21,7 @@ class Fence:
 
     def __init__(self, shape: Shape) -> None:
         self._circle = shape if isinstance(shape, Circle) else None  # None: a polygon
-        self._inside = shape.polygon  # prepared
+        self._inside = shape.polygon  # area, prepared for many questions
         self._border = shape.polygon.boundary  # prepared if it is long
         if self._circle is None:
             shapely.prepare(self._inside)

@@ -222,7 +222,7 @@ class _Cells:
     """
 
     def __init__(self, east_m: Floats, north_m: Floats) -> None:
-        self._side = max(1, math.isqrt(len(east_m)))  # squares a side
+        self._side = max(1, math.isqrt(len(east_m)))  # squares in each direction
         self._west_m, self._step_east_m = self._span(east_m)  # edge, square's width
         self._south_m, self._step_north_m = self._span(north_m)  # edge, square's height
         first_column = self._columns(east_m.min(axis=1) - ON_M)

@@ -163,7 +163,7 @@ class Dds(Cdr):
         self._readers: list[tuple[Any, Any, Callable[[bytes], None]]] = []
         self._lock = threading.Lock()
         self._stopping = False  # set by `stop`
-        self._awake = GuardCondition(self._participant)  # ends the wait
+        self._awake = GuardCondition(self._participant)  # triggered to end the wait
         self._waiting = WaitSet(self._participant)  # for data, or for `_awake`
         self._waiting.attach(self._awake)
         self._thread = threading.Thread(target=self._read, name="DDS reader", daemon=True)

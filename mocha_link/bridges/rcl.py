@@ -31,7 +31,7 @@ class Rcl(Cdr):
         self._best_effort = best_effort
         self._publishers: dict[str, Any] = {}  # by topic
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
-        self._spinning = False  # callbacks run
+        self._spinning = False  # a thread runs callbacks
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
         """See `bridge.Middleware`."""

@@ -35,7 +35,7 @@ class Ros1:
         self.types = types or {}
         self._classes: dict[str, Any] = {}  # message classes, by type
         self._publishers: dict[str, Any] = {}  # by topic
-        self._subscribers: list[Any] = []  # kept alive
+        self._subscribers: list[Any] = []  # kept from the garbage collector
         self._odd: set[str] = set()  # topics of another type, told once
         rospy.init_node(name, disable_signals=True)
         LOG.disabled = False  # rospy takes over all logging

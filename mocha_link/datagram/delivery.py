@@ -53,7 +53,7 @@ class Round:
         self.began_s = began_s
         self.delivered = self.lost = 0  # bytes
         self.rate = 0.0  # the highest measured, bytes/s
-        self.rtt_s: float | None = None  # the lowest
+        self.rtt_s: float | None = None  # the lowest of this round
         self.limited = True  # there was too little to send to see the rate
 
     @property
@@ -77,7 +77,7 @@ class Delivery:
         self.spread = 0.0
         self.total = 0  # bytes that arrived
         self.base_loss = 0.0  # the share of packets that is lost without our doing
-        self.base_known = False  # it was measured
+        self.base_known = False  # `base_loss` was measured
         self.round = Round(0.0)
         self._packet = packet_bytes  # bytes of a full packet
         self._floor_rtt_s: float | None = None  # the lowest of all

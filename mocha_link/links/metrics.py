@@ -160,7 +160,7 @@ class _LinkRecord:
     # syncs ended well
     syncs: dict[Direction, int] = field(default_factory=lambda: dict.fromkeys(Direction, 0))
     timeouts: int = 0  # syncs broken off
-    refused: int = 0  # messages
+    refused: int = 0  # messages that were not accepted
     rtt_s: float | None = None  # of the last sync
     rtt_smoothed_s: float | None = None  # over the last syncs
     bandwidth_bytes_s: float | None = None  # of the last sync that moved enough
@@ -172,7 +172,7 @@ class _LinkRecord:
     counted: _Totals = field(default_factory=_Totals)  # the totals when the last contact ended
     # contacts that are over
     contacts: deque[Contact] = field(default_factory=lambda: deque(maxlen=MAX_CONTACTS))
-    contacts_over: int = 0  # ever
+    contacts_over: int = 0  # how many contacts ended
     began_s: float | None = None  # of the contact that lasts
     by_radio: bool = False  # the radio has begun it, and will end it
     active_s: float = 0.0  # Unix time of the last event

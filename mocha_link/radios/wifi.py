@@ -93,9 +93,9 @@ class WifiRadio(ThreadRadio):
         self._peers = peers
         self._poll_s = poll_s
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None  # `iw` at work
+        self._process: subprocess.Popen[str] | None = None  # `iw`, while it runs
         self._closed = False  # no `iw` is started any more
-        self._complaint = ""  # told last
+        self._complaint = ""  # warned of last, once
 
     def start(self, report: Report) -> None:
         """Begin to ask. Raises RadioError if `iw` is not installed."""

@@ -91,7 +91,7 @@ class Storage:
         self._epoch = 0  # of the database that is kept
         # after a fault: what the file lacks
         self._reconcile: Callable[[Contents, Storage], None] | None = None
-        self._thread: threading.Thread | None = None  # writes
+        self._thread: threading.Thread | None = None  # writes to the file
         self._changed = threading.Condition()  # guards all below
         self._pending = Changes()  # for the next transaction
         self._given = 0  # changes so far; those on disk: `_saved`

@@ -140,7 +140,7 @@ class Team:
     trust: Trust
     definitions: Mapping[str, str]
     path: Path
-    _by_id: tuple[Robot, ...] = field(repr=False)  # place is id
+    _by_id: tuple[Robot, ...] = field(repr=False)  # robots in the order of their ids
 
     @classmethod
     def load(cls, path: Path | str) -> Self:

@@ -124,15 +124,15 @@ class Deviations:
     _out_m: float = 0.0  # the least that it was off its altitudes lately
     _out_since_s: float | None = None  # since when it came no nearer
     _off_since_s: float | None = None  # when it was announced
-    _back_since_s: float | None = None  # within its altitudes again
+    _back_since_s: float | None = None  # within its altitudes again since
     _spare_told_m: float | None = 0.0  # None: the clearance is kept
     # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
     _spare: tuple[float, Point, int, Mission] | None = None
     _fast_since_s: float | None = None  # faster than commanded
-    _fast_told: bool = True  # or not to be told
-    _slow_since_s: float | None = None  # on this leg
+    _fast_told: bool = True  # announced, or braking from a pilot's flight
+    _slow_since_s: float | None = None  # slower than commanded, on this leg
     _slow_told: bool = False  # until it is faster again
-    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # of the last holds
+    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last, in any state."""

@@ -54,7 +54,7 @@ class FlightPhase:
     killed: str | None = None
     stayed_why: str = "disarmed"
     landing_place: str = "at home"
-    _flew: bool = False  # was seen in the air
+    _flew: bool = False  # seen in the air
     _was_armed: bool = False  # since the hand-over
     _news: bool = False  # it was killed, and not said yet
     _rest: tuple[float, float] = (0.0, 0.0)  # altitude that stays the same, and since when
@@ -190,7 +190,7 @@ class Reminder:
     """What goes on is told at once, then now and then, and that it is over."""
 
     _what: str | None = None  # announced last; None: over
-    _told_s: float = 0.0  # when
+    _told_s: float = 0.0  # when it was announced last
 
     def news(self, what: str | None, now_s: float) -> str | None:
         """What to tell at this time, where this goes on; None: no news."""

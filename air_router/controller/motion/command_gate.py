@@ -118,7 +118,7 @@ class CommandGate:
     _plan: FlightPlan
     commanded_mode: CommandedMode = field(default_factory=CommandedMode)
     interlocks: tuple[Interlock, ...] = ()
-    _waits_why: str | None = None  # announced last
+    _waits_why: str | None = None  # reason announced last
     _wait_told_s: float = -math.inf  # when, vehicle's clock
 
     # Commands.

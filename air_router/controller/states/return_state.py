@@ -81,7 +81,7 @@ class HomeReachability:
     among: Mission | None = None
     look_at_s: float = -math.inf
     _tell_at_s: float = -math.inf  # when it is announced again
-    _due: bool = False  # as announced last
+    _due: bool = False  # it should be on its way home, as announced
 
     def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
         """What to say now, if anything.

@@ -26,7 +26,7 @@ class Exploration:
     """
 
     waypoints: Sequence[Waypoint]
-    _skipped: frozenset[int] = frozenset()  # numbers
+    _skipped: frozenset[int] = frozenset()  # numbers of waypoints that are left out
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None

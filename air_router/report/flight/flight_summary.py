@@ -89,7 +89,7 @@ class FlightSummary:
     flown: FlownTrack | None = None
     about: dict[str, str] = field(default_factory=dict)
     ending: str | None = None
-    vehicle: dict[str, Any] = field(default_factory=dict)  # who answered
+    vehicle: dict[str, Any] = field(default_factory=dict)  # who answered: a note of the record
     track: list[tuple[float, float, float, float]] = field(default_factory=list)
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
@@ -103,8 +103,8 @@ class FlightSummary:
     exchanges: Exchanges = field(default_factory=Exchanges)
     report: dict[str, Any] = field(default_factory=dict)
     closest_at: tuple[float, float, float] | None = None  # metres, place
-    from_s: float = math.nan  # of the first event
-    to_s: float = math.nan  # of the last one
+    from_s: float = math.nan  # time of the first event
+    to_s: float = math.nan  # time of the last event
     finish: str | None = None  # as the controller said
     unix_offset_s: float | None = None  # Unix time at 0
     _open: dict[tuple[str, str], int] = field(default_factory=dict)  # places in `requests`

@@ -79,7 +79,7 @@ class Px4Connection:
             )
         self._url = url
         self.system_id = system_id
-        self._mavsdk: Mavsdk | None = None  # while it is open
+        self._mavsdk: Mavsdk | None = None  # None: closed
         self._link: Px4Link | None = None  # our own port, for UDP
 
     async def open(self) -> Plugins:

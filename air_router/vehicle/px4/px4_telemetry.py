@@ -68,13 +68,13 @@ class Px4Telemetry:
         self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
         self._plan_ids: tuple[int, int] | None = None  # of mission and fence on board
         self._guarding = False  # changes of the plan are told
-        self._last_reached: tuple[int, int | None] | None = None  # seq, current item
+        self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
         self._position: Point | None = None  # in the mission frame
         self._target: Point | None = None  # of POSITION_TARGET
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
         self._heights = HeightFrame()  # home of the take-off
-        self._gps_height: tuple[float, float] | None = None  # AMSL, its time
+        self._gps_height: tuple[float, float] | None = None  # metres AMSL, receiver's time
         self.reports = ArmingReports()
         self.refusals: list[str] = []  # why it did not arm, in its words
         self.parameters: dict[str, float] = {}  # heard so far
@@ -95,8 +95,8 @@ class Px4Telemetry:
         self.battery: float | None = None  # 0 to 1; None: unknown
         self.health_good = False  # PX4's pre-arm checks pass
         self.item: int | None = None  # of the plan, current
-        self.item_total = 0  # on board
-        self.mission_state = 0  # MISSION_STATE
+        self.item_total = 0  # items on board
+        self.mission_state = 0  # MISSION_CURRENT.mission_state
         self.mission_reports = 0  # MISSION_CURRENT so far
         self.home: Point | None = None  # of the autopilot, in the mission frame
         self.home_altitude_amsl_m: float | None = None  # of the autopilot's home
