@@ -14,7 +14,7 @@ from typing import Any
 
 from PIL import Image
 
-from air_router.live.playback import Film, Playback
+from air_router.live.playback import Playback, RecordedFlight
 from air_router.record.log import Log
 from air_router.web.serving import Web
 
@@ -30,7 +30,7 @@ async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list
     """The page at so many moments of the flight; stills of the last one go to the folder."""
     from playwright.async_api import async_playwright  # noqa: PLC0415 - not for the other ones
 
-    film = Film(Log(record))
+    film = RecordedFlight(Log(record))
     count = LASTS_S * FRAMES_PER_S
     async with Playback(film, Web()).serving(print) as address, async_playwright() as playwright:
         chromium = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -249,7 +249,7 @@ def _complaint(error: ValidationError, model: type[CommandRequest]) -> str:
     return f"'{where}': {detail['msg']}"
 
 
-class Grants(Protocol):
+class RequestHandler(Protocol):
     """Where requests are handed in."""
 
     def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class OnBoard(Enum):
 
 
 @dataclass(slots=True, eq=False)
-class Levelling:
+class InitialClimb:
     """Has a vehicle climb straight up where it is, and only then fly its legs.
 
     Args:
@@ -137,7 +137,7 @@ class ControlAuthority:
         context: Where it signals that the pilot flies, and that we do again.
         gate: Has it hold.
         flight_phase: Whether it was handed over to us on the ground.
-        levelling: Whether, and how, a vehicle that is taken back gets to the mission's altitude.
+        initial_climb: Whether a vehicle that is taken back climbs to the mission's altitude.
 
     Attributes:
         giving_up: Why hands will be off as soon as it holds; None if they will not.
@@ -150,7 +150,7 @@ class ControlAuthority:
     _context: MissionContext
     _gate: CommandGate
     _flight_phase: FlightPhase
-    _levelling: Levelling
+    _initial_climb: InitialClimb
     giving_up: str | None = None
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
@@ -260,7 +260,7 @@ class ControlAuthority:
             return
         self.compares = None
         self._context.say(f"{again}: going on")
-        self._levelling.wanted = True  # it may have sunk, or have been stopped in its climb
+        self._initial_climb.wanted = True  # it may have sunk, or have been stopped in its climb
         if not self._context.in_air:
             return
         if self._context.state is State.READY:  # it hovers, stopped in its climb
@@ -295,7 +295,7 @@ class ControlAuthority:
         if telemetry is None:
             return "nothing was heard of the vehicle: wait for it"
         why = why_not_resumed(self._context.mission, telemetry)
-        why = why or self._levelling.why_not(telemetry)
+        why = why or self._initial_climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
         if self.on_board is OnBoard.REPLACED:
@@ -342,7 +342,7 @@ class ControlAuthority:
         self._flight_phase.resumed(self._context.now_s)
         self.taken_by = None
         self._gate.commanded_mode.assume(self._context.heard.mode)
-        self._levelling.wanted = True
+        self._initial_climb.wanted = True
 
 
 def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
-from air_router.controller.control_authority import ControlAuthority, Levelling
+from air_router.controller.control_authority import ControlAuthority, InitialClimb
 from air_router.controller.model.actions import Action, Finish, Motion, Seeking, StateChanged
 from air_router.controller.model.events import (
     AirspaceChanged,
@@ -124,8 +124,8 @@ class Controller:
             HandsOffState(self._let_go),
         )
         # What else is decided.
-        levelling = Levelling(context, gate)
-        authority = self._authority = ControlAuthority(context, gate, flight_phase, levelling)
+        initial_climb = InitialClimb(context, gate)
+        authority = self._authority = ControlAuthority(context, gate, flight_phase, initial_climb)
         self.airspace_update = AirspaceUpdate(context, gate, self.exploration, authority, home)
         commands = self._commands = CommandHandler(
             context,
@@ -151,7 +151,7 @@ class Controller:
             authority,
             home,
             self.airspace_update,
-            levelling,
+            initial_climb,
             commands,
             pilot_arms,
         )
@@ -161,7 +161,7 @@ class Controller:
             gate.stop_if_doubtful,  # which of several orders would it follow? Hold first
             authority.only_hold,  # hands are off in a moment
             self.airspace_update.only_hold,  # zones are being changed
-            levelling.first,  # it is lower than legs are checked for
+            initial_climb.first,  # it is lower than legs are checked for
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions: Mapping[type, Callable[[Any], None]] = {

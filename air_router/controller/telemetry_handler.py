@@ -8,7 +8,7 @@ from typing import Final
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
-from air_router.controller.control_authority import ControlAuthority, Levelling
+from air_router.controller.control_authority import ControlAuthority, InitialClimb
 from air_router.controller.model.actions import ControlHolder, FlyToNode, HoldHere, Motion
 from air_router.controller.model.events import CommandConfirmed
 from air_router.controller.model.mission_context import MissionContext
@@ -18,7 +18,7 @@ from air_router.controller.monitor.flight_phase import (
     HELD,
     FlightPhase,
     Reminder,
-    Silence,
+    SilenceReminder,
     TakeOff,
     take_off,
 )
@@ -54,7 +54,7 @@ class TelemetryHandler:
         authority: Whose the vehicle is.
         return_state: Whether the mission ends.
         airspace_update: Whether zones are being changed.
-        levelling: Whether it climbs before its first leg.
+        initial_climb: Whether it climbs before its first leg.
         command_handler: Whether a request waits for its time.
         pilot_arms: The pilot arms: if it is disarmed again on the ground, wait on.
     """
@@ -70,10 +70,10 @@ class TelemetryHandler:
     _authority: ControlAuthority
     _return_state: ReturnState
     _airspace_update: AirspaceUpdate
-    _levelling: Levelling
+    _initial_climb: InitialClimb
     _command_handler: CommandHandler
     _pilot_arms: bool
-    _silence: Silence = field(default_factory=Silence)
+    _silence: SilenceReminder = field(default_factory=SilenceReminder)
     _breaches: Reminder = field(default_factory=Reminder)  # while another flies
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _put_off: bool = False  # a motion, while it is not certain who has the vehicle
@@ -213,8 +213,8 @@ class TelemetryHandler:
     def _go_on(self, telemetry: Telemetry, moved: Deviation | None) -> None:
         """Back to what was planned; home if it is time; zones that change; the state's handler."""
         context, gate, navigator = self._context, self._gate, self._gate.navigator
-        update, levelling = self._airspace_update, self._levelling
-        if context.spec.cruises and update.phase is None and levelling.climb is None:
+        update, initial_climb = self._airspace_update, self._initial_climb
+        if context.spec.cruises and update.phase is None and initial_climb.climb is None:
             self._keep(telemetry, moved)
         else:
             self._deviations.forget()
@@ -223,8 +223,8 @@ class TelemetryHandler:
         if update.phase is not None:
             update.go_on(telemetry)
             return
-        if levelling.climb is not None and levelling.go_on(telemetry):
-            if levelling.stuck:
+        if initial_climb.climb is not None and initial_climb.go_on(telemetry):
+            if initial_climb.stuck:
                 self._authority.give_up("the climb to the mission's altitude does not go on")
             return
         if self._deviations.waits:

@@ -8,7 +8,7 @@ from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
 from typing import Protocol
 
-from air_router.control.command_request import Grants
+from air_router.control.command_request import RequestHandler
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
@@ -38,7 +38,7 @@ class Page(Served, Protocol):
         """Take in what was decided."""
 
 
-class Joined(Served, Protocol):
+class SharedPage(Served, Protocol):
     """A page for several flights."""
 
     def found(self, name: str, address: PageAddress) -> None:
@@ -89,7 +89,7 @@ def page_of(  # noqa: PLR0913 - what a page shows comes from many places
     web: Web | None,
     mission: Mission,
     controller: Controller,
-    commands: Grants,
+    commands: RequestHandler,
     *,
     gossip: Gossip,
     mapper: Mapper,
@@ -114,11 +114,11 @@ def show_record(path: Path, web: Web, speed: float, say: Say) -> None:
         RefusedError, LogError, ServeError: there is nothing to show, or nowhere.
     """
     with needs_extra("the page", "web", "air-router"):
-        from air_router.live.playback import Film, Playback  # noqa: PLC0415 - an extra
-    show(Playback(Film(Log(path)), web, speed=speed), say)
+        from air_router.live.playback import Playback, RecordedFlight  # noqa: PLC0415 - an extra
+    show(Playback(RecordedFlight(Log(path)), web, speed=speed), say)
 
 
-def joint_page(names: Iterable[str], web: Web) -> Joined:
+def joint_page(names: Iterable[str], web: Web) -> SharedPage:
     """One page for several flights.
 
     Raises:

@@ -35,7 +35,7 @@ _STEPS: Final = 400
 """So many entries are gone through before browsers are served again."""
 
 
-class Watching(Protocol):
+class RecordConsumer(Protocol):
     """Is shown what is in a record."""
 
     def event(self, event: Event, now_s: float) -> None:
@@ -48,7 +48,7 @@ class Watching(Protocol):
         """Take in what the node measured."""
 
 
-class _Closed:
+class _FinishedFlight:
     """The command service of a flight that is over."""
 
     def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
@@ -57,7 +57,7 @@ class _Closed:
         raise CommandRequestError("this flight is over: it is shown from its record")
 
 
-class Film:
+class RecordedFlight:
     """A recorded flight, as far as it was gone through.
 
     Attributes:
@@ -110,7 +110,7 @@ class Film:
         self.rewind()
         return {"type": "record", "rows": scene.rows(), "marks": scene.news()}
 
-    def go_on(self, until_s: float, page: Watching, most: int = _STEPS) -> bool:
+    def go_on(self, until_s: float, page: RecordConsumer, most: int = _STEPS) -> bool:
         """Go through the record up to a time; False if there was too much for once."""
         for _ in range(most):
             if self._next >= len(self._entries) or self._entries[self._next].t > until_s:
@@ -123,7 +123,7 @@ class Film:
             self._take(entry, page)
         return False
 
-    def _take(self, entry: RecordEntry, page: Watching) -> None:
+    def _take(self, entry: RecordEntry, page: RecordConsumer) -> None:
         match entry.kind:
             case "event" if not self._left:
                 self._decide(entry, page)
@@ -139,7 +139,7 @@ class Film:
             case "patch":
                 self.mapper.paint(entry.value)
 
-    def _decide(self, entry: RecordEntry, page: Watching) -> None:
+    def _decide(self, entry: RecordEntry, page: RecordConsumer) -> None:
         page.event(entry.value, entry.t)
         event = about_own(entry.value, self._motions)
         self._decided = deque(self.controller.handle(event, entry.t))
@@ -152,21 +152,21 @@ class Film:
 
 
 class Playback:
-    """Plays a film on a page; a viewer may pause, go elsewhere, go faster."""
+    """Plays a recorded flight on a page; a viewer may pause, go elsewhere, go faster."""
 
-    def __init__(self, film: Film, web: Web, *, speed: float = 1.0) -> None:
-        self._film = film
+    def __init__(self, recorded: RecordedFlight, web: Web, *, speed: float = 1.0) -> None:
+        self._recorded = recorded
         self._speed = speed
         self._paused = False  # a viewer has paused it
         self._wanted_s: float | None = None  # where a viewer wants to go
-        record = film.plotted()
-        mission = dataclasses.replace(film.controller.mission, uav=film.name or None)
+        record = recorded.plotted()
+        mission = dataclasses.replace(recorded.controller.mission, uav=recorded.name or None)
         self._page = LivePage(
             mission,
-            film.controller,
-            _Closed(),
-            lambda: film.links,
-            mapper=film.mapper,
+            recorded.controller,
+            _FinishedFlight(),
+            lambda: recorded.links,
+            mapper=recorded.mapper,
             web=web,
         )
         self._page.steer = self._steer
@@ -187,27 +187,27 @@ class Playback:
                 playing.cancel()
 
     async def _play(self) -> None:
-        film, page = self._film, self._page
+        recorded, page = self._recorded, self._page
         while True:
-            if self._wanted_s is not None and self._wanted_s < film.now_s:
-                film.rewind()
-                page.restart(film.controller, film.mapper)
+            if self._wanted_s is not None and self._wanted_s < recorded.now_s:
+                recorded.rewind()
+                page.restart(recorded.controller, recorded.mapper)
             step_s = 0.0 if self._paused else TICK_S * self._speed
-            until_s = film.now_s + step_s if self._wanted_s is None else self._wanted_s
-            if film.go_on(until_s, page):
+            until_s = recorded.now_s + step_s if self._wanted_s is None else self._wanted_s
+            if recorded.go_on(until_s, page):
                 self._wanted_s = None
                 self._tell()
                 await asyncio.sleep(TICK_S)
             await asyncio.sleep(0)
 
     def _tell(self) -> None:
-        film = self._film
+        recorded = self._recorded
         self._page.tell(
             "playback",
             {
-                "begin_s": round(film.begin_s, 1),
-                "end_s": round(film.end_s, 1),
-                "now_s": round(film.now_s, 1),
+                "begin_s": round(recorded.begin_s, 1),
+                "end_s": round(recorded.end_s, 1),
+                "now_s": round(recorded.now_s, 1),
                 "speed": self._speed,
                 "paused": self._paused,
             },
@@ -220,7 +220,7 @@ class Playback:
             case {"ask": "speed", "speed": int() | float() as speed} if 0 < speed <= MOST_SPEED:
                 self._speed = float(speed)
             case {"ask": "go", "to_s": int() | float() as to_s} if math.isfinite(to_s):
-                self._wanted_s = min(max(float(to_s), self._film.begin_s), self._film.end_s)
+                self._wanted_s = min(max(float(to_s), self._recorded.begin_s), self._recorded.end_s)
             case _:
                 raise CommandRequestError(
                     "the page asks for something that is not known; load it again"

@@ -10,12 +10,16 @@ from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final
 
 from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
-from air_router.control.command_request import CommandRequestError, Grants, command_request_of
+from air_router.control.command_request import (
+    CommandRequestError,
+    RequestHandler,
+    command_request_of,
+)
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.gossip.mapper import Mapper
-from air_router.live.ground import Ground
+from air_router.live.map_feed import MapFeed
 from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import LiveScene
 from air_router.live.scenery import scenery
@@ -66,7 +70,7 @@ class LivePage:
         self,
         mission: Mission,
         controller: Controller,
-        command_service: Grants,
+        command_service: RequestHandler,
         links: Links,
         *,
         mapper: Mapper,
@@ -102,7 +106,7 @@ class LivePage:
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
         mission = controller.mission
         self.scene = LiveScene(mission, controller, self._name)
-        self._ground = Ground(mapper, mission.frame)
+        self._map_feed = MapFeed(mapper, mission.frame)
         self._controller = controller
         self._draw_scenery()
         self._sent_track = self._sent_news = self._sent_rows = 0
@@ -118,7 +122,7 @@ class LivePage:
         """Take in what happened."""
         with self._harmless():
             self.scene.event(event, now_s)
-            self._ground.event(event, now_s)
+            self._map_feed.event(event, now_s)
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """Take in what the node measures, where it is not polled."""
@@ -165,14 +169,14 @@ class LivePage:
         self.tell("robots", {"robots": scene.robots()})
         if self._ticks % SLOW_TICKS == 1:
             scene.links(self._links())
-            piece = self._ground.news()
+            piece = self._map_feed.news()
             if piece is not None:
                 self._audience.broadcast(
                     f"piece {self._ticks}", as_json({"type": "piece", **piece})
                 )
         links = scene.link_lines()
         for link in links:
-            link["map_share"] = self._ground.share(link["peer"])
+            link["map_share"] = self._map_feed.share(link["peer"])
         self.tell("links", {"links": links})
         if scene.row_count > self._sent_rows and not self.record:
             start, self._sent_rows = self._sent_rows, scene.row_count
@@ -215,7 +219,7 @@ class LivePage:
         """All that a page has to know that knows nothing."""
         yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop_view})
         yield "scenery", self._scenery
-        yield "map", as_json({"type": "map", **self._ground.whole()})
+        yield "map", as_json({"type": "map", **self._map_feed.whole()})
         yield "track", self._track(0)
         yield "news", self._news(0)
         yield "rows", as_json(self.record) if self.record else self._rows(0)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from air_router.control.control import ControlAnswer
 from air_router.gossip.ros_messages import stamp
-from air_router.ros2.goals import Cancel, Course, Goal, GoalId, Goals, Status
+from air_router.ros2.goals import Cancel, Goal, GoalId, Goals, GoalSpec, Status
 from air_router.ros2.interfaces import CANCEL
 from air_router.ros2.messages import Values
 from air_router.ros2.ros_graph import RosGraph
@@ -26,7 +26,7 @@ class ActionServer:
         serve: Has a service answered on the thread that uses this object.
         name: Of the action, e.g. ``/titan/goto``.
         kind: Its type.
-        course: Of the states that fulfil it.
+        spec: Of the states that fulfil it.
         ask: Asks the flight for a goal's values.
         hold: Asks the flight to hold: so goals are cancelled.
         newest: The number of the flight's newest change of state.
@@ -39,14 +39,14 @@ class ActionServer:
         serve: Callable[[str, str, Answer], None],
         name: str,
         kind: str,
-        course: Course,
+        spec: GoalSpec,
         *,
         ask: Callable[[Values], ControlAnswer],
         hold: Callable[[], ControlAnswer],
         newest: Callable[[], int],
         unix_s: Callable[[], float],
     ) -> None:
-        self.goals = Goals(course)
+        self.goals = Goals(spec)
         self._graph, self._kind = graph, kind
         self._ask, self._hold, self._newest, self._unix_s = ask, hold, newest, unix_s
         self._inside = f"{name}/_action"  # prefix of its services and topics

@@ -43,7 +43,7 @@ class Cancel(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class GoalSpec:
     """How the states of an action follow each other.
 
     Attributes:
@@ -59,10 +59,10 @@ class Course:
     on: tuple[tuple[str, str], ...] = ()
 
 
-GOTO: Final = Course(
+GOTO: Final = GoalSpec(
     begin=("GOTO", "GOTO"), done=("GOTO", "TIMER"), reached="it was at the last point"
 )
-SEEK: Final = Course(
+SEEK: Final = GoalSpec(
     begin=("SEARCH", "SEEK"),
     on=(("SEARCH", "FOUND"),),
     done=("COMM", "SYNCED"),
@@ -100,7 +100,7 @@ class Goal:
         self.status, self.code = status, code
         self.message = f"{self.message}; {message}" if self.message else message
 
-    def follow(self, course: Course, changes: Sequence[Change]) -> None:
+    def follow(self, spec: GoalSpec, changes: Sequence[Change]) -> None:
         """Take in the latest changes of state."""
         for change in changes:
             if change["number"] <= self.since or self.over:
@@ -108,10 +108,10 @@ class Goal:
             self.since = change["number"]
             signal = (change["left"], change["signal"])
             if not self.begun:
-                self.begun = (change["state"], change["signal"]) == course.begin
-            elif signal == course.done:
-                self.end(Status.SUCCEEDED, course.reached)
-            elif signal not in course.on:
+                self.begun = (change["state"], change["signal"]) == spec.begin
+            elif signal == spec.done:
+                self.end(Status.SUCCEEDED, spec.reached)
+            elif signal not in spec.on:
                 self.end(Status.ABORTED, f"{change['left']} -> {change['state']}: {change['why']}")
 
 
@@ -119,7 +119,7 @@ class Goal:
 class Goals:
     """The goals of one action, oldest first."""
 
-    course: Course
+    spec: GoalSpec
     goals: dict[GoalId, Goal] = field(default_factory=dict)  # by id
 
     def begin(self, goal_id: GoalId, now_s: float, since: int) -> Goal | None:
@@ -140,7 +140,7 @@ class Goals:
     def follow(self, changes: Sequence[Change]) -> None:
         """Take in the latest changes of state."""
         for goal in self.active():
-            goal.follow(self.course, changes)
+            goal.follow(self.spec, changes)
 
     def active(self) -> Iterator[Goal]:
         """Goals without a result."""

@@ -145,7 +145,7 @@ def cover(  # noqa: PLR0913 - what a survey flight is made from
     wary = airspace.with_margin(airspace.margin_m + _MARGIN_M)
     free = shapely.MultiPolygon(FreeSpace(wary).lean)
     within = _within(free, target, airspace, start)
-    sight = _Sight(target, within, swath)
+    sight = _Visibility(target, within, swath)
     path = _joiner(airspace, within)
     if bearing_deg is None:
         tried = sight.bearings(area, stop_m)[:_TRIED]
@@ -175,7 +175,7 @@ def _within(
     return nearest
 
 
-class _Sight:
+class _Visibility:
     """Which rows see how much of a target."""
 
     def __init__(self, target: BaseGeometry, within: BaseGeometry, swath: Swath) -> None:
@@ -348,7 +348,7 @@ def _straight(start: Point, end: Point) -> tuple[Point, Point]:
 
 
 def _plan(
-    sight: _Sight, bearing_deg: float, path: Joiner, start: Point | None, stop_m: float
+    sight: _Visibility, bearing_deg: float, path: Joiner, start: Point | None, stop_m: float
 ) -> tuple[float, Coverage | None]:
     """The plan with rows of one bearing, and what it costs in metres; None if there are no rows."""
     sweep = Sweep(bearing_deg)

@@ -77,7 +77,7 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class RowOrder:
     """Rows in order, with the points between them; see `geo.coverage.coverage.Coverage`."""
 
     rows: tuple[Row, ...]
@@ -118,7 +118,7 @@ def cells_of(
     return [Cell(tuple(cell)) for cell in cells]
 
 
-def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> Order:
+def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> RowOrder:
     """A good order for the cells, from the start and back to it if there is one.
 
     Cells to which no way leads are left out.
@@ -139,7 +139,7 @@ def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> Order:
     way_back: tuple[Point, ...] = ()
     if start is not None and rows:
         way_out, way_back = ways.path(start, track[0]), ways.path(track[-1], start)
-    return Order(rows, _distinct(track), way_out, way_back)
+    return RowOrder(rows, _distinct(track), way_out, way_back)
 
 
 class _Ways:

@@ -12,7 +12,7 @@ from mocha_link.service.requests import RequestError
 from mocha_link.service.service_client import split
 
 
-class Values:
+class ValueTranslator:
     """Translates for the programs of one robot.
 
     Args:

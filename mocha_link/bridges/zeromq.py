@@ -16,7 +16,7 @@ from typing import Any
 
 import zmq
 
-from mocha_link.bridges.values import Values
+from mocha_link.bridges.values import ValueTranslator
 from mocha_link.node.lifetime import Closeable
 from mocha_link.service import requests
 from mocha_link.service.endpoint import bind, connect
@@ -77,7 +77,7 @@ class ZeroMqBridge(Closeable):
         self._stream: Socket | None = None
         self.stream: str | None = None
         with ServiceClient(node) as client:
-            self._values = Values(client.team())
+            self._values = ValueTranslator(client.team())
         self._context: zmq.Context[Socket] = zmq.Context()
         try:
             # to programs

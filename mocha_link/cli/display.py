@@ -20,7 +20,7 @@ def event_line(fields: dict[str, Any], *, date: bool = True) -> str:
     return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *words])
 
 
-class News:
+class EventFilter:
     """Tells which events are worth a line for a person who watches a node.
 
     Left out is what only repeats: that a sync begins, that one found nothing new after another

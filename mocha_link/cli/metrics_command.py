@@ -6,7 +6,7 @@ import argparse
 import json
 
 from mocha_link.cli.command_help import endpoint, examples
-from mocha_link.cli.display import News, event_line, links_table
+from mocha_link.cli.display import EventFilter, event_line, links_table
 from mocha_link.service.metrics_client import MetricsError, watch
 
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
@@ -39,7 +39,7 @@ def _seconds(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
-    shown, news = False, News()
+    shown, news = False, EventFilter()
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
         try:
             text = links_table(fields) if kind == "links" else event_line(fields)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.cli.display import News, event_line, path_text, signal_text
+from mocha_link.cli.display import EventFilter, event_line, path_text, signal_text
 from mocha_link.sanitize import sanitize
 
 MAX_NEWS = 200
@@ -43,7 +43,7 @@ class Style:
         return f"{colour}{text}{PLAIN}" if self.colour and colour else text
 
 
-class _Scene(NamedTuple):
+class _CellContext(NamedTuple):
     """What a cell needs to know beside its link."""
 
     now_s: float  # Unix time of the node
@@ -57,18 +57,18 @@ class _Column(NamedTuple):
 
     head: str  # heading
     rank: int  # least important: highest
-    cell: Callable[[Link, _Scene], str]
+    cell: Callable[[Link, _CellContext], str]
     right: bool = False  # aligned
 
 
-class Picture:
+class NodeView:
     """What has been heard of a node."""
 
     def __init__(self, endpoint: str) -> None:
         self._endpoint = endpoint
         self._links: dict[str, Any] = {}  # the newest answer
         self._heard_s = 0.0  # when it came, monotonic
-        self._told = News()
+        self._told = EventFilter()
         self._news: deque[str] = deque(maxlen=MAX_NEWS)  # lines; the newest are last
 
     @property
@@ -120,11 +120,11 @@ def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[
     str(fields["robot"])
     links: Mapping[str, Link] = fields["links"]
     best = max((link["bandwidth_bytes_s"] or 0 for link in links.values()), default=0)
-    scene = _Scene(fields["at_s"] + later_s, later_s, best, unicode)
+    context = _CellContext(fields["at_s"] + later_s, later_s, best, unicode)
     return [
         ["peer", *(column.head for column in _COLUMNS)],
         *(
-            [sanitize(peer), *(sanitize(column.cell(link, scene)) for column in _COLUMNS)]
+            [sanitize(peer), *(sanitize(column.cell(link, context)) for column in _COLUMNS)]
             for peer, link in links.items()
         ),
     ]
@@ -161,8 +161,8 @@ def _age(seconds: float | None) -> str:
     return f"{min(seconds / 86_400, 9999):.0f}d"
 
 
-def _since(then_s: float | None, scene: _Scene) -> str:
-    return _age(None if then_s is None else scene.now_s - then_s)
+def _since(then_s: float | None, context: _CellContext) -> str:
+    return _age(None if then_s is None else context.now_s - then_s)
 
 
 def _bytes(count: float | None) -> str:
@@ -177,48 +177,48 @@ def _bytes(count: float | None) -> str:
     return f"{value:.0f}{unit}" if unit == "B" or value >= 100 else f"{value:.1f}{unit}"
 
 
-def _bandwidth(link: Link, scene: _Scene) -> str:
+def _bandwidth(link: Link, context: _CellContext) -> str:
     """A figure and a bar, whose scale is of decades down from the best link."""
     value = link["bandwidth_bytes_s"] or 0
     if value <= 0:
         return "-".rjust(5)
-    share = max(0.0, 1 + math.log10(value / scene.best_bytes_s) / DECADES)
+    share = max(0.0, 1 + math.log10(value / context.best_bytes_s) / DECADES)
     eighths = max(1, round(share * BAR_CELLS * 8))
-    if scene.unicode:
+    if context.unicode:
         bar = "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
     else:
         bar = "#" * max(1, eighths // 8)
     return f"{_bytes(value).rjust(5)} {bar}"
 
 
-def _rtt(link: Link, _: _Scene) -> str:
+def _rtt(link: Link, _: _CellContext) -> str:
     rtt_s = link["rtt_smoothed_s"]
     if rtt_s is None:
         return "-"
     return f"{rtt_s * 1000:.0f} ms" if rtt_s >= 0.01 else f"{rtt_s * 1000:.1f} ms"
 
 
-def _grown(age_s: float | None, scene: _Scene) -> str:
-    return _age(None if age_s is None else age_s + scene.later_s)
+def _grown(age_s: float | None, context: _CellContext) -> str:
+    return _age(None if age_s is None else age_s + context.later_s)
 
 
-def _topics(link: Link, scene: _Scene) -> str:
+def _topics(link: Link, context: _CellContext) -> str:
     ages_s = sorted((link.get("topic_ages_s") or {}).items(), key=lambda item: float(item[1]))
-    return " ".join(f"{topic} {_grown(age_s, scene)}" for topic, age_s in ages_s[:4]) or "-"
+    return " ".join(f"{topic} {_grown(age_s, context)}" for topic, age_s in ages_s[:4]) or "-"
 
 
 _COLUMNS = (
     _Column("state", 1, lambda link, _: str(link["state"])),
     _Column("path", 9, lambda link, _: path_text(link)),
     _Column("signal", 2, lambda link, _: signal_text(link), right=True),
-    _Column("in", 3, lambda link, scene: _since(link["last_sync_in_s"], scene), right=True),
-    _Column("out", 4, lambda link, scene: _since(link["last_sync_out_s"], scene), right=True),
+    _Column("in", 3, lambda link, context: _since(link["last_sync_in_s"], context), right=True),
+    _Column("out", 4, lambda link, context: _since(link["last_sync_out_s"], context), right=True),
     _Column("RTT", 7, _rtt, right=True),
     _Column("bandwidth/s", 6, _bandwidth),
     _Column("got", 8, lambda link, _: _bytes(link["bytes_in"]), right=True),
     _Column("gave", 10, lambda link, _: _bytes(link["bytes_out"]), right=True),
     _Column("broken", 11, lambda link, _: str(link["timeouts"]), right=True),
     _Column("refused", 12, lambda link, _: str(link.get("refused", "-")), right=True),
-    _Column("newest", 5, lambda link, scene: _grown(link["newest_age_s"], scene), right=True),
+    _Column("newest", 5, lambda link, context: _grown(link["newest_age_s"], context), right=True),
     _Column("by topic", 13, _topics),
 )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from mocha_link.cli.command_help import drop_output, endpoint, examples, web_address
-from mocha_link.cli.display import News, event_line
+from mocha_link.cli.display import EventFilter, event_line
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.node.node import Node
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(events: queue.Queue[LinkEvent], *, as_json: bool) -> NoReturn:
-    news = News()
+    news = EventFilter()
     while True:
         event = events.get()
         fields = {"event": type(event).__name__, **as_fields(event)}

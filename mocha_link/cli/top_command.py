@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from mocha_link.cli.command_help import coloured, endpoint, examples
-from mocha_link.cli.monitor import Picture, Size, Style
+from mocha_link.cli.monitor import NodeView, Size, Style
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.metrics_client import MetricsError, Subscription
 
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     Raises MetricsError if no node answers within 5 s.
     """
     with Subscription(options.endpoint) as subscription:
-        picture = Picture(options.endpoint)
+        picture = NodeView(options.endpoint)
         deadline_s = time.monotonic() + FIRST_S
         while not picture.ready:
             if not _hear(subscription, picture) and time.monotonic() > deadline_s:
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _follow(
-    subscription: Subscription, picture: Picture, style: Style, resized: list[bool]
+    subscription: Subscription, picture: NodeView, style: Style, resized: list[bool]
 ) -> None:
     due_s = 0.0
     while True:
@@ -87,7 +87,7 @@ def _is_over() -> bool:
     return False
 
 
-def _hear(subscription: Subscription, picture: Picture, timeout_s: float = POLL_S) -> bool:
+def _hear(subscription: Subscription, picture: NodeView, timeout_s: float = POLL_S) -> bool:
     """Take in the next message; False if none has come."""
     message = subscription.next(timeout_s)
     if message is None:
@@ -99,7 +99,7 @@ def _hear(subscription: Subscription, picture: Picture, timeout_s: float = POLL_
     return True
 
 
-def _draw(picture: Picture, style: Style) -> None:
+def _draw(picture: NodeView, style: Style) -> None:
     """Write over what is there, line by line, so that nothing flickers."""
     size = Size(*os.get_terminal_size(sys.stdout.fileno()))
     lines = picture.lines(size, style, time.monotonic())

@@ -19,7 +19,7 @@ from math import isfinite
 from operator import xor
 
 from mocha_link.store.index import Floors, Kept, WireOrder, follows, rank
-from mocha_link.store.reassembly_buffer import Keeper, StoredFragment
+from mocha_link.store.reassembly_buffer import FragmentStore, StoredFragment
 from mocha_link.store.record import WRAP_MS, Header, Knowledge, Record, latest_ms
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
@@ -64,7 +64,7 @@ class Database:
             self._begin(storage)
 
     @property
-    def keeper(self) -> Keeper | None:
+    def keeper(self) -> FragmentStore | None:
         """Where parts of messages are kept; None if everything is in memory."""
         return self._storage
 

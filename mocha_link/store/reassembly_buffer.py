@@ -36,7 +36,7 @@ class StoredFragment(NamedTuple):
     data: bytes
 
 
-class Keeper(Protocol):
+class FragmentStore(Protocol):
     """Where parts of messages are kept over a restart."""
 
     def keep_part(self, part: StoredFragment) -> None:
@@ -154,7 +154,7 @@ class ReassemblyBuffer:
         self,
         limit: int = _LIMIT_BYTES,
         *,
-        keeper: Keeper | None = None,
+        keeper: FragmentStore | None = None,
         saved: Iterable[StoredFragment] = (),
     ) -> None:
         self._limit = limit

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from sitl.conformance.line import Line, Link
-from sitl.mavlink.mavlink_codec import Frame, Speaker
+from sitl.mavlink.mavlink_codec import Frame, MessagePacker
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.px4_modes import FlightMode
 
@@ -108,7 +108,7 @@ class Session:
         self.vehicle_id = 1
         self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
         self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
-        self._speakers: dict[tuple[int, int], Speaker] = {}  # by sender: sequences go on
+        self._speakers: dict[tuple[int, int], MessagePacker] = {}  # by sender: sequences go on
         self._beat_s = -math.inf  # vehicle's time of our last HEARTBEATs
 
     @property
@@ -125,7 +125,7 @@ class Session:
     def say(self, name: str, link: Link = Link.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
         _, *sender = self.beats.get(link, GROUND_STATION)
-        packer = self._speakers.setdefault((sender[0], sender[1]), Speaker(*sender))
+        packer = self._speakers.setdefault((sender[0], sender[1]), MessagePacker(*sender))
         vehicle = {
             "target": self.vehicle_id,
             "target_system": self.vehicle_id,

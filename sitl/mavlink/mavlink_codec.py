@@ -134,7 +134,7 @@ def _checksum(data: bytes) -> bytes:
 _MIRRORED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
-class Speaker:
+class MessagePacker:
     """Packs messages of a ground station or a companion from whatever fields are given."""
 
     def __init__(self, system_id: int, component_id: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from sitl.px4sim.motion.dynamics import Multirotor, Wanted
+from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
 from sitl.px4sim.state.situation import Situation
 
@@ -32,11 +32,11 @@ class GroundContact:
         """The motors start."""
         self.armed_s, self._ramp_s, self.landed_s = now_s, None, None
 
-    def hold_down(self, setpoint: Setpoint, situation: Situation) -> Wanted | None:
+    def hold_down(self, setpoint: Setpoint, situation: Situation) -> MotionDemand | None:
         """What the vehicle does while it is not free to fly yet; None once it is."""
         if situation.landed and setpoint.kind in _STAY:
             self._ramp_s = None
-            return Wanted(up_m_s=-0.5)
+            return MotionDemand(up_m_s=-0.5)
         if self._ramp_s is None:
             if not situation.landed:
                 return None
@@ -44,9 +44,9 @@ class GroundContact:
             self._ramp_s = max(self.armed_s + spool_up_s, situation.time_s)
         since_s = situation.time_s - self._ramp_s
         if since_s < 0:
-            return Wanted(up_m_s=-0.5)
+            return MotionDemand(up_m_s=-0.5)
         if since_s < situation.parameters.limited("MPC_TKO_RAMP_T", 0.0, 5.0):
-            return Wanted(up_m_s=_RAMP_M_S)
+            return MotionDemand(up_m_s=_RAMP_M_S)
         return None
 
     def detect(self, airframe: Multirotor, situation: Situation) -> bool:

@@ -14,7 +14,7 @@ from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from geo.frame import Point
-from sitl.mavlink.mavlink_codec import Speaker
+from sitl.mavlink.mavlink_codec import MessagePacker
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.px4sim.motion.wind import WindSettings
@@ -111,7 +111,7 @@ class Scenario:
         self.now_s = 0.0
         self.companion: Companion | None = None
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
-        self._speaker = Speaker(1, COMPANION)
+        self._speaker = MessagePacker(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
         self._inbox: list[Callable[[], object]] = []  # for the companion's loop, as soon as it runs
@@ -351,7 +351,7 @@ class Scenario:
         self._lines.append(Line(self.now_s, text))
 
     def _record(
-        self, sender: Speaker, name: str, fields: Mapping[str, Any], *, delivered: bool = True
+        self, sender: MessagePacker, name: str, fields: Mapping[str, Any], *, delivered: bool = True
     ) -> None:
         target = int(fields.get("target_system", fields.get("target", 0)))
         self._messages.append(

@@ -12,10 +12,10 @@ from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from geo.frame import Point
 from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.rehearsal.adversarial_operator import AdversarialOperator
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import PHASES, Scene
-from sitl.rehearsal.hasty_operator import HastyOperator
 from sitl.rehearsal.inputs import prank_of, request_of, wrong_of
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.scenario import Scenario
@@ -58,7 +58,7 @@ class Script:
         self._upload = False  # the operator wants our plan put on board, too
         self._reading: tuple[float, int] | None = None  # patience's end; how many zones before
         self._other_until_s = -math.inf  # so long another UAV is heard
-        haste = self._haste = HastyOperator(scenario, self._ask, self._change)
+        haste = self._haste = AdversarialOperator(scenario, self._ask, self._change)
         self.pilot = False
         self._handlers: dict[str, Callable[[Any], object]] = {  # by `ScheduledFault.what`
             "jump": self._jump_by,

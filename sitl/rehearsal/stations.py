@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink.mavlink_codec import Speaker
+from sitl.mavlink.mavlink_codec import MessagePacker
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle
 from sitl.px4sim.plan.mission_items import Command, MissionItem, MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
@@ -22,7 +22,7 @@ INT32: Final = 6
 _EXCLUSION: Final = 5002
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
-Tell = Callable[[Speaker, str, Mapping[str, Any]], object]
+Tell = Callable[[MessagePacker, str, Mapping[str, Any]], object]
 
 
 class Stations:
@@ -36,7 +36,10 @@ class Stations:
     def __init__(self, vehicle: MavlinkVehicle, tell: Tell) -> None:
         self._vehicle = vehicle
         self._tell = tell
-        self._senders = (Speaker(255, GROUND_CONTROL), Speaker(254, GROUND_CONTROL))  # by `station`
+        self._senders = (
+            MessagePacker(255, GROUND_CONTROL),
+            MessagePacker(254, GROUND_CONTROL),
+        )  # by `station`
         self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
     # Messages

@@ -85,7 +85,7 @@ class Rovers:
         self.close()
 
 
-class RosSpeech:
+class RosMessages:
     """Turns what simulated robots say into the types that the team file has for it."""
 
     def __init__(self, team: Team) -> None:

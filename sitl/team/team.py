@@ -27,7 +27,7 @@ from sitl.mavlink.truth import TruthReceiver, VehicleState
 from sitl.team.clock import SimClock
 from sitl.team.ground_nodes import GroundNodes, RadioReadings
 from sitl.team.relay import Relay, relayed_pairs
-from sitl.team.rovers import RosSpeech, Rovers
+from sitl.team.rovers import RosMessages, Rovers
 from sitl.team.team_report import Holdings, TeamPace, report
 from sitl.world.terrain import Raster
 from sitl.world.ugv import GroundRobot
@@ -132,7 +132,7 @@ def make_world(
         name: GroundRobot(name, p.patrol, p.speed_m_s, plan.scene.vehicles, p.start_m)
         for name, p in plan.patrols.items()
     }
-    speech = RosSpeech(team)
+    speech = RosMessages(team)
     topics = {name: () if name in played else speech.topics(name) for name in robots}
     for name in played:
         robots[name].stand(robots[name].position)
@@ -172,7 +172,7 @@ class TeamSimulation:
                 f"play; use one of {', '.join(roles.ground)}"
             )
         self.world = make_world(mission, team, roles, plan, rovers)
-        self._speech = RosSpeech(team)
+        self._speech = RosMessages(team)
         self.clock = SimClock(epoch_s)
         self._mission = mission
         self._team = team

@@ -14,7 +14,7 @@ from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
-from air_router.live.playback import Film, Playback
+from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
 from air_router.record.log import RecordEntry
@@ -111,7 +111,7 @@ def record(mission):
             metrics = LinkMetrics("io", rssi_dbm=-50.0 - t / 10, bytes_in=int(1000 * t))
             entries.append(RecordEntry(float(t), "link", metrics))
         if t == 100:
-            grid = Film(entries).mapper.grid
+            grid = RecordedFlight(entries).mapper.grid
             cells = np.full((20, 30), Terrain.ROAD, np.uint8)
             patch = GridPatch(grid.west_m + 40, grid.south_m + 40, 1.0, cells)
             entries.append(RecordEntry(float(t), "patch", patch.encode()))
@@ -125,7 +125,7 @@ def record(mission):
 
 @pytest.fixture(scope="module")
 def replayed(browser, record):
-    playback = Playback(Film(record), Web())
+    playback = Playback(RecordedFlight(record), Web())
     with served(playback) as (address, _):
         looker = Looker(browser.new_page(), address)
         looker.page.locator(".vehicle").wait_for()
@@ -216,14 +216,14 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
 
 
 class Refusing:
-    """Grants what is asked of a flight that is only looked at."""
+    """RequestHandler what is asked of a flight that is only looked at."""
 
     def grant(self, command, by):
         raise CommandRequestError(f"{by} asks for {type(command).__name__}")
 
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
-    film = Film(record)
+    film = RecordedFlight(record)
     page = LivePage(film.controller.mission, film.controller, Refusing(), dict, mapper=film.mapper)
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)

@@ -201,7 +201,7 @@ class Reminder:
 
 
 @dataclass(slots=True)
-class Silence:
+class SilenceReminder:
     """What is told of a vehicle that is not heard: at once, then now and then.
 
     Attributes:

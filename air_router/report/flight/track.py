@@ -23,7 +23,7 @@ _MOST_DOTS: Final = 250
 _SCALES_M: Final = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
 
-class _Sheet:
+class _Canvas:
     """Metres east and north onto a picture."""
 
     def __init__(self, places: Sequence[tuple[float, float]], width: int) -> None:
@@ -51,7 +51,7 @@ def track_figure(summary: FlightSummary, ulog: UlogTrack | None = None) -> Figur
     if summary.mission is None:
         return None
     corners = _corners(summary, ulog)
-    pictures = "".join(_draw(summary, ulog, _Sheet(corners, width)) for width in (WIDE, NARROW))
+    pictures = "".join(_draw(summary, ulog, _Canvas(corners, width)) for width in (WIDE, NARROW))
     legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
     if ulog is not None:
         legend.append(("theirs", "PX4's own log"))
@@ -83,41 +83,41 @@ def _corners(summary: FlightSummary, ulog: UlogTrack | None) -> list[tuple[float
     return places
 
 
-def _draw(summary: FlightSummary, ulog: UlogTrack | None, sheet: _Sheet) -> str:
+def _draw(summary: FlightSummary, ulog: UlogTrack | None, canvas: _Canvas) -> str:
     mission = summary.mission
     assert mission is not None  # noqa: S101 - the caller has looked
-    parts = [_area(sheet, fence, "fence", "fence") for fence in mission.fences]
+    parts = [_area(canvas, fence, "fence", "fence") for fence in mission.fences]
     active = {id(zone) for zone in mission.airspace.zones}
     for zone in mission.zones:
         css = "zone" if id(zone) in active or zone in mission.airspace.zones else "zone idle"
-        parts.append(_area(sheet, zone.shape, css, zone.name))
+        parts.append(_area(canvas, zone.shape, css, zone.name))
     for waypoint in mission.waypoints:
-        x, y = sheet.at(waypoint.position)
+        x, y = canvas.at(waypoint.position)
         parts.append(
             f'<circle class="waypoint" cx="{x:.1f}" cy="{y:.1f}" r="2.5">'
             f"<title>waypoint {waypoint.number}</title></circle>"
         )
-    dots, names = _robots(summary, sheet)
+    dots, names = _robots(summary, canvas)
     parts += dots
-    parts.append(_line(sheet, [(e, n) for _, e, n, _ in summary.track], "own"))
+    parts.append(_line(canvas, [(e, n) for _, e, n, _ in summary.track], "own"))
     if ulog is not None:
-        parts.append(_line(sheet, [(e, n) for _, e, n in ulog.track], "theirs"))
+        parts.append(_line(canvas, [(e, n) for _, e, n in ulog.track], "theirs"))
     parts += names
-    x, y = sheet.at(mission.home)
+    x, y = canvas.at(mission.home)
     parts.append(f'<path class="home" d="M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12"/>')
     parts.append(f'<text x="{x + 8:.1f}" y="{y - 6:.1f}">home</text>')
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at
-        x, y = sheet.at(place)
+        x, y = canvas.at(place)
         parts.append(
             f'<circle class="closest" cx="{x:.1f}" cy="{y:.1f}" r="8">'
             f"<title>closest approach, about {away_m:.1f} m</title></circle>"
         )
-    parts.append(_scale(sheet))
-    return picture(sheet.width, round(sheet.height), "the flown track", parts)
+    parts.append(_scale(canvas))
+    return picture(canvas.width, round(canvas.height), "the flown track", parts)
 
 
-def _robots(summary: FlightSummary, sheet: _Sheet) -> tuple[list[str], list[str]]:
+def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[str]]:
     """Where robots were, for below the track, and their names, for above it."""
     dots, names = [], []
     for name, heard in sorted(summary.robots.items()):
@@ -126,7 +126,7 @@ def _robots(summary: FlightSummary, sheet: _Sheet) -> tuple[list[str], list[str]
         css = robot_css(summary, name)
         spots: dict[tuple[int, int], tuple[float, float, float]] = {}
         for t, east_m, north_m, _ in heard:
-            x, y = sheet.at((east_m, north_m))
+            x, y = canvas.at((east_m, north_m))
             spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, x, y))
         step = -(-len(spots) // _MOST_DOTS)
         for t, dot_x, dot_y in list(spots.values())[::step]:
@@ -139,33 +139,33 @@ def _robots(summary: FlightSummary, sheet: _Sheet) -> tuple[list[str], list[str]
     return dots, names
 
 
-def _area(sheet: _Sheet, shape: Shape, css: str, name: str) -> str:
+def _area(canvas: _Canvas, shape: Shape, css: str, name: str) -> str:
     title = f"<title>{escape(name)}</title>"
     if isinstance(shape, Circle):
-        x, y = sheet.at(shape.centre)
-        radius = shape.radius_m * sheet.scale
+        x, y = canvas.at(shape.centre)
+        radius = shape.radius_m * canvas.scale
         return f'<circle class="{css}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}">{title}</circle>'
     rings: list[Sequence[Point]] = [shape.ring, *shape.holes]
-    path = "".join(sheet.path(ring, "Z") for ring in rings)
+    path = "".join(canvas.path(ring, "Z") for ring in rings)
     return f'<path class="{css}" fill-rule="evenodd" d="{path}">{title}</path>'
 
 
-def _line(sheet: _Sheet, places: Sequence[tuple[float, float]], css: str) -> str:
+def _line(canvas: _Canvas, places: Sequence[tuple[float, float]], css: str) -> str:
     """A line without points that would lie on the same pixel."""
     kept: list[tuple[float, float]] = []
     for place in places:
-        if not kept or math.dist(kept[-1], place) * sheet.scale >= 1:
+        if not kept or math.dist(kept[-1], place) * canvas.scale >= 1:
             kept.append(place)
-    return f'<path class="line {css}" d="{sheet.path(kept)}"/>' if len(kept) > 1 else ""
+    return f'<path class="line {css}" d="{canvas.path(kept)}"/>' if len(kept) > 1 else ""
 
 
-def _scale(sheet: _Sheet) -> str:
+def _scale(canvas: _Canvas) -> str:
     """How long some metres are."""
     length_m = max(
-        (m for m in _SCALES_M if m * sheet.scale <= sheet.width / 4), default=_SCALES_M[0]
+        (m for m in _SCALES_M if m * canvas.scale <= canvas.width / 4), default=_SCALES_M[0]
     )
-    x, y = 12, sheet.height - 12
+    x, y = 12, canvas.height - 12
     return (
-        f'<path class="scale" d="M{x} {y - 5:.1f}v5h{length_m * sheet.scale:.1f}v-5"/>'
+        f'<path class="scale" d="M{x} {y - 5:.1f}v5h{length_m * canvas.scale:.1f}v-5"/>'
         f'<text x="{x + 6}" y="{y - 6:.1f}">{length_m} m</text>'
     )

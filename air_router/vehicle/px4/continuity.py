@@ -32,7 +32,7 @@ QUIET_S: Final = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class HeardPlace:
+class ReportedPosition:
     """What a position message says.
 
     Attributes:
@@ -48,12 +48,12 @@ class Continuity:
     """Says of each position in turn whether it is believed. Has no clock of its own."""
 
     def __init__(self) -> None:
-        self._last: HeardPlace | None = None  # the newest believed
+        self._last: ReportedPosition | None = None  # the newest believed
         self._last_s = -math.inf  # when it came
-        self._doubted: HeardPlace | None = None  # the newest that was not
+        self._doubted: ReportedPosition | None = None  # the newest that was not
         self._count = 0  # of these that agree
 
-    def believes(self, heard: HeardPlace, now_s: float, rate: float) -> bool:
+    def believes(self, heard: ReportedPosition, now_s: float, rate: float) -> bool:
         """Whether a message is believed that came at `now_s` of our monotonic clock.
 
         `rate` is how many seconds of the vehicle a second of ours is: 1 outside of simulations.
@@ -71,7 +71,7 @@ class Continuity:
         return True
 
 
-def _follows(before: HeardPlace, after: HeardPlace, rate: float) -> bool:
+def _follows(before: ReportedPosition, after: ReportedPosition, rate: float) -> bool:
     passed_s = after.boot_s - before.boot_s
     if not -BACK_S <= passed_s <= AHEAD_S * rate:
         return False

@@ -67,7 +67,7 @@ class Result(IntEnum):
     NOT_IN_CONTROL = 10
 
 
-class Choices(NamedTuple):
+class ObservedState(NamedTuple):
     """What a pilot or ground station would change that takes the vehicle."""
 
     mode: FlightMode
@@ -105,7 +105,7 @@ class Choices(NamedTuple):
 
 
 @dataclass(slots=True)
-class Sent:
+class SentOrder:
     """An order that has left, and what was answered; times are of the monotonic clock.
 
     Attributes:
@@ -121,7 +121,7 @@ class Sent:
     """
 
     order: Px4Order
-    before: Choices
+    before: ObservedState
     first_s: float
     last_s: float = -math.inf
     heard_s: float = -math.inf
@@ -131,7 +131,7 @@ class Sent:
     followed: bool = False
 
 
-Shown = Callable[[Sent], bool]
+Shown = Callable[[SentOrder], bool]
 """Whether the vehicle follows an order, by what it says and has acknowledged."""
 
 
@@ -145,11 +145,11 @@ class OrderOutcome(Enum):
 
 
 @dataclass(slots=True)
-class _Tried:
+class _Attempts:
     """How often orders of one kind left and were not answered, and the one that is waited for."""
 
-    unanswered: deque[tuple[float, Sent]] = field(default_factory=deque)  # when it left
-    newest: Sent | None = None  # its answer is waited for
+    unanswered: deque[tuple[float, SentOrder]] = field(default_factory=deque)  # when it left
+    newest: SentOrder | None = None  # its answer is waited for
 
 
 class Px4Commands:
@@ -164,7 +164,7 @@ class Px4Commands:
         self._telemetry = telemetry
         self._system_id = system_id
         self._direct: MavlinkDirect  # set by `listen`
-        self._tried: dict[int, _Tried] = defaultdict(_Tried)  # by MAV_CMD
+        self._tried: dict[int, _Attempts] = defaultdict(_Attempts)  # by MAV_CMD
 
     def listen(self, direct: MavlinkDirect) -> None:
         """Send through this, and take the autopilot's acknowledgements."""
@@ -195,7 +195,7 @@ class Px4Commands:
             NotShownError: nothing was heard that shows whether it follows.
             NotConfirmedError: it does not follow, with the reason where there is one.
         """
-        sent = Sent(order, Choices.of(self._telemetry), loop_s())
+        sent = SentOrder(order, ObservedState.of(self._telemetry), loop_s())
         self._tried[order.command].newest = sent
         verdict = None
         for attempt in range(attempts):
@@ -212,13 +212,13 @@ class Px4Commands:
         sent.followed = True
         self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
 
-    def _leave(self, sent: Sent, attempt: int) -> None:
+    def _leave(self, sent: SentOrder, attempt: int) -> None:
         sent.last_s = loop_s()
         sent.refusal = None
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self.send(sent.order.wire(attempt), sent.order.words)
 
-    async def _settled(self, sent: Sent, shown: Shown, *, more: bool) -> OrderOutcome | None:
+    async def _settled(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         """What became of it, None if nothing can be said in time."""
         verdict: OrderOutcome | None = None
 
@@ -234,7 +234,7 @@ class Px4Commands:
             if left_s <= 0.0 or await self._telemetry.shows(judged, left_s):
                 return verdict
 
-    def _verdict(self, sent: Sent, shown: Shown, *, more: bool) -> OrderOutcome | None:
+    def _verdict(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         if shown(sent):
             return OrderOutcome.FOLLOWED
         if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self._late_modes()}:
@@ -254,7 +254,7 @@ class Px4Commands:
             if sent.last_s >= since_s
         }
 
-    def _no_other_chose(self, sent: Sent) -> bool:
+    def _no_other_chose(self, sent: SentOrder) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""
         telemetry = self._telemetry
         heartbeat_s = telemetry.arrived_s("HEARTBEAT")
@@ -263,10 +263,10 @@ class Px4Commands:
             and loop_s() - heartbeat_s <= FRESH_S
             and sent.heard_s < sent.last_s
             and sent.before.told_since(sent.last_s, telemetry)
-            and sent.before.same(Choices.of(telemetry))
+            and sent.before.same(ObservedState.of(telemetry))
         )
 
-    def _why_not(self, sent: Sent, verdict: OrderOutcome | None) -> str:
+    def _why_not(self, sent: SentOrder, verdict: OrderOutcome | None) -> str:
         words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
         if verdict is OrderOutcome.TAKEN:
             return f"{words} was asked for, and the pilot chose {mode} mode"

@@ -15,7 +15,7 @@ from air_router.vehicle.px4.px4_commands import (
     SAME_M,
     NotShownError,
     Px4Commands,
-    Sent,
+    SentOrder,
     Shown,
 )
 from air_router.vehicle.px4.px4_order import (
@@ -82,7 +82,7 @@ class Px4Motions:
         if telemetry.mode in _BEGIN_AT_ONCE:
             await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
 
-        def shown(sent: Sent) -> bool:
+        def shown(sent: SentOrder) -> bool:
             told_s = telemetry.arrived_s("HEARTBEAT")
             return (telemetry.armed and told_s > sent.first_s) or told_s > sent.acked_s + DONE_S
 
@@ -156,7 +156,7 @@ class Px4Motions:
         self._late = point
         amsl_m = telemetry.altitude_amsl_m + altitude_m - telemetry.altitude_m
 
-        def shown(sent: Sent) -> bool:
+        def shown(sent: SentOrder) -> bool:
             there = _near(telemetry.target, point)
             new = there and (not _near(before, point) or self._told_after(sent))
             return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
@@ -191,7 +191,7 @@ class Px4Motions:
         """Have a mode; PX4 1.16 and 1.17 acknowledge one that they then refuse."""
         telemetry = self._telemetry
 
-        def shown(sent: Sent) -> bool:
+        def shown(sent: SentOrder) -> bool:
             told_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             return telemetry.mode is order.leads_to and told_s > sent.first_s
 
@@ -201,7 +201,7 @@ class Px4Motions:
         """Stop a vehicle that is in Hold mode, perhaps, already: only its target can show that."""
         telemetry, before = self._telemetry, self._telemetry.target
 
-        def shown(sent: Sent) -> bool:
+        def shown(sent: SentOrder) -> bool:
             if telemetry.mode is not FlightMode.HOLD:
                 return False
             target, here = telemetry.target, telemetry.position
@@ -212,7 +212,7 @@ class Px4Motions:
 
         await self._tell(stop(), shown, attempts=ATTEMPTS)
 
-    def _told_after(self, sent: Sent) -> bool:
+    def _told_after(self, sent: SentOrder) -> bool:
         """Whether the target was told since an acknowledgement, which may be of an order before.
 
         That order would show in the target then: it is done as soon as it is acknowledged.

@@ -18,7 +18,7 @@ from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.inspection import GpsFix
 from air_router.vehicle.loop_clock import loop_s
 from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
-from air_router.vehicle.px4.continuity import Continuity, HeardPlace
+from air_router.vehicle.px4.continuity import Continuity, ReportedPosition
 from air_router.vehicle.px4.px4_mode import ModeState
 from air_router.vehicle.px4.px4_streams import LIFTED_M, Streams
 from air_router.vehicle.vehicle import (
@@ -289,7 +289,9 @@ class Px4Telemetry:
             _log.warning("a position of the vehicle is left out: %s", error)
             self._streams.void_position()
             return
-        if not self._continuity.believes(HeardPlace(boot_s, position), loop_s(), self._clock.rate):
+        if not self._continuity.believes(
+            ReportedPosition(boot_s, position), loop_s(), self._clock.rate
+        ):
             _log.info("a position that does not follow from the one before waits for others")
             self._streams.void_position()
             return

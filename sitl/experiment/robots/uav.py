@@ -57,7 +57,7 @@ from sitl.experiment.towns.town import Town
 from sitl.world.camera import Camera
 
 
-class Painter:
+class MapPainter:
     """The map that a UAV paints of a town, as `air_router.gossip.mapper.Mapper` does from patches.
 
     Attributes:
@@ -155,7 +155,7 @@ class Uav:
             speed_m_s=mission.speed_m_s,
             acceleration_m_s2=settings.uav_acceleration_m_s2,
         )
-        self.painter = Painter(scenery.town, CAMERA)
+        self.painter = MapPainter(scenery.town, CAMERA)
         self.controller = controller
         self.states: list[tuple[float, str]] = []
         self._frame = mission.frame  # of degrees that it says

@@ -42,7 +42,7 @@ _OWN: Final = Limits()
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class MotionDemand:
     """What the vehicle is to do in this step.
 
     Attributes:
@@ -93,7 +93,10 @@ class Multirotor:
         self.on_ground = True  # touching it; `GroundContact` decides what counts as landed
 
     def step(
-        self, step_s: float, wanted: Wanted | None, push_m_s2: tuple[float, float] = (0.0, 0.0)
+        self,
+        step_s: float,
+        wanted: MotionDemand | None,
+        push_m_s2: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Move on by `step_s`.
 
@@ -129,7 +132,7 @@ class Multirotor:
             self.yaw_rad,
         )
 
-    def _felt(self, push_m_s2: tuple[float, float], wanted: Wanted) -> tuple[float, float]:
+    def _felt(self, push_m_s2: tuple[float, float], wanted: MotionDemand) -> tuple[float, float]:
         """How much of a push is felt.
 
         Where it helps, the controller asks less of the motors; across the way it holds the line.
@@ -149,7 +152,7 @@ class Multirotor:
             along * way_east + (east - along * way_east) * _ACROSS_FELT,
         )
 
-    def _follow(self, step_s: float, wanted: Wanted) -> None:
+    def _follow(self, step_s: float, wanted: MotionDemand) -> None:
         limits = wanted.limits or _OWN
         missing_north = wanted.north_m_s - self.velocity_north_m_s
         missing_east = wanted.east_m_s - self.velocity_east_m_s
@@ -176,7 +179,7 @@ class Multirotor:
         self.acceleration_up_m_s2 += change
         self.velocity_up_m_s += self.acceleration_up_m_s2 * step_s
 
-    def _turn(self, step_s: float, wanted: Wanted) -> None:
+    def _turn(self, step_s: float, wanted: MotionDemand) -> None:
         if wanted.yaw_rad is None:
             self.yaw_rate_rad_s = wanted.yaw_rate_rad_s
             self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_rad_s * step_s, math.tau)

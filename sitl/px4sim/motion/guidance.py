@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from sitl.px4sim.motion.dynamics import Limits, Wanted
+from sitl.px4sim.motion.dynamics import Limits, MotionDemand
 
 _XY_GAIN: Final = 0.95
 _Z_GAIN: Final = 1.0
@@ -59,7 +59,7 @@ class Direct:
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class MaxSpeeds:
     """The greatest speeds: MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN, in m/s."""
 
     horizontal_m_s: float = 12.0
@@ -67,7 +67,9 @@ class Reach:
     down_m_s: float = 1.5
 
 
-def direct_velocity(direct: Direct, position: tuple[float, float, float], reach: Reach) -> Wanted:
+def direct_velocity(
+    direct: Direct, position: tuple[float, float, float], reach: MaxSpeeds
+) -> MotionDemand:
     """The velocity to have now, at a position north, east in metres and altitude AMSL."""
     north_m, east_m, altitude_m = position
     north, east = direct.velocity or (0.0, 0.0)
@@ -80,7 +82,7 @@ def direct_velocity(direct: Direct, position: tuple[float, float, float], reach:
     up = direct.up_m_s or 0.0
     if direct.altitude_m is not None:
         up += _finite(direct.altitude_m - altitude_m) * _Z_GAIN
-    return Wanted(
+    return MotionDemand(
         north,
         east,
         max(-reach.down_m_s, min(reach.up_m_s, up)),
@@ -156,7 +158,7 @@ class Pace:
     land_m_s: float = 0.7
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
-    reach: Reach = field(default_factory=Reach)
+    reach: MaxSpeeds = field(default_factory=MaxSpeeds)
 
 
 def approach_speed(
@@ -182,7 +184,7 @@ def wanted_velocity(
     ground_altitude_m: float,
     cruise_m_s: float,
     pace: Pace,
-) -> Wanted:
+) -> MotionDemand:
     """The velocity to have now.
 
     Args:
@@ -194,7 +196,7 @@ def wanted_velocity(
     """
     north_m, east_m, altitude_m = position
     if setpoint.kind is SetpointKind.IDLE:
-        return Wanted()
+        return MotionDemand()
     if setpoint.direct is not None:
         return direct_velocity(setpoint.direct, position, pace.reach)
     to_north, to_east = setpoint.north_m - north_m, setpoint.east_m - east_m
@@ -206,7 +208,7 @@ def wanted_velocity(
     yaw_rad = setpoint.yaw_rad
     if yaw_rad is None and distance_m > _HEADING_DISTANCE_M:
         yaw_rad = math.atan2(to_east, to_north)
-    return Wanted(
+    return MotionDemand(
         speed * aim_north / aim,
         speed * aim_east / aim,
         _vertical(setpoint, altitude_m, ground_altitude_m, distance_m / max(speed, 0.3), pace),

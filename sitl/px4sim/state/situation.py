@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sitl.px4sim.motion.guidance import Pace, Reach
+from sitl.px4sim.motion.guidance import MaxSpeeds, Pace
 from sitl.px4sim.motion.projection import MapProjection
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.parameters import Parameters
@@ -91,7 +91,7 @@ class Situation:
             limited("MPC_LAND_SPEED", 0.4, 4.0),
             limited("MPC_ACC_HOR", 2.0, 15.0),
             limited("MPC_JERK_AUTO", 1.0, 80.0),
-            Reach(
+            MaxSpeeds(
                 limited("MPC_XY_VEL_MAX", 0.1, 20.0),
                 limited("MPC_Z_VEL_MAX_UP", 0.5, 8.0),
                 limited("MPC_Z_VEL_MAX_DN", 0.5, 4.0),

@@ -19,12 +19,12 @@ import shapely
 
 from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_heard import INPUTS, Input, announcements, news, spans
-from sitl.rehearsal.judge.judge_space import leads_home, same_area, sky_areas
+from sitl.rehearsal.judge.judge_space import areas_in_force, leads_home, same_area
 from sitl.rehearsal.judge.judge_track import (
     LAND_MODE,
     Floats,
+    MissionVersion,
     Responsible,
-    Sky,
     Track,
     Violation,
     number,
@@ -170,12 +170,16 @@ class InputJudge:
         track = self.track
         for left in track.evidence.told(SceneEventKind.FILE_LEFT):
             asked_s, text = left.value
-            flown = track.sky(asked_s)
+            flown = track.version_at(asked_s)
             try:
                 asked = track.read(text)
             except MissionFileError:
                 continue
-            new = [a for a, _ in sky_areas(Sky(asked_s, asked)) if not _is_among(a, flown)]
+            new = [
+                a
+                for a, _ in areas_in_force(MissionVersion(asked_s, asked))
+                if not _is_among(a, flown)
+            ]
             if not new or not self._answers(asked_s, left.time_s, ours=False):
                 continue
             said = (words for at_s, words in self._said if asked_s - 0.1 <= at_s <= left.time_s)
@@ -260,7 +264,7 @@ class InputJudge:
         if not self._answers(since_s, due_s):
             return
         there = track.at(due_s)
-        if not leads_home(track.sky(due_s), track.east_m[there], track.north_m[there]):
+        if not leads_home(track.version_at(due_s), track.east_m[there], track.north_m[there]):
             return  # it hovers, and says so
         if all(self._cruises(index) for index in range(track.at(since_s), track.at(due_s))):
             self._add(due_s, "home", f"did not land within {due_s - since_s:.0f} s, though {what}")
@@ -309,15 +313,19 @@ class InputJudge:
         )
         amsl_m = np.array([m.fields["alt"] / 1e3 for m in messages])
         times_s = np.array([m.time_s for m in messages])
-        for place, sky in enumerate(track.skies):
-            later = track.skies[place + 1 :]
-            counts = (times_s >= sky.from_s) & (times_s < (later[0].from_s if later else math.inf))
-            for area, fence in sky_areas(sky):
+        for place, version in enumerate(track.versions):
+            later = track.versions[place + 1 :]
+            counts = (times_s >= version.from_s) & (
+                times_s < (later[0].from_s if later else math.inf)
+            )
+            for area, fence in areas_in_force(version):
                 within = counts & (amsl_m >= area.lower_m) & (amsl_m <= area.upper_m)
                 within &= _is_in(area, np.column_stack((east_m, north_m)), fence=fence)
                 for begin_s, end_s in spans(messages, within):
                     due_s = begin_s + _BREACH_S + self._reacts_s
-                    drawn = begin_s < sky.from_s + _LEAVES_S  # over it: it leaves, and says that
+                    drawn = (
+                        begin_s < version.from_s + _LEAVES_S
+                    )  # over it: it leaves, and says that
                     lasts = end_s - begin_s >= _BREACH_S and not drawn
                     if lasts and self._answers(begin_s, due_s, ours=False):
                         what = f"a breach of {area.name}"
@@ -350,8 +358,8 @@ _SECOND: Final = 25
 """Samples of a second, about."""
 
 
-def _is_among(area: Area, sky: Sky) -> bool:
-    return any(same_area(area, other) for other, _ in sky_areas(sky))
+def _is_among(area: Area, version: MissionVersion) -> bool:
+    return any(same_area(area, other) for other, _ in areas_in_force(version))
 
 
 def _is_in(area: Area, places: Floats, *, fence: bool) -> Any:

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.evidence import AUTOPILOT, COMPANION, WireMessage
 from sitl.rehearsal.judge.judge_heard import announcements
-from sitl.rehearsal.judge.judge_track import Sky, Track, Violation, number
+from sitl.rehearsal.judge.judge_track import MissionVersion, Track, Violation, number
 from sitl.rehearsal.judge.mission_reader import Area, Pair
 
 MISSION, FENCE, EVERYTHING = 0, 1, 255  # MAV_MISSION_TYPE
@@ -65,9 +65,9 @@ class PlanJudge:
                 self._judge_items(upload, all_there=upload.time_s <= armed_s)
         if not self.uploads or armed_s == math.inf:
             return
-        self._judge_fence(armed_s, [track.sky(armed_s)])
-        for sky in track.skies[1:]:
-            self._judge_renewal(sky)
+        self._judge_fence(armed_s, [track.version_at(armed_s)])
+        for version in track.versions[1:]:
+            self._judge_renewal(version)
 
     def place(self, seq: int, time_s: float) -> Pair | None:
         """Where an item of the mission on board leads to, in metres."""
@@ -83,7 +83,7 @@ class PlanJudge:
         return float(east), float(north)
 
     def _judge_items(self, upload: Upload, *, all_there: bool) -> None:
-        mission = self.track.sky(upload.time_s).mission
+        mission = self.track.version_at(upload.time_s).mission
         low_m, high_m = mission.altitudes_m[0] - _HEIGHT_M, mission.altitudes_m[-1] + _HEIGHT_M
         allowed = MultiPoint([*mission.waypoints, (0.0, 0.0)])
         places = []
@@ -112,39 +112,39 @@ class PlanJudge:
             if missing:
                 self._add(upload.time_s, f"waypoints {missing} are not on board")
 
-    def _judge_renewal(self, sky: Sky) -> None:
+    def _judge_renewal(self, version: MissionVersion) -> None:
         """A changed file gets on board as it is, while the vehicle is ours."""
         track = self.track
-        end_s = sky.from_s + _SETTLES_S
-        later = [s.from_s for s in track.skies if s.from_s > sky.from_s]
+        end_s = version.from_s + _SETTLES_S
+        later = [s.from_s for s in track.versions if s.from_s > version.from_s]
         taken = [begin_s for begin_s, _, _ in track.given if begin_s < end_s]
         flying = bool(track.flying[track.at(end_s)]) and track.time_s[-1] >= end_s
         # PX4 takes no other items while it flies them: that is said, and the flight comes home.
         told = any(
-            sky.from_s <= at_s < end_s and "is not on board" in text
+            version.from_s <= at_s < end_s and "is not on board" in text
             for at_s, text in announcements(track.evidence)
         )
         if flying and not (taken or told) and min(later, default=math.inf) > end_s:
-            self._judge_fence(end_s, [sky])
+            self._judge_fence(end_s, [version])
 
-    def _judge_fence(self, time_s: float, skies: Sequence[Sky]) -> None:
+    def _judge_fence(self, time_s: float, versions: Sequence[MissionVersion]) -> None:
         uploads = [u for u in self.uploads if u.kind in {FENCE, EVERYTHING} and u.time_s <= time_s]
         items = uploads[-1].items if uploads else ()
-        wrong = [self._differs(items, sky) for sky in skies]
+        wrong = [self._differs(items, version) for version in versions]
         if all(wrong):
             self._add(time_s, f"the fence on board: {wrong[0]}")
 
-    def _differs(self, items: Sequence[WireMessage], sky: Sky) -> str:
+    def _differs(self, items: Sequence[WireMessage], version: MissionVersion) -> str:
         """How the fence on board differs from the file's; empty: not at all."""
         on_board = self._on_board(items)
-        mission = sky.mission
+        mission = version.mission
         if isinstance(on_board, str):
             return on_board
-        everywhere = _everywhere(sky, on_board[0] + on_board[1])
+        everywhere = _everywhere(version, on_board[0] + on_board[1])
         inside = shapely.intersection_all([everywhere, *on_board[0]])
         flown = inside.difference(shapely.union_all(on_board[1]))
         asked = shapely.intersection_all([everywhere, *(f.polygon for f in mission.fences)])
-        zones = [z.polygon for z in mission.zones if self._is_needed(z, sky)]
+        zones = [z.polygon for z in mission.zones if self._is_needed(z, version)]
         asked = asked.difference(shapely.union_all(zones))
         home = Point(0.0, 0.0)
         parts = [p for p in shapely.get_parts(flown) if p.distance(home) < _PLACE_M]
@@ -156,9 +156,9 @@ class PlanJudge:
         less = shapely.union_all(parts).difference(flown.union(optional)).buffer(-_AREA_M)
         return f"{less.area:.0f} m2 are closed that the file opens" if not less.is_empty else ""
 
-    def _is_needed(self, zone: Area, sky: Sky) -> bool:
+    def _is_needed(self, zone: Area, version: MissionVersion) -> bool:
         """Whether a zone has to be on board: it applies where the mission cruises."""
-        altitudes, ground_m = sky.mission.altitudes_m, self.track.ground_m
+        altitudes, ground_m = version.mission.altitudes_m, self.track.ground_m
         low = altitudes[0] + ground_m <= zone.upper_m
         return low and zone.lower_m <= altitudes[-1] + ground_m and not zone.periods
 
@@ -191,9 +191,9 @@ class PlanJudge:
         self.violations.append(Violation(time_s, "plan", text))
 
 
-def _everywhere(sky: Sky, areas: Sequence[BaseGeometry]) -> BaseGeometry:
+def _everywhere(version: MissionVersion, areas: Sequence[BaseGeometry]) -> BaseGeometry:
     """A box around all that is near the mission."""
-    mission = sky.mission
+    mission = version.mission
     fences = [f.polygon for f in mission.fences]
     places = MultiPoint([*mission.waypoints, (0.0, 0.0)])
     return shapely.box(*shapely.union_all([places, *fences, *areas[:0]]).buffer(_FAR_M).bounds)

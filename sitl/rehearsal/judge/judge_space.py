@@ -13,7 +13,14 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.judge_track import LAND_MODE, Floats, Responsible, Sky, Track, Violation
+from sitl.rehearsal.judge.judge_track import (
+    LAND_MODE,
+    Floats,
+    MissionVersion,
+    Responsible,
+    Track,
+    Violation,
+)
 from sitl.rehearsal.judge.mission_reader import Area
 
 STOP_M: Final = 12.0
@@ -76,12 +83,14 @@ class SpaceJudge:
             if track.flying[index]:
                 by = track.by[index]
                 self.seconds[by] = self.seconds.get(by, 0.0) + float(step_s)
-        for number, sky in enumerate(track.skies):
-            until_s = track.skies[number + 1].from_s if number + 1 < len(track.skies) else math.inf
-            known = [a for a, _ in sky_areas(track.skies[number - 1])] if number else []
-            for area, fence in sky_areas(sky):
+        for number, version in enumerate(track.versions):
+            until_s = (
+                track.versions[number + 1].from_s if number + 1 < len(track.versions) else math.inf
+            )
+            known = [a for a, _ in areas_in_force(track.versions[number - 1])] if number else []
+            for area, fence in areas_in_force(version):
                 new = number > 0 and not any(same_area(area, other) for other in known)
-                self._judge_area((sky.from_s, until_s), area, fence=fence, new=new)
+                self._judge_area((version.from_s, until_s), area, fence=fence, new=new)
         self._judge_heights()
 
     def _judge_area(self, span: tuple[float, float], area: Area, *, fence: bool, new: bool) -> None:
@@ -156,19 +165,19 @@ class SpaceJudge:
         self.violations += [violation for _, violation in worst.values()]
 
 
-def sky_areas(sky: Sky) -> list[tuple[Area, bool]]:
+def areas_in_force(version: MissionVersion) -> list[tuple[Area, bool]]:
     """The zones and fences of a mission file, and whether each is a fence."""
-    mission = sky.mission
+    mission = version.mission
     return [(zone, False) for zone in mission.zones] + [(fence, True) for fence in mission.fences]
 
 
-def leads_home(sky: Sky, east_m: float, north_m: float) -> bool:
+def leads_home(version: MissionVersion, east_m: float, north_m: float) -> bool:
     """Whether zones and fences, and what is to be kept from them, leave a way home from there.
 
     Those with limits of altitude or time count as no obstacle.
     """
     free: BaseGeometry = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
-    for area, fence in sky_areas(sky):
+    for area, fence in areas_in_force(version):
         if area.periods or math.isfinite(area.lower_m) or math.isfinite(area.upper_m):
             continue
         if fence:

@@ -89,7 +89,7 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
-class Sky:
+class MissionVersion:
     """A mission file and from when on it counts."""
 
     from_s: float
@@ -103,7 +103,7 @@ class Track:
         evidence: Of the flight; it has samples.
 
     Attributes:
-        skies: Mission files in order of time; the first from the beginning.
+        versions: Mission files in order of time; the first from the beginning.
         mission: The first of them.
         ground_m: Of the ground at home, above mean sea level.
         time_s: Of each sample.
@@ -125,8 +125,8 @@ class Track:
         texts = [(-math.inf, evidence.mission_text)]
         texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
         self._first_m = first_m  # where the vehicle was started: home's AMSL, unless the file says
-        self.skies = [Sky(at_s, self.read(text)) for at_s, text in texts]
-        self.mission = self.skies[0].mission
+        self.versions = [MissionVersion(at_s, self.read(text)) for at_s, text in texts]
+        self.mission = self.versions[0].mission
         self.ground_m = first_m
         if self.mission.ground_amsl_m is not None:
             self.ground_m = self.mission.ground_amsl_m
@@ -151,9 +151,9 @@ class Track:
         """The sample that was taken last before."""
         return max(bisect.bisect_right(self.time_s, time_s) - 1, 0)
 
-    def sky(self, time_s: float) -> Sky:
+    def version_at(self, time_s: float) -> MissionVersion:
         """The mission file that counted then."""
-        return next(sky for sky in reversed(self.skies) if sky.from_s <= time_s)
+        return next(version for version in reversed(self.versions) if version.from_s <= time_s)
 
     def rest(self, index: int) -> tuple[float, float]:
         """Where it comes to rest, east and north, if it brakes at 3 m/s2 from a sample on."""

@@ -11,7 +11,13 @@ import shapely
 
 from sitl.rehearsal.judge.evidence import AUTOPILOT, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_plan import PlanJudge
-from sitl.rehearsal.judge.judge_space import DRIFT_M, Tolerance, room_m, sky_areas, straight_room_m
+from sitl.rehearsal.judge.judge_space import (
+    DRIFT_M,
+    Tolerance,
+    areas_in_force,
+    room_m,
+    straight_room_m,
+)
 from sitl.rehearsal.judge.judge_track import (
     Responsible,
     Track,
@@ -111,7 +117,7 @@ class WireJudge:
         if command in _NEVER or stray or message.name.startswith("SET_POSITION_TARGET"):
             self._add(message, "stray", f"{words} is no command of ours")
         speed_m_s = number(fields, "param2" if command == SPEED else "param1")
-        limit_m_s = track.sky(message.time_s).mission.speed_m_s + 0.1
+        limit_m_s = track.version_at(message.time_s).mission.speed_m_s + 0.1
         if command in {SPEED, REPOSITION} and speed_m_s > limit_m_s:
             text = f"{speed_m_s:.1f} m/s, the plan says {limit_m_s:.1f}"
             self._add(message, "speed", text, speed_m_s, limit_m_s)
@@ -119,7 +125,7 @@ class WireJudge:
             self._judge_height(message, number(fields, "z" if "z" in fields else "param7"))
 
     def _judge_height(self, message: WireMessage, amsl_m: float) -> None:
-        altitudes_m = self.track.sky(message.time_s).mission.altitudes_m
+        altitudes_m = self.track.version_at(message.time_s).mission.altitudes_m
         above_m = amsl_m - self.track.ground_m
         slack_m = _ON_BOARD_M + self.tolerance.height_m
         if above_m < min(altitudes_m) - slack_m or above_m > max(altitudes_m) + slack_m:
@@ -194,21 +200,21 @@ class WireJudge:
         """A leg under way across what a changed file has drawn there is not flown on."""
         track = self.track
         motions = [m for m in track.commands() if is_motion(m)]
-        for sky in track.skies[1:]:
-            index = track.at(sky.from_s)
-            end_s = sky.from_s + _RENEWS_S + track.evidence.reaction_s + self.notice_s
-            told = [m for m in motions if m.delivered and m.time_s < sky.from_s - _READ_S]
-            at_once = [m for m in motions if sky.from_s - _READ_S <= m.time_s <= end_s]
+        for version in track.versions[1:]:
+            index = track.at(version.from_s)
+            end_s = version.from_s + _RENEWS_S + track.evidence.reaction_s + self.notice_s
+            told = [m for m in motions if m.delivered and m.time_s < version.from_s - _READ_S]
+            at_once = [m for m in motions if version.from_s - _READ_S <= m.time_s <= end_s]
             ours = set(track.by[index : track.at(end_s) + 1]) == {Responsible.OURS}
             target = self._target(told[-1], plan) if told else None
             stands = math.dist(track.rest(index), (track.east_m[index], track.north_m[index])) < 0.2
             if target is None or at_once or stands or not ours or not track.flying[index]:
                 continue
-            short = self._falls_short(index, sky.from_s, target)
+            short = self._falls_short(index, version.from_s, target)
             if short is not None:
                 text, kept_m, limit_m = short
                 words = f"a leg is flown on, and nothing commanded, that now {text}"
-                self.violations.append(Violation(sky.from_s, "leg", words, kept_m, limit_m))
+                self.violations.append(Violation(version.from_s, "leg", words, kept_m, limit_m))
 
     def _falls_short(
         self, index: int, time_s: float, target: Pair
@@ -219,7 +225,7 @@ class WireJudge:
         rest = track.rest(index)
         swept = shapely.MultiPoint([here, rest, target]).convex_hull
         height_m = float(track.above_m[index]) + track.ground_m
-        for area, fence in sky_areas(track.sky(time_s)):
+        for area, fence in areas_in_force(track.version_at(time_s)):
             start_s = track.evidence.start_unix_s
             idle = start_s is not None and not area.applies(start_s + time_s)
             if idle or not area.lower_m <= height_m <= area.upper_m:

@@ -111,7 +111,7 @@ class Companion:
             os.close(self._keyboard)
 
 
-class Brake:
+class ProcessPause:
     """Lets a PX4 stand still, which follows no pace: all of its processes are stopped.
 
     Args:
@@ -198,7 +198,7 @@ class Programs:
         self._vehicle: subprocess.Popen[bytes] | None = None  # the last that was started
         self._second: subprocess.Popen[bytes] | None = None  # on the same radio
         self._instance = 0  # of the first PX4: it is started anew as the same
-        self._brakes: list[Brake] = []  # of all PX4s
+        self._brakes: list[ProcessPause] = []  # of all PX4s
 
     def start_vehicle(self) -> None:
         """Start `sitl vehicle`."""
@@ -221,7 +221,7 @@ class Programs:
             *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
         )
         self._instance = int(ready["system_id"]) - 1
-        self._brakes.append(Brake(ready["process_id"]))
+        self._brakes.append(ProcessPause(ready["process_id"]))
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def start_again(self) -> None:
@@ -245,7 +245,7 @@ class Programs:
         self._second, ready = started(
             *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
         )
-        self._brakes.append(Brake(ready["process_id"]))
+        self._brakes.append(ProcessPause(ready["process_id"]))
         self.relay.listen(port_of(ready["mavlink"]))
 
     @property

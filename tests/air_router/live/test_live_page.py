@@ -16,7 +16,7 @@ from air_router.controller.model.states import State
 from air_router.errors import UsageError
 from air_router.flight.command_service import CommandService
 from air_router.gossip.mapper import Mapper
-from air_router.live.ground import Ground
+from air_router.live.map_feed import MapFeed
 from air_router.live.page import add_web
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage
@@ -217,7 +217,7 @@ def test_zones_that_change_in_flight_are_drawn_anew(flight):
 
 def test_a_robot_holds_of_the_map_what_was_there_when_it_came_for_it(flight):
     mapper = Mapper(flight.mission)
-    ground = Ground(mapper, flight.mission.frame)
+    ground = MapFeed(mapper, flight.mission.frame)
     corner = (mapper.grid.west_m, mapper.grid.south_m)
     assert ground.whole()["piece"] is None
     mapper.paint(GridPatch(*corner, 1.0, np.ones((2, 2), dtype=np.uint8)).encode())

@@ -11,7 +11,7 @@ from air_router.cli.cli import main
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
-from air_router.live.playback import Film, Playback
+from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.record.log import Note, RecordEntry
 from air_router.web.serving import Web
@@ -60,13 +60,13 @@ def record(pretend):
     flight.controller.handle = recorded
     flight.take_off()
     flight.fly_until(lambda: flight.finished is not None)
-    grid = Film(entries).mapper.grid
+    grid = RecordedFlight(entries).mapper.grid
     patch = GridPatch(grid.west_m, grid.south_m, 1.0, np.full((2, 3), Terrain.ROAD, np.uint8))
     return [*entries[:200], RecordEntry(entries[199].t, "patch", patch.encode()), *entries[200:]]
 
 
 def test_a_film_decides_what_the_flight_decided_and_can_begin_again(record):
-    film, page = Film(record), Silent()
+    film, page = RecordedFlight(record), Silent()
     decided = [entry.value for entry in record if entry.kind == "action"]
     for _ in range(2):
         page.actions.clear()
@@ -85,7 +85,7 @@ def test_a_film_decides_what_the_flight_decided_and_can_begin_again(record):
 def test_a_record_without_a_flight_is_refused(record, tmp_path, capsys):
     for entries in ([], record[:2], record[2:]):
         with pytest.raises(RefusedError, match="no flight in the record"):
-            Film(entries)
+            RecordedFlight(entries)
     (tmp_path / "x.mcap").write_bytes(b"nonsense")
     assert main(["replay", str(tmp_path / "x.mcap"), "--web", "0"]) == ExitCode.INVALID_FILE
     assert "not an MCAP file" in capsys.readouterr().err
@@ -93,7 +93,7 @@ def test_a_record_without_a_flight_is_refused(record, tmp_path, capsys):
 
 
 def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
-    film = Film(record)
+    film = RecordedFlight(record)
     playback = Playback(film, Web(), speed=100.0)
 
     async def look():
@@ -138,7 +138,7 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
 
 
 def test_a_page_that_fails_to_show_something_says_so_some_times_and_goes_on(record, caplog):
-    film = Film(record)
+    film = RecordedFlight(record)
     page = LivePage(film.controller.mission, film.controller, None, dict, mapper=film.mapper)
     page.scene.event = lambda *_: 1 / 0
     for _ in range(10):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.values import Values
+from mocha_link.bridges.values import ValueTranslator
 from mocha_link.bridges.zeromq import ZeroMqBridge
 from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec
@@ -160,14 +160,14 @@ def test_a_node_that_is_away(one, server, dial, monkeypatch):
 
 @pytest.fixture(scope="module")
 def values():
-    return Values(TEAM)
+    return ValueTranslator(TEAM)
 
 
 def test_without_the_extra_for_ros(monkeypatch):
     monkeypatch.setattr(typed, "_codec", lambda _definitions: None)
     request = {"request": "publish", "topic": "/pose", "value": {"x": 1}}
     with pytest.raises(RequestError, match="ROS messages need the extra 'ros' here"):
-        Values(TEAM).request(request, [])
+        ValueTranslator(TEAM).request(request, [])
 
 
 JSON = st.recursive(

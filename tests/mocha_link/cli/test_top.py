@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from mocha_link.cli import top_command
 from mocha_link.cli.cli import main
-from mocha_link.cli.monitor import Picture, Size, Style
+from mocha_link.cli.monitor import NodeView, Size, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service.endpoint import bind
@@ -66,7 +66,7 @@ def event(**fields):
 
 
 def picture(*links):
-    found = Picture("tcp://x:1")
+    found = NodeView("tcp://x:1")
     found.take("links", snapshot(*links), 100.0)
     return found
 
@@ -146,7 +146,7 @@ def test_what_the_table_shows_is_no_news():
 
 
 def test_nothing_that_a_terminal_obeys_gets_through():
-    it = Picture("tcp://x:1")
+    it = NodeView("tcp://x:1")
     evil = LinkMetrics("a\x1b]0;x\x07", topic_ages_s={"/\x1b[2J": 1.0}, path="\r\n")
     it.take("links", snapshot(evil, robot="\x1b[31m"), 0.0)
     it.take("event", event(peer="\x9b5m"), 0.0)
@@ -166,7 +166,7 @@ def test_nothing_that_a_terminal_obeys_gets_through():
 def test_any_json_is_shown_or_refused(kind, value, key):
     fields = {**snapshot(IO), **event()}
     (fields if key in fields else fields["links"]["io"])[key] = value
-    it = Picture("tcp://x:1")
+    it = NodeView("tcp://x:1")
     try:
         it.take(kind, fields, 0.0)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):

@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from air_router.controller.monitor.flight_phase import Silence, TakeOff, take_off
+from air_router.controller.monitor.flight_phase import SilenceReminder, TakeOff, take_off
 from air_router.controller.states.return_state import reason_to_return
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
@@ -57,7 +57,7 @@ def test_battery_and_duration_bring_it_home(pennovation, above_home):
 
 
 def test_a_silence_is_told_at_once_and_then_now_and_then():
-    silence = Silence()
+    silence = SilenceReminder()
     told = [s for s in range(3, 26) if silence.news(float(s)) is not None]
     assert told == [3, 13, 23]
     assert silence.news(3.0) is not None

@@ -1,6 +1,6 @@
 """No single message moves the vehicle, and what goes on being said is believed."""
 
-from air_router.vehicle.px4.continuity import MESSAGES, QUIET_S, Continuity, HeardPlace
+from air_router.vehicle.px4.continuity import MESSAGES, QUIET_S, Continuity, ReportedPosition
 from geo.frame import Point
 
 HERE, AWAY = Point(10.0, 0.0), Point(900.0, 0.0)
@@ -22,7 +22,7 @@ class Told:
         return believed
 
     def says(self, boot_s, position):
-        return self.continuity.believes(HeardPlace(boot_s, position), self.now_s, self.rate)
+        return self.continuity.believes(ReportedPosition(boot_s, position), self.now_s, self.rate)
 
 
 def test_a_message_of_another_boot_or_place_is_not_believed_nor_a_burst_of_them():

@@ -16,7 +16,7 @@ from geo.grid import SemanticGrid, Terrain
 from mocha_link.team.document import DocumentError
 from sitl.cli import cli
 from sitl.experiment.lattice import Bounds, Lattice, coarse
-from sitl.experiment.robots.uav import Painter
+from sitl.experiment.robots.uav import MapPainter
 from sitl.experiment.towns.town_file import load_town, town_text
 from sitl.experiment.towns.town_generator import APART_M, drawn_starts, generate, scatter
 from sitl.experiment.towns.town_mission import mission_over
@@ -190,7 +190,7 @@ def test_a_mission_flies_over_every_town():
     mission = mission_over(town, altitude_m=40.0)
     assert mission.altitude_above_home_m == 40.0
     assert mission.home == town.home
-    seen = Painter(town, CAMERA)
+    seen = MapPainter(town, CAMERA)
     for waypoint in mission.waypoints:
         for heading_deg in (0.0, 90.0):
             seen.look(waypoint.position, 60.0, heading_deg)
@@ -207,7 +207,7 @@ def test_a_mission_flies_over_every_town():
 @settings(max_examples=15)
 def test_the_painter_paints_what_the_camera_sees(views):
     town = PAINTED
-    painter = Painter(town, CAMERA)
+    painter = MapPainter(town, CAMERA)
     raster = town.raster
     grid = SemanticGrid(
         town.frame.origin,

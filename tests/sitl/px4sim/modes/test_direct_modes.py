@@ -7,7 +7,7 @@ import pytest
 
 from sitl.mavlink.setpoint_messages import local_setpoint, sticks
 from sitl.px4sim.modes.direct_modes import shaped
-from sitl.px4sim.motion.guidance import Direct, Reach, direct_velocity
+from sitl.px4sim.motion.guidance import Direct, MaxSpeeds, direct_velocity
 from sitl.px4sim.state.px4_modes import FlightMode
 
 
@@ -17,7 +17,7 @@ def message(**fields):
 
 
 def test_a_velocity_goes_with_the_distance_up_to_the_greatest_speed():
-    reach = Reach(12.0, 3.0, 1.5)
+    reach = MaxSpeeds(12.0, 3.0, 1.5)
     near = direct_velocity(Direct((2.0, 0.0), 101.0), (0.0, 0.0, 100.0), reach)
     assert (near.north_m_s, near.up_m_s) == pytest.approx((1.9, 1.0))
     far = direct_velocity(Direct((300.0, 400.0), 0.0), (0.0, 0.0, 100.0), reach)
@@ -26,7 +26,7 @@ def test_a_velocity_goes_with_the_distance_up_to_the_greatest_speed():
 
 
 def test_a_place_that_is_no_number_is_here():
-    wanted = direct_velocity(Direct((math.nan, 1.0), math.nan), (5.0, 0.0, 100.0), Reach())
+    wanted = direct_velocity(Direct((math.nan, 1.0), math.nan), (5.0, 0.0, 100.0), MaxSpeeds())
     assert (wanted.north_m_s, wanted.up_m_s) == (0.0, 0.0)
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl.px4sim.motion.dynamics import Multirotor, Wanted
+from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
 from sitl.px4sim.motion.guidance import (
     Pace,
     Setpoint,
@@ -89,7 +89,7 @@ def test_landing_slows_down_near_the_ground():
 
 def test_the_ground_is_hard_and_without_motors_it_falls():
     craft = Multirotor()
-    craft.step(STEP_S, Wanted(up_m_s=-5))
+    craft.step(STEP_S, MotionDemand(up_m_s=-5))
     assert craft.on_ground
     assert craft.up_m == 0
     craft.up_m, craft.on_ground = 20.0, False
@@ -101,10 +101,10 @@ def test_the_ground_is_hard_and_without_motors_it_falls():
 def test_it_turns_the_short_way_at_a_limited_rate():
     craft = Multirotor()
     craft.yaw_rad = math.radians(170)
-    craft.step(STEP_S, Wanted(yaw_rad=math.radians(-170)))
+    craft.step(STEP_S, MotionDemand(yaw_rad=math.radians(-170)))
     assert math.degrees(craft.yaw_rad) > 170
     for _ in range(300):
-        craft.step(STEP_S, Wanted(yaw_rad=math.radians(-170)))
+        craft.step(STEP_S, MotionDemand(yaw_rad=math.radians(-170)))
     assert math.degrees(craft.yaw_rad) == pytest.approx(-170, abs=1)
 
 

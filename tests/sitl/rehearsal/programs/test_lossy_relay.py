@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
-from sitl.rehearsal.programs.processes import Brake
+from sitl.rehearsal.programs.processes import ProcessPause
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes
 from sitl.rehearsal.programs.station import Station
@@ -152,7 +152,7 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
 
 
 def test_a_relay_that_comes_late_does_not_stop_a_released_vehicle(monkeypatch):
-    class Overtaken(Brake):
+    class Overtaken(ProcessPause):
         def hold(self, waits):
             super().hold(waits)
             super().hold(waits=True)

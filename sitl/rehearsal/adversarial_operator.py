@@ -47,8 +47,8 @@ Moment = Callable[[], bool]
 """Does something if its moment has come; whether it had."""
 
 
-class HastyOperator:
-    """An operator in a hurry, who asks and draws at the worst moment.
+class AdversarialOperator:
+    """An operator who sends requests and draws zones at the worst moment.
 
     Args:
         scenario: Where.

@@ -19,7 +19,7 @@ _MOST_CELLS: Final = 600_000
 """A page draws no more; of a larger map every second, third ... row and column is shown."""
 
 
-class Ground:
+class MapFeed:
     """Reads the map; paints nothing."""
 
     def __init__(self, mapper: Mapper, frame: LocalFrame) -> None:
