@@ -9,7 +9,7 @@ import sys
 
 from air_router.cli.arguments import MORE_THAN_0, number
 from air_router.cli.command_line import print_json
-from air_router.control.command_request import MODELS, spoken
+from air_router.control.command_request import MODELS, parse_command
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
 from air_router.errors import ExitCode, UsageError
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
             endpoint, words = endpoint_of(words[0]), words[1:]
         except argparse.ArgumentTypeError as error:
             raise UsageError(str(error)) from None
-    command = spoken(" ".join(words))
+    command = parse_command(" ".join(words))
     values = command.model_dump(exclude_none=True)
     if arguments.hold_s is not None:
         values["hold_s"] = arguments.hold_s

@@ -205,7 +205,7 @@ def parse(frames: Sequence[bytes]) -> Any:
         raise CommandRequestError("a request is a JSON object, in UTF-8") from None
 
 
-def spoken(text: str) -> CommandRequest:
+def parse_command(text: str) -> CommandRequest:
     """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON`.
 
     Raises:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from types import MappingProxyType
 from typing import Final, TextIO
 
-from air_router.control.command_request import CommandRequest, CommandRequestError, spoken
+from air_router.control.command_request import CommandRequest, CommandRequestError, parse_command
 
 SIGNALS: Final = MappingProxyType({signal.SIGUSR1: "home", signal.SIGUSR2: "resume"})
 """What another terminal or a service manager can send: `kill -USR1 PID`, `kill -USR2 PID`."""
@@ -42,7 +42,7 @@ def listening(
         if not line.strip():
             return
         try:
-            command = spoken(line)
+            command = parse_command(line)
         except CommandRequestError as error:
             complain(f"{error}; or press Ctrl-C")
         else:
@@ -53,7 +53,7 @@ def listening(
         loop.add_reader(keyboard, on_line)
     loop.add_signal_handler(signal.SIGHUP, complain, _GONE)
     for number, word in SIGNALS.items():
-        loop.add_signal_handler(number, deliver, spoken(word))
+        loop.add_signal_handler(number, deliver, parse_command(word))
     try:
         yield
     finally:

@@ -44,9 +44,9 @@ class EditorServer:
         self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False  # as the pages were told
         self._state = self._shown()  # JSON that every new page gets
-        self._audience = Browsers(self._receive, self._welcome)  # all pages
+        self._browsers = Browsers(self._receive, self._welcome)  # all pages
         self._site = Site.of_page("air_router.editor", "edit", web)
-        self._site.add_socket("/socket", self._audience.converse)
+        self._site.add_socket("/socket", self._browsers.converse)
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:
@@ -95,7 +95,7 @@ class EditorServer:
             answer, state = await loop.run_in_executor(worker, self._answered, text)
             if state is not None:
                 self._state = state
-                self._audience.broadcast("state", state)
+                self._browsers.broadcast("state", state)
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
@@ -106,7 +106,7 @@ class EditorServer:
             changed = await loop.run_in_executor(worker, self._session.changed_on_disk)
             if changed != self._changed_on_disk:
                 self._changed_on_disk = changed
-                self._audience.broadcast("disk", as_json({"type": "disk", "changed": changed}))
+                self._browsers.broadcast("disk", as_json({"type": "disk", "changed": changed}))
 
     def _shown(self) -> str:
         return as_json({"type": "state", **self._session.view()})

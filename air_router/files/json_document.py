@@ -42,7 +42,7 @@ def load_json(path: Path) -> JsonDocument:
 
     Raises:
         DocumentError: the file cannot be read, is too large, is not UTF-8 or not JSON, repeats a
-            key, or is nested deeper than any honest file.
+            key, or is nested deeper than any file in use.
     """
     return json_from_text(text_in(bytes_of(path, MAX_BYTES), path), path)
 

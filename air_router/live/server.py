@@ -88,9 +88,9 @@ class LivePage:
         self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)  # of all browsers
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)  # of requests that plan
         # all browsers
-        self._audience = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
+        self._browsers = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
         self._site = Site.of_page("air_router.live", "live", web)
-        self._site.add_socket("/socket", self._audience.converse)
+        self._site.add_socket("/socket", self._browsers.converse)
         self._site.add_values("/flights", self._flights)
 
     @contextmanager
@@ -116,7 +116,7 @@ class LivePage:
         self._sent.clear()
         self._begin(controller, mapper)
         for kind, text in self._greeting():
-            self._audience.broadcast(kind, text)
+            self._browsers.broadcast(kind, text)
 
     def event(self, event: Event, now_s: float) -> None:
         """Take in what happened."""
@@ -164,14 +164,14 @@ class LivePage:
         self._ticks += 1
         if self._controller.router is not self._router:
             self._draw_scenery()
-            self._audience.broadcast("scenery", self._scenery)
+            self._browsers.broadcast("scenery", self._scenery)
         self.tell("vehicle", scene.vehicle())
         self.tell("robots", {"robots": scene.robots()})
         if self._ticks % SLOW_TICKS == 1:
             scene.links(self._links())
             piece = self._map_feed.news()
             if piece is not None:
-                self._audience.broadcast(
+                self._browsers.broadcast(
                     f"piece {self._ticks}", as_json({"type": "piece", **piece})
                 )
         links = scene.link_lines()
@@ -180,20 +180,20 @@ class LivePage:
         self.tell("links", {"links": links})
         if scene.row_count > self._sent_rows and not self.record:
             start, self._sent_rows = self._sent_rows, scene.row_count
-            self._audience.broadcast(f"rows {start}", self._rows(start))
+            self._browsers.broadcast(f"rows {start}", self._rows(start))
         if scene.track_length > self._sent_track:
             start, self._sent_track = self._sent_track, scene.track_length
-            self._audience.broadcast(f"track {start}", self._track(start))
+            self._browsers.broadcast(f"track {start}", self._track(start))
         if scene.news_count > self._sent_news:
             start, self._sent_news = self._sent_news, scene.news_count
-            self._audience.broadcast(f"news {start}", self._news(start))
+            self._browsers.broadcast(f"news {start}", self._news(start))
 
     def tell(self, kind: str, values: dict[str, Any]) -> None:
         """Tell all pages, unless they know."""
         text = as_json({"type": kind, **values})
         if self._sent.get(kind) != text:
             self._sent[kind] = text
-            self._audience.broadcast(kind, text)
+            self._browsers.broadcast(kind, text)
 
     def _draw_scenery(self) -> None:
         """Zones may change in flight: with them comes another router."""

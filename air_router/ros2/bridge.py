@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final
 
-from air_router.control.command_request import CommandRequestError, spoken
+from air_router.control.command_request import CommandRequestError, parse_command
 from air_router.control.control import (
     ControlAnswer,
     ControlClient,
@@ -231,7 +231,7 @@ class Ros2Bridge:
     def _ask(self, asked: Values) -> None:
         """Ask in words, as at the terminal: for programs that have no services of ours."""
         try:
-            request = spoken(asked["data"]).model_dump(exclude_none=True)
+            request = parse_command(asked["data"]).model_dump(exclude_none=True)
             answer = self._client.request({**request, "by": BY})
         except (CommandRequestError, ControlUnreachableError, ControlError) as error:
             answer = {"accepted": False, "why": str(error)}

@@ -47,10 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Ask, write, and say how to go on."""
     answers = answered(arguments, input if sys.stdin.isatty() else None)
-    folder, uav, spoken = answers["folder"], answers["uav"], answers["robots"]
-    if uav in spoken:
+    folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
+    if uav in kinds:
         raise UsageError(f"'{uav}' is the vehicle's name; give the robot another one")
-    texts = texts_of(answers["home"], answers["altitude"], uav, spoken)
+    texts = texts_of(answers["home"], answers["altitude"], uav, kinds)
     there = [str(folder / file) for file in texts if (folder / file).exists()]
     if there:
         raise UsageError(f"{', '.join(there)}: there already; choose another folder")
@@ -60,13 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
             made.write(text)
         print(folder / file)
     load_mission(folder / "mission.yaml")
-    _say_next(folder, answers["home"], spoken)
+    _say_next(folder, answers["home"], kinds)
     return ExitCode.DONE
 
 
-def _say_next(folder: Path, at: Geodetic, spoken: dict[str, str]) -> None:
-    robot, kind = next(iter(spoken.items()))
-    endpoint, place = f"ipc:///tmp/{robot}", first_places(len(spoken))[0]
+def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
+    robot, kind = next(iter(kinds.items()))
+    endpoint, place = f"ipc:///tmp/{robot}", first_places(len(kinds))[0]
     where = f"{place.east_m:.0f},{place.north_m:.0f}"
     if kind != "ros2":
         where = ",".join(map(degrees, LocalFrame(at).to_geodetic(place)))

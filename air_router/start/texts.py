@@ -102,7 +102,7 @@ def texts_of(
         robots: What each robot speaks, by name: a key of `ROVERS`.
     """
     places = first_places(len(robots))
-    spoken = dict.fromkeys(robots.values())
+    kinds = dict.fromkeys(robots.values())
     texts = {
         "mission.yaml": mission_text(
             "air-router new", home, places, altitude_m=altitude_m, fence_radius_m=_FENCE_M
@@ -114,8 +114,8 @@ def texts_of(
         ),
         "team.yaml": _TEAM.format(
             robots=_robots(", ".join(map(degrees, home)), uav, robots),
-            occupancy="" if set(spoken) == {"json"} else _OCCUPANCY,
-            kinds="\n".join(_KINDS[kind] for kind in spoken),
+            occupancy="" if set(kinds) == {"json"} else _OCCUPANCY,
+            kinds="\n".join(_KINDS[kind] for kind in kinds),
         ),
         "world.yaml": _WORLD.format(
             robots="\n".join(
@@ -124,7 +124,7 @@ def texts_of(
             )
         ),
     }
-    for kind in spoken:
+    for kind in kinds:
         program = Path(__file__).parent / "rovers" / ROVERS[kind]
         texts[ROVERS[kind]] = program.read_text(encoding="utf-8").replace("titan", uav)
     return texts

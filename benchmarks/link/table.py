@@ -35,7 +35,7 @@ def median(scores: Scores, way: str, links: Sequence[Link]) -> float | None:
 
 
 def conditions(scores: Sequence[Score], load: Load) -> Iterator[str]:
-    """How honest the emulators were, and how much the nodes had to wait for a core."""
+    """How exact the emulators were, and how much the nodes had to wait for a core."""
     if scores:
         medians, highs, worsts = zip(*(score.late_ms for score in scores), strict=True)
         yield (

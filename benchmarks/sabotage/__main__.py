@@ -1,8 +1,8 @@
 """`make sabotage`: breaks the flight code in one place at a time and flies what should show it.
 
 Each sabotage flies its own scenes until the judge finds one of them bad. Those are flown with the
-honest code, too: one that is bad then shows nothing. If one is, or if a sabotage has survived all
-of its scenes, the exit code is 1. Prints a table.
+unchanged code, too: one that is bad then shows nothing. If one is, or if a sabotage has survived
+all of its scenes, the exit code is 1. Prints a table.
 """
 
 import argparse
@@ -90,13 +90,14 @@ def main() -> int:
             catching |= set() if how is None else {scene}
         scenes = sorted(catching)
         shares = [s for n in range(arguments.jobs) if (s := scenes[n :: arguments.jobs])]
-        honest = [each for flown in pool.map(lambda s: list(run([], s)), shares) for each in flown]
-        bad = {flight["scene"]: flight["found"] for flight in honest if flight["found"]}
+        flights = [each for flown in pool.map(lambda s: list(run([], s)), shares) for each in flown]
+        bad = {flight["scene"]: flight["found"] for flight in flights if flight["found"]}
         for scene, found in bad.items():
-            print(f"with the honest code {scene} is bad: {found[0]}", file=sys.stderr, flush=True)
+            message = f"with the unchanged code {scene} is bad: {found[0]}"
+            print(message, file=sys.stderr, flush=True)
     print(
         f"{len(chosen) - survived} of {len(chosen)} caught by {len(scenes)} scenes, "
-        f"{len(bad)} of which the honest code fails",
+        f"{len(bad)} of which the unchanged code fails",
         file=sys.stderr,
     )
     return 1 if survived or bad else 0

@@ -75,7 +75,7 @@ class Flow:
         self._probe_s = 0.0  # when the next probe leaves
         self._probe_every_s = PROBE_S  # grows while it is down
         self._blind = False  # what of the last flight arrived is not known yet: it goes later
-        self._unheard_s: float | None = None  # when we were poked; nothing was heard since
+        self._unheard_s: float | None = None  # when a contact began; nothing was heard since
         self._hello = False  # a packet has to leave now, whatever is in it
 
     # --- what others may know

@@ -79,7 +79,7 @@ def _compose(text: str) -> yaml.Node | None:
 
 
 class _TooDeepError(Exception):
-    """Nested deeper than any honest file; both parsers take very long for it, or crash."""
+    """Nested deeper than any file in use; both parsers take very long for it, or crash."""
 
     def __init__(self, line: int, column: int) -> None:
         super().__init__()

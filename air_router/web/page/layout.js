@@ -1,4 +1,4 @@
-// The furniture over the map stands in a grid; its cell "free" is what it leaves free of the map.
+// Panels and toolbars over the map stand in a grid; its cell "free" is what it leaves free of the map.
 
 import { byId } from "./element.js";
 

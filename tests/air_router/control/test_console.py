@@ -4,7 +4,7 @@ import pty
 
 import pytest
 
-from air_router.control.command_request import spoken
+from air_router.control.command_request import parse_command
 from air_router.control.console import listening
 
 
@@ -31,7 +31,7 @@ def test_typed_words_are_requests_and_nonsense_is_answered(terminal):
             await asyncio.wait_for(done.wait(), 60)
 
     asyncio.run(listen())
-    assert requests == [spoken("home")]
+    assert requests == [parse_command("home")]
     assert len(complaints) == 1
     assert "no request 'fly'; use one of hold" in complaints[0]
 

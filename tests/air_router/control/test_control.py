@@ -25,7 +25,7 @@ from air_router.control.command_request import (
     MODELS,
     CommandRequestError,
     command_request_of,
-    spoken,
+    parse_command,
 )
 from air_router.control.control import (
     CONTROL_NAME,
@@ -241,8 +241,8 @@ def test_whatever_frames_come_cost_an_error_reply_and_nothing_else(served, monke
             reply = json.loads(hostile.recv_multipart()[-1])
             assert reply["ok"] is False or reply["code"] == "unknown-robot"
     assert {type(deed).__name__ for deed in served.deeds} <= {"SeekNow"}  # of a robot unknown
-    with ControlClient(served.endpoint, timeout_s=30) as honest:
-        assert honest.hold().accepted
+    with ControlClient(served.endpoint, timeout_s=30) as client:
+        assert client.hold().accepted
 
 
 def test_what_is_too_large_to_be_read_costs_its_sender_the_connection(served):
@@ -253,8 +253,8 @@ def test_what_is_too_large_to_be_read_costs_its_sender_the_connection(served):
             hostile.send(b"x" * 10_000_000)
             assert parted.poll(20_000)
             hostile.disable_monitor()
-    with ControlClient(served.endpoint, timeout_s=30) as honest:
-        assert honest.status()["ok"]
+    with ControlClient(served.endpoint, timeout_s=30) as client:
+        assert client.status()["ok"]
 
 
 def test_a_web_page_cannot_ask(served):
@@ -413,13 +413,13 @@ def test_what_the_docs_show_is_done(served, capsys):
 
 def test_words_and_who_asks(pennovation):
     frame = pennovation.frame
-    request = spoken("goto 39.9415,-75.1990 39.9420,-75.1995").asked(frame)
+    request = parse_command("goto 39.9415,-75.1990 39.9420,-75.1995").asked(frame)
     assert isinstance(request, GoTo)
     assert len(request.points) == 2
     command = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
     assert command.asked(frame) == HoldNow(by="eve?[2J")
     assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
-    assert spoken("status").asked(frame) is None
+    assert parse_command("status").asked(frame) is None
 
 
 def test_a_budget_fills_up_to_what_may_be_spent_at_once():

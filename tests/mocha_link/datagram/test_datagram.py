@@ -242,8 +242,8 @@ def test_both_directions_at_once():
     assert min(a.bytes, b.bytes) > 0.88 * MBIT * 10
 
 
-@pytest.mark.parametrize("poked", [True, False])
-def test_a_cut_and_what_comes_after(poked):
+@pytest.mark.parametrize("contact", [True, False])
+def test_a_cut_and_what_comes_after(contact):
     rtt_s = 0.1
     world, there, back = link(rtt_s=rtt_s, up=[(0, 2.05), (8, 10)])
     a = End(world, there, numbered(10_000)).join(b := End(world, back))
@@ -255,14 +255,14 @@ def test_a_cut_and_what_comes_after(poked):
     assert there.asked - asked < 12  # it does not flood a link that is down
     before = b.bytes
     world.run(8)
-    (a if poked else b).flow.on_contact(world.now_s)  # the side that hears of the contact
-    (a if poked else b).go()
+    (a if contact else b).flow.on_contact(world.now_s)  # the side that hears of the contact
+    (a if contact else b).go()
     world.run(8 + rtt_s + 0.05)
     assert not a.flow.down
     assert b.bytes > before
     world.run(10)
     assert b.bytes - before > 0.9 * MBIT * (2 - rtt_s)
-    assert b.flow.repeated <= (6 if poked else 0)  # it could not be known what had arrived
+    assert b.flow.repeated <= (6 if contact else 0)  # it could not be known what had arrived
     numbers = [int.from_bytes(frame[:4], "big") for frame in b.got]
     assert len(set(numbers)) == len(numbers)
 
@@ -277,7 +277,7 @@ def test_no_contact_is_told():
     assert b.bytes - before > 0.9 * MBIT * (4 - 1.2)  # the next probe is at most a second away
 
 
-def test_pokes_do_not_flood_a_link_that_is_down():
+def test_contacts_do_not_flood_a_link_that_is_down():
     world, there, back = link(up=[(100, 101)])
     a = End(world, there, endless, rate_bytes_s=MBIT, rtt_s=0.05).join(End(world, back))
     for tenth in range(200):
@@ -288,7 +288,7 @@ def test_pokes_do_not_flood_a_link_that_is_down():
     assert len(a.flow._outbox._contents) < 64
 
 
-def test_a_poke_of_a_link_that_works_is_one_small_packet():
+def test_a_contact_on_a_link_that_works_is_one_small_packet():
     world, there, back = link()
     a = End(world, there, numbered(10)).join(End(world, back))
     a.go()

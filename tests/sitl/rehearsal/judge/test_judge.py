@@ -131,7 +131,7 @@ def kinds(evidence):
     return {violation.kind for violation in judge(evidence).violations}
 
 
-def test_an_honest_flight_is_good():
+def test_a_correct_flight_is_good():
     verdict = judge(evidence())
     assert verdict.good, verdict.violations
     assert verdict.end is End.LANDED
@@ -263,13 +263,13 @@ def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, h
 
 
 @pytest.mark.parametrize(("at_s", "wrong"), [(25.0, True), (74.0, False)])
-def test_heights_are_spoken_of_where_it_cruises_with_them(at_s, wrong):
+def test_heights_are_reported_where_it_cruises_with_them(at_s, wrong):
     drifts = (SceneEvent(at_s, SceneEventKind.FAULT, "drift"),)
     assert ("told" in kinds(evidence(faults=("BAROMETER",), happenings=drifts))) == wrong
 
 
 @pytest.mark.parametrize("said", [True, False])
-def test_a_fence_that_did_not_get_on_board_is_spoken_of(said):
+def test_a_fence_that_did_not_get_on_board_is_reported(said):
     drawn = TEXT + "  - {name: new, polygon: [[70, 80], [90, 80], [90, 90], [70, 90]]}\n"
     lines = [(32.0, "the changed fence is not on board: coming home")] if said else []
     reloaded = (SceneEvent(30.0, SceneEventKind.MISSION_FILE, drawn),)

@@ -211,7 +211,7 @@ def test_an_altitude_that_nothing_can_have_flown_to_is_said():
         ("SEARCH -> COMM", {"told"}),
     ],
 )
-def test_a_changed_file_that_is_not_taken_is_spoken_of(said, wrong):
+def test_a_changed_file_that_is_not_taken_is_reported(said, wrong):
     drawn = TEXT + "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
 
     def left(text):
