@@ -120,7 +120,7 @@ MUTANTS = (
          "reading.value > limit", "trigger"),
     _row("no hysteresis", "mocha_link.trigger", "limit -= self._settings.hysteresis_db",
          "limit -= 0.0", "trigger"),
-    _row("no lingering", "mocha_link.gossip", "LINGER_S = 2.0", "LINGER_S = 0.0", "gossip pull"),
+    _row("no lingering", "mocha_link.puller", "LINGER_S = 2.0", "LINGER_S = 0.0", "gossip pull"),
     _row("budget grows", "air_router.budget", "min(self._at_once, self._left + gained)",
          "self._left + gained", "control"),
     _row("upload not read back", "air_router.px4_plan",
@@ -199,7 +199,7 @@ MUTANTS = (
     _row("ranges without limit", "mocha_link.reassembly_buffer", "if len(gaps) <= limit:", "if True:", "reassembly_buffer"),
     _row("amplification", "mocha_link.datagram", "RETURN = 3  #", "RETURN = 300  #",
          "datagram forged_openings"),
-    _row("stalled pull lives", "mocha_link.gossip", "now.steady_s - pull.alive_s <= STALLED_S:",
+    _row("stalled pull lives", "mocha_link.puller", "now.steady_s - pull.alive_s <= STALLED_S:",
          "now.steady_s - pull.alive_s <= 100 * STALLED_S:", "gossip new_pull"),
 )  # fmt: skip
 """The mistakes that a reviewer tried, thirty more, and what is to notice each."""
