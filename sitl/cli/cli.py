@@ -34,9 +34,7 @@ COMMANDS = (
     Command(
         "experiment", "sitl.cli.experiment_command", "run many simulated teams and compare them"
     ),
-    Command(
-        "town", "sitl.experiment.towns.town_command", "check, draw or make a town for experiments"
-    ),
+    Command("town", "sitl.cli.town_command", "check, draw or make a town for experiments"),
 )
 
 PROGRAM = program_of(
