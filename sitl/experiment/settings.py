@@ -29,6 +29,11 @@ AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
 Level = Annotated[float, Field(ge=-300, le=300)]
 """What a file of an experiment may write where these stand."""
 
+PulledBy = Literal["contact", "node"]
+"""`contact`: a contact has every robot pull once, or as often as the channel's `pull_every_s`.
+`node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
+last pull, and what a peer stores in between is pushed."""
+
 PlacedBy = Literal["town", "seed"]
 """Whether places are those of the town's file, or others in every run."""
 
@@ -190,13 +195,18 @@ class RunSettings:
             at 60 m and meets robots within 5 to 30 m, so its height cannot count.
         paper, path_loss, trace: The models' numbers; the one that `channel` names counts.
         protocol: What the nodes speak.
+        pulls: Who begins a pull.
         duration_s: Simulated time of the run.
         policy: Whom the UAVs seek, a choice of the mission file (`seek`).
         passive: The UAVs never seek a robot: they go round the waypoints, and talk to whom they
             pass.
         timers: Of the UAVs' mission.
         uav_speed_m_s, uav_altitude_m, uav_acceleration_m_s2: How UAVs fly.
+        airframe: `plain`: straight legs with that acceleration. `px4`: guidance, airframe and drag
+            of the simulated autopilot, which has an acceleration of its own.
         uav_climb_m_s: How fast they take off (PX4's default), straight up from home.
+        battery: Minutes that a full battery flies, as the simulated vehicle's drains; at the
+            mission's `battery_reserve` a UAV comes home and lands. `none`: it never does.
         map_interval_s: A UAV publishes its map so often.
         telemetry_s: A UAV's controller hears of it so often.
         sample_s: How often positions, ages and the explored share are sampled.
@@ -218,6 +228,7 @@ class RunSettings:
     path_loss: PathLossModel = field(default_factory=PathLossModel)
     trace: TraceModel | None = None
     protocol: ProtocolKind = "original"
+    pulls: PulledBy = "contact"
     duration_s: Positive = 1800.0
     policy: SeekPolicy = DEFAULT_SEEK_POLICY
     passive: bool = False
@@ -225,7 +236,9 @@ class RunSettings:
     uav_speed_m_s: Positive = 5.0
     uav_altitude_m: Positive = 60.0
     uav_acceleration_m_s2: Positive = 2.0
+    airframe: Literal["plain", "px4"] = "plain"
     uav_climb_m_s: Positive = 1.5
+    battery: Positive | Literal["none"] = "none"
     map_interval_s: Positive = 10.0
     telemetry_s: Positive = 0.5
     sample_s: Positive = 10.0

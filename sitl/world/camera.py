@@ -6,41 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from sitl.world.terrain import Raster
-
-Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """The rectangle of a raster around what a camera sees.
-
-    Attributes:
-        rows, columns: Which of the raster's cells.
-        east_m, north_m: Of the cells' centres, from the camera.
-        half_sizes_m: Half of what is seen: to the sides, and ahead.
-        sine, cosine: Of the heading.
-    """
-
-    rows: slice
-    columns: slice
-    east_m: Floats
-    north_m: Floats
-    half_sizes_m: tuple[float, float]
-    sine: float
-    cosine: float
-
-    def shows(self, east_m: Floats, north_m: Floats) -> npt.NDArray[np.bool_]:
-        """Whether places are in the picture, metres from the camera."""
-        across_m, along_m = self.half_sizes_m
-        sideways_m = east_m * self.cosine - north_m * self.sine
-        ahead_m = east_m * self.sine + north_m * self.cosine
-        shown: npt.NDArray[np.bool_] = np.abs(sideways_m) <= across_m
-        return shown & (np.abs(ahead_m) <= along_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +33,20 @@ class Camera:
             height_m * math.tan(math.radians(self.fov_along_deg) / 2),
         )
 
-    def view(
+    def look(
         self, raster: Raster, position: Point, height_m: float, heading_deg: float
-    ) -> View | None:
-        """What to look at of a raster; None: too low, or outside of the world."""
+    ) -> GridPatch | None:
+        """What the camera sees of the ground; cells beside the footprint stay unknown.
+
+        Args:
+            raster: The true terrain.
+            position: Where the camera is, metres east/north.
+            height_m: Height above the ground.
+            heading_deg: Where the upper edge of the picture points, clockwise from north.
+
+        Returns:
+            The cells whose centres are seen, or None: too low, or outside of the world.
+        """
         if height_m < self.min_height_m:
             return None
         across_m, along_m = self.half_sizes_m(height_m)
@@ -85,30 +64,10 @@ class Camera:
             return None
         east_m = raster.west_m + (np.arange(west, east) + 0.5) * size_m - position.east_m
         north_m = raster.south_m + (np.arange(south, north) + 0.5) * size_m - position.north_m
-        halves_m = (across_m, along_m)
-        return View(slice(south, north), slice(west, east), east_m, north_m, halves_m, sine, cosine)
-
-    def look(
-        self, raster: Raster, position: Point, height_m: float, heading_deg: float
-    ) -> GridPatch | None:
-        """What the camera sees of the ground; cells beside the footprint stay unknown.
-
-        Args:
-            raster: The true terrain.
-            position: Where the camera is, metres east/north.
-            height_m: Height above the ground.
-            heading_deg: Where the upper edge of the picture points, clockwise from north.
-
-        Returns:
-            The cells whose centres are seen, or None: too low, or outside of the world.
-        """
-        view = self.view(raster, position, height_m, heading_deg)
-        if view is None:
-            return None
-        seen = view.shows(view.east_m[None, :], view.north_m[:, None])
-        south, west = view.rows.start, view.columns.start
-        size_m = raster.resolution_m
-        cells = np.where(seen, raster.cells[view.rows, view.columns], np.uint8(Terrain.UNKNOWN))
+        sideways_m = east_m * cosine - north_m[:, None] * sine
+        ahead_m = east_m * sine + north_m[:, None] * cosine
+        seen = (np.abs(sideways_m) <= across_m) & (np.abs(ahead_m) <= along_m)
+        cells = np.where(seen, raster.cells[south:north, west:east], np.uint8(Terrain.UNKNOWN))
         return GridPatch(
             raster.west_m + west * size_m, raster.south_m + south * size_m, size_m, cells
         )

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
+from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
 from mocha_link.store.record import Header
 from mocha_link.sync.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
@@ -60,6 +61,7 @@ class ChannelSim:
         self._exchanges: dict[Link, Exchange] = {}  # that are not over
         self._pulled_s: dict[Link, float] = {}  # when the last pull began
         self._waiting: list[tuple[tuple[float, ...], int, Exchange]] = []  # in order of turns
+        self._triggered = any(node.triggered for node in nodes)  # by their own pulls, not by ours
         self._busy: list[Link] = []  # whose exchanges are on the air
         self._count = 0  # of turns, partings and connections, which it tells apart
         self._replies: list[bytes] = []  # of the node that was asked last
@@ -81,14 +83,23 @@ class ChannelSim:
                 self._meet(change)
             else:
                 self._part(change)
-        every_s = self._channel.pull_every_s
-        if every_s is not None:
-            due_s = self._queue.now_s - every_s
+        if self._triggered:
+            self._report()
+            for node in self._nodes:
+                node.gossip.tick(node.now)
+                self._settle(node)
+        elif self._channel.pull_every_s is not None:
+            due_s = self._queue.now_s - self._channel.pull_every_s
             for a, b in self._contacts:
                 for link in (Link(a, b), Link(b, a)):
                     if self._pulled_s[link] <= due_s and link not in self._exchanges:
                         self._pull(link)
         self._grant()
+
+    def _report(self) -> None:
+        """Radios say again whom they hear."""
+        for (a, b), began_s in self._contacts.items():
+            self._tell_contact(a, b, began_s, up=True)
 
     def _meet(self, change: Change) -> None:
         a, b, _ = change
@@ -96,11 +107,11 @@ class ChannelSim:
         self._tell_contact(a, b, self._queue.now_s, up=True)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
-            if exchange is None:
-                self._pull(link)
-            else:
-                exchange.again, exchange.parting = True, 0
+            if exchange is not None:
+                exchange.again, exchange.parting = not self._triggered, 0
                 self._arm(exchange)
+            elif not self._triggered:
+                self._pull(link)
 
     def _part(self, change: Change) -> None:
         a, b, _ = change
@@ -122,8 +133,12 @@ class ChannelSim:
                 self._queue.after(patience_s, partial(self._lose, exchange, self._count))
 
     def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
-        self._nodes[a].contact(self._nodes[b].name, began_s, up=up)
-        self._nodes[b].contact(self._nodes[a].name, began_s, up=up)
+        for node, peer in ((self._nodes[a], self._nodes[b]), (self._nodes[b], self._nodes[a])):
+            if up and self._triggered:
+                node.refresh()
+            node.contact(peer.name, began_s, up=up)
+            if self._triggered:
+                self._settle(node)
 
     def _lose(self, exchange: Exchange, parting: int) -> None:
         """Patience is over, unless contact came back meanwhile."""
@@ -320,10 +335,22 @@ class ChannelSim:
     def _settle(self, node: Node) -> None:
         more = True
         while more:
-            actions, more = node.take()
+            actions, events = node.take()
+            more = bool(actions or events)
             for action in actions:
                 self._do(node, action)
-                more = True
+            for event in events:
+                if isinstance(event, SyncEnded | SyncTimedOut) and event.direction is Direction.IN:
+                    self._airtime.pulled(broken=isinstance(event, SyncTimedOut))
+            if self._triggered and any(isinstance(event, MessageStored) for event in events):
+                self._push(node)
+
+    def _push(self, node: Node) -> None:
+        """What is new here goes to those that pull from here, or still follow their last pull."""
+        for exchange in list(self._exchanges.values()):
+            if exchange.link.answering == node.number and exchange.dry:
+                exchange.dry = False
+                self._arm(exchange)
 
     def _do(self, node: Node, action: Action) -> None:
         if isinstance(action, Reply):
@@ -331,6 +358,8 @@ class ChannelSim:
             return
         link = Link(node.number, self._numbers[action.peer])
         if isinstance(action, Connect):
+            if link in self._exchanges:
+                self._hang_up(self._exchanges[link])  # it followed
             self._count += 1
             self._exchanges[link] = Exchange(link, (self._count.to_bytes(8),))
             return
@@ -339,13 +368,12 @@ class ChannelSim:
             exchange.asked.append(action.frame)
             self._arm(exchange)
         elif isinstance(action, Disconnect):
-            self._hang_up(exchange, void=action.void)
+            self._hang_up(exchange)
 
-    def _hang_up(self, exchange: Exchange, *, void: bool) -> None:
+    def _hang_up(self, exchange: Exchange) -> None:
         self._withdraw(exchange)
         exchange.over = True
         del self._exchanges[exchange.link]
-        self._airtime.pulled(broken=void)
         if exchange.again and self._in_contact(exchange.link):
             self._queue.at(self._queue.now_s, lambda: self._pull_again(exchange.link))
 

@@ -37,7 +37,7 @@ from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.messages import CLAIMS_TOPIC
 from sitl.experiment.robots.node import BaseStation, Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
-from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
+from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
 from sitl.experiment.towns.town import Town
 from sitl.experiment.towns.town_generator import drawn_starts, scatter
@@ -165,9 +165,13 @@ class Run:
         }
 
     def _uavs(self) -> list[Uav]:
+        town, mission, plan = self.town, self._scenery.mission, self._scenery.plan
         controllers = controllers_of(self.fleet, self._scenery, self._settings)
         return [
-            Uav(name, self._scenery, self._settings, self.queue, self.log, controller)
+            Uav(
+                *(name, mission, plan, self._settings, self.queue, self.log, controller),
+                MapPainter(town.frame.origin, town.raster, CAMERA),
+            )
             for name, controller in controllers.items()
         ]
 
@@ -190,7 +194,13 @@ class Run:
         else:
             station = BaseStation(self.town, self._settings.base_goals, self.queue)
             publish, hear = station.say, _deaf
-        return Node(number, name, self.fleet.team, self.queue, publish=publish, hear=hear)
+        triggered = self._settings.pulls == "node"
+        return Node(
+            *(number, name, self.fleet.team, self.queue),
+            triggered=triggered,
+            publish=publish,
+            hear=hear,
+        )
 
     def _ear(self, name: str) -> Callable[[LinkEvent], None]:
         """What a ground robot does with what happens on its links."""

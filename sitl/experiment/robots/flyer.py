@@ -2,8 +2,8 @@
 
 It knows Mission mode (jumps to plan items) and Hold mode (go to a point, or stop), flies straight
 with a limited acceleration, and comes to rest at its target. It begins on the ground and takes off
-at once, straight up; from then on its height stays. Positions are whole millimetres and nothing but
-square roots is taken of them, so that every machine flies the same way.
+at once, straight up; from then on its height stays until it lands. Positions are whole millimetres
+and nothing but square roots is taken of them, so that every machine flies the same way.
 """
 
 from __future__ import annotations
@@ -15,8 +15,21 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere,
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
+from sitl.px4sim.motion.battery import Battery
+from sitl.px4sim.motion.dynamics import Multirotor
+from sitl.px4sim.motion.guidance import (
+    Pace,
+    Setpoint,
+    SetpointKind,
+    braking_distance,
+    wanted_velocity,
+)
+from sitl.px4sim.motion.wind import Wind, WindSettings
 
 STEP_S: Final = 0.1
+_AIRFRAME_STEPS: Final = 5  # of the simulated autopilot in one of `STEP_S`
+_PACE: Final = Pace()
+_LEVELS: Final = (0.15, 0.07, 0.05)  # PX4's warnings: below the reserve at which it comes home
 _AT_REST_M: Final = 0.05
 _AT_REST_M_S: Final = 0.2
 
@@ -31,12 +44,14 @@ class Flyer:
         climb_m_s: How fast it does.
         speed_m_s: Cruise speed.
         acceleration_m_s2: What it speeds up, turns and brakes with.
+        battery_s: How long a full battery lasts; None: it is not looked at.
 
     Attributes:
         position: Metres east/north.
         altitude_m: Above home.
         velocity_m_s: East, north.
         direction: East, north; where it flew to last.
+        landed: It is on the ground again, disarmed.
     """
 
     def __init__(  # noqa: PLR0913 - what flight is limited by
@@ -48,12 +63,16 @@ class Flyer:
         climb_m_s: float,
         speed_m_s: float,
         acceleration_m_s2: float,
+        battery_s: float | None = None,
     ) -> None:
         self.position = position
         self.velocity_m_s = (0.0, 0.0)
         self.direction = (0.0, 1.0)
         self._plan = plan
         self.altitude_m = 0.0
+        self.landed = False
+        self._battery = Battery()  # of the simulated autopilot
+        self._battery_s = battery_s  # from full to empty; None: no word of it
         self._cruise_m = cruise_m
         self._climb_m_s = climb_m_s
         self._speed_m_s = speed_m_s
@@ -84,7 +103,7 @@ class Flyer:
 
     def fly(self, now_s: float) -> None:
         """Move on to a time, which is 0 on the ground."""
-        self.altitude_m = min(self._cruise_m, round(self._climb_m_s * now_s, 3))
+        self._climb(now_s)
         while self._now_s < now_s - 1e-9:
             if self.at_rest:
                 self._now_s = now_s
@@ -94,6 +113,25 @@ class Flyer:
             self._now_s += step_s
         self._now_s = now_s
 
+    def _climb(self, now_s: float) -> None:
+        """Take off, stay there, or land as the simulated autopilot does."""
+        step_s = now_s - self._now_s
+        if self._mode is not FlightMode.LAND:
+            self.altitude_m = min(self._cruise_m, round(self._climb_m_s * now_s, 3))
+        elif not self.landed:
+            low = Setpoint(SetpointKind.LAND)
+            sinks_m_s = wanted_velocity(low, (0.0, 0.0, self.altitude_m), 0.0, 0.0, _PACE).up_m_s
+            self.altitude_m = round(max(0.0, self.altitude_m + sinks_m_s * step_s), 3)
+            self.landed = self.altitude_m == 0.0
+        if self._battery_s is not None:
+            self._battery.step(
+                step_s,
+                armed=not self.landed,
+                drain_s=self._battery_s,
+                least=0.0,
+                thresholds=_LEVELS,
+            )
+
     def telemetry(self) -> Telemetry:
         """What the vehicle says of itself."""
         return Telemetry(
@@ -101,9 +139,10 @@ class Flyer:
             position=self.position,
             altitude_m=self.altitude_m,
             velocity_m_s=self.velocity_m_s,
-            armed=True,
+            armed=not self.landed,
             in_air=self.altitude_m > 0,
             mode=self._mode,
+            battery=None if self._battery_s is None else self._battery.remaining,
             item=self._item,
         )
 
@@ -133,6 +172,52 @@ class Flyer:
         )
         self.velocity_m_s = (new_east, new_north)
         if new_east * new_east + new_north * new_north > 1.0:
+            self.direction = self.velocity_m_s
+
+
+class AirframeFlyer(Flyer):
+    """A vehicle that flies as the simulated autopilot does: with its guidance, airframe and drag.
+
+    It is slower than a `Flyer` of the same cruise speed: it has to learn the drag on each leg.
+    """
+
+    _airframe: Multirotor | None = None  # once it has somewhere to go
+    _air: Wind  # still air, and its drag
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it has not been sent anywhere yet: after that it never rests quite."""
+        return self._target is None
+
+    def command(self, motion: Motion) -> None:
+        """Do what the controller asks from now on; it holds a braking distance ahead."""
+        super().command(motion)
+        (east_m, north_m), (east_m_s, north_m_s) = self.position, self.velocity_m_s
+        if self._target is None:
+            speed_m_s = sqrt(east_m_s * east_m_s + north_m_s * north_m_s)
+            ahead_s = braking_distance(speed_m_s, _PACE) / max(speed_m_s, _AT_REST_M_S)
+            self._target = Point(
+                round(east_m + ahead_s * east_m_s, 3), round(north_m + ahead_s * north_m_s, 3)
+            )
+        if self._airframe is None:
+            self._airframe, self._air = Multirotor(), Wind(WindSettings(), 0)
+            self._airframe.east_m, self._airframe.north_m, self._airframe.up_m = *self.position, 1.0
+
+    def _step(self, step_s: float) -> None:
+        airframe, target = self._airframe, self._target
+        if airframe is None or target is None:
+            raise AssertionError("it rests")
+        goal = Setpoint(SetpointKind.POSITION, target.north_m, target.east_m)
+        for _ in range(_AIRFRAME_STEPS):
+            velocity_m_s = airframe.velocity_north_m_s, airframe.velocity_east_m_s
+            push = self._air.step(step_s / _AIRFRAME_STEPS, velocity_m_s, flying=True)
+            place = airframe.north_m, airframe.east_m, 0.0  # height is not the airframe's here
+            wanted = wanted_velocity(goal, place, 0.0, self._speed_m_s, _PACE)
+            airframe.step(step_s / _AIRFRAME_STEPS, wanted, push)
+        self.position = Point(round(airframe.east_m, 3), round(airframe.north_m, 3))
+        east_m_s, north_m_s = airframe.velocity_east_m_s, airframe.velocity_north_m_s
+        self.velocity_m_s = round(east_m_s, 6), round(north_m_s, 6)
+        if east_m_s * east_m_s + north_m_s * north_m_s > 1.0:
             self.direction = self.velocity_m_s
 
 

@@ -38,6 +38,7 @@ class Node:
         number: Of the robot in the run.
         name: Its name in the team.
         queue: Tells the time.
+        triggered: Its own trigger begins pulls, and pulls that are over follow.
         publish: Asks the robot for what it has to say: (topic, data), at most one per topic.
         hear: Tells the robot what has happened on its links.
     """
@@ -49,6 +50,7 @@ class Node:
         team: Team,
         queue: EventQueue,
         *,
+        triggered: bool = False,
         publish: Callable[[], list[tuple[str, bytes]]],
         hear: Callable[[LinkEvent], None],
     ) -> None:
@@ -61,8 +63,10 @@ class Node:
             by_timer=False,
             new_id=lambda: next(ids).to_bytes(ID_BYTES),
             datagrams=False,
-            follow=False,  # an exchange is counted when its connection closes
+            follow=triggered,
         )
+        self.triggered = triggered  # else pulls are begun for it
+        self._heard_dbm = team.trigger.rssi_threshold_dbm  # what its radio says in a contact
         self._queue = queue
         self._publish = publish
         self._hear = hear
@@ -90,17 +94,19 @@ class Node:
     def contact(self, peer: str, began_s: float, *, up: bool) -> None:
         """The radio hears a peer, or not any more: the robot is told, as by a node with a radio."""
         at_s = self.now.unix_s
-        if up:
+        if self.triggered:
+            self.gossip.heard(peer, self._heard_dbm if up else None, self.now)
+        elif up:
             self._hear(ContactBegan(peer, at_s, None))
         else:
             self._hear(ContactEnded(peer, at_s, self._queue.now_s - began_s, NOT_HEARD))
 
-    def take(self) -> tuple[list[Action], bool]:
-        """What the node wants done, and whether it told its robot of anything."""
+    def take(self) -> tuple[list[Action], list[LinkEvent]]:
+        """What the node wants done, and of what it told its robot."""
         actions, events = self.gossip.take()
         for event in events:
             self._hear(event)
-        return actions, bool(events)
+        return actions, events
 
     def data_of(self, event: MessageStored) -> bytes:
         """The message that an event tells of."""

@@ -32,7 +32,7 @@ class Scenery:
 
     Attributes:
         town: What stands where.
-        mission: Without an end: a run ends by its own time.
+        mission: Without a duration: a run ends by its own time.
         plan: What is on board of every UAV.
         router: Its answers depend on the question only.
     """
@@ -81,7 +81,6 @@ def _scenery(  # noqa: PLR0913, PLR0917 - what makes a difference to it
         timers=dataclasses.replace(timers, init_s=math.inf) if passive else timers,
         seek_policy=policy,
         duration_s=None,
-        endurance_s=None,
     )
     return Scenery(town, mission, FlightPlan.of(mission), Router(WaypointGraph(mission)))
 

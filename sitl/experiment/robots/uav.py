@@ -42,46 +42,49 @@ from air_router.messages import (
     PoseMessage,
     SeekMessage,
 )
+from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
-from geo.frame import FrameError, Point
-from geo.grid import SemanticGrid, Terrain
+from geo.frame import FrameError, Geodetic, Point
+from geo.grid import SemanticGrid
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.fleet import Fleet
-from sitl.experiment.robots.flyer import Flyer
+from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 from sitl.experiment.robots.messages import degrees
 from sitl.experiment.robots.node import EPOCH_S, Node
 from sitl.experiment.robots.scenery import Scenery
 from sitl.experiment.settings import RunSettings
-from sitl.experiment.towns.town import Town
 from sitl.world.camera import Camera
+from sitl.world.terrain import Raster
 
 
 class MapPainter:
-    """The map that a UAV paints of a town, as `air_router.gossip.mapper.Mapper` does from patches.
+    """The map that a UAV paints, as `air_router.gossip.mapper.Mapper` does from patches.
+
+    Args:
+        origin: Of the map's frame.
+        raster: What there is to see.
+        camera: What the UAV sees of it.
 
     Attributes:
-        grid: The map, over the town's bounds at the raster's resolution.
+        grid: The map, over the raster's bounds at its resolution.
         known_cells: How many of its cells are known.
     """
 
-    def __init__(self, town: Town, camera: Camera) -> None:
-        self._raster = raster = town.raster  # the truth
+    def __init__(self, origin: Geodetic, raster: Raster, camera: Camera) -> None:
+        self._raster = raster  # the truth
         self._camera = camera
         self._last: tuple[Point, float, float] | None = None  # seen from
         self._published = 0  # how many cells the last published map knew
         self.known_cells = 0
         self.grid = SemanticGrid(
-            town.frame.origin,
-            raster.resolution_m,
-            raster.west_m,
-            raster.south_m,
+            *(origin, raster.resolution_m, raster.west_m, raster.south_m),
             np.zeros_like(raster.cells),
         )
 
     @property
     def known_share(self) -> float:
-        """How much of the town's bounds is known, 0..1."""
+        """How much of it is known, 0..1."""
         return self.known_cells / self.grid.cells.size
 
     def look(self, position: Point, height_m: float, heading_deg: float) -> int:
@@ -95,17 +98,13 @@ class MapPainter:
         seen_from = position, height_m, heading_deg
         if seen_from == self._last:
             return 0
-        view = self._camera.view(self._raster, *seen_from)
-        if view is None:
+        patch = self._camera.look(self._raster, *seen_from)
+        if patch is None:
             return 0
         self._last = seen_from
-        box = self.grid.cells[view.rows, view.columns]
-        row, column = np.nonzero(box == Terrain.UNKNOWN)
-        seen = view.shows(view.east_m[column], view.north_m[row])
-        row, column = row[seen], column[seen]
-        box[row, column] = self._raster.cells[view.rows, view.columns][row, column]
-        self.known_cells += row.size
-        return int(row.size)
+        seen = self.grid.paint(patch)
+        self.known_cells += seen
+        return seen
 
     def publish(self) -> bytes | None:
         """The map for the gossip node, or None when nothing was painted since the last call."""
@@ -130,6 +129,7 @@ class Uav:
 
     Attributes:
         node: Its gossip node; set once it is made.
+        painter: The map that it publishes.
         controller: Its mission controller, from `controllers_of`.
         states: (time, state) of every change of it.
     """
@@ -139,23 +139,26 @@ class Uav:
     def __init__(  # noqa: PLR0913, PLR0917 - what a flight is put together from
         self,
         name: str,
-        scenery: Scenery,
+        mission: Mission,
+        plan: FlightPlan,
         settings: RunSettings,
         queue: EventQueue,
         log: EventLog,
         controller: Controller,
+        painter: MapPainter,
+        picture_s: float = PICTURE_S,
     ) -> None:
-        mission = scenery.mission
         self.name = name
-        self.flyer = Flyer(
-            scenery.plan,
+        self.flyer = (Flyer if settings.airframe == "plain" else AirframeFlyer)(
+            plan,
             mission.home,
             cruise_m=mission.altitude_above_home_m,
             climb_m_s=settings.uav_climb_m_s,
             speed_m_s=mission.speed_m_s,
             acceleration_m_s2=settings.uav_acceleration_m_s2,
+            battery_s=None if settings.battery == "none" else 60.0 * settings.battery,
         )
-        self.painter = MapPainter(scenery.town, CAMERA)
+        self.painter = painter
         self.controller = controller
         self.states: list[tuple[float, str]] = []
         self._frame = mission.frame  # of degrees that it says
@@ -163,6 +166,7 @@ class Uav:
         self._log = log
         self._reader = TeamMessageDecoder(mission.frame)
         self._waiting: Motion | None = None  # decided, not sent to the vehicle yet
+        self._picture_s = picture_s  # between two pictures
         self._map_every_s = settings.map_interval_s  # least time between maps for peers that ask
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
         self._sought: str | None = None  # the team was told last; None: it seeks none
@@ -177,7 +181,7 @@ class Uav:
         """Fly on, and tell the controller."""
         now_s = self._queue.now_s
         self.flyer.fly(now_s)
-        if now_s - self._picture_at_s >= PICTURE_S:
+        if now_s - self._picture_at_s >= self._picture_s:
             self._picture_at_s = now_s
             self.painter.look(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
         self._tell(self.flyer.telemetry())

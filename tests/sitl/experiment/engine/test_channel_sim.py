@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from mocha_link.links.link_events import MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.links.link_events import (
+    ContactBegan,
+    ContactEnded,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
 from sitl.experiment.channels.channel import Change, Stage
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.statistics import AirtimeStats
@@ -55,7 +62,7 @@ class Once:
 class Field:
     """Two ground robots and a UAV that have something to say."""
 
-    def __init__(self, protocol, patience_s=math.inf):
+    def __init__(self, protocol, patience_s=math.inf, *, triggered=False):
         self.queue = EventQueue()
         self.channel = Script(patience_s)
         fleet = fleet_of(1, 2, base=False, original=protocol == "original")
@@ -66,6 +73,7 @@ class Field:
                 name,
                 fleet.team,
                 self.queue,
+                triggered=triggered,
                 publish=Once([("/pose", name.encode()), ("/path", b"way")]),
                 hear=self.events[name].append,
             )
@@ -188,3 +196,52 @@ def test_in_a_contact_that_lasts_robots_pull_again_as_often_as_the_channel_says(
         field.queue.run(float(second))
         field.channel_sim.look(NOWHERE)
     assert field.airtime.complete == 8
+
+
+def pulled(field, name, until_s):
+    """When a node's own pulls from the others began, looked at twice a second."""
+    times_s = []
+    while field.queue.now_s < until_s:
+        before = len(field.ended(name, SyncStarted))
+        field.channel_sim.look(NOWHERE)
+        field.queue.run(field.queue.now_s + 0.5)
+        begun = field.ended(name, SyncStarted)[before:]
+        times_s += [field.queue.now_s - 0.5] * begun.count("in")
+    return times_s
+
+
+@pytest.mark.parametrize("protocol", ["original", "ours"])
+def test_a_node_pulls_by_its_own_trigger_while_a_contact_lasts(protocol):
+    field = Field(protocol, triggered=True)
+    field.channel.duration_s = lambda *_: 0.01
+    field.contact(1, 2, up=True)
+    assert pulled(field, "ugv01", 9.0) == [2.0, 4.0, 6.0, 8.0]  # and the first, at once
+    field.contact(1, 2, up=False)
+    assert pulled(field, "ugv01", 20.0) == []
+    assert (field.airtime.complete, field.airtime.broken, field.channel_sim.open) == (10, 0, 0)
+    kinds = [type(e) for e in field.events["ugv01"] if isinstance(e, ContactBegan | ContactEnded)]
+    assert kinds == [ContactBegan, ContactEnded]
+
+
+def test_between_two_pulls_ours_pushes_what_is_new_and_the_original_does_not():
+    stored = {}
+    for protocol in ("original", "ours"):
+        field = Field(protocol, triggered=True)
+        field.channel.duration_s = lambda *_: 0.01
+        field.contact(1, 2, up=True)
+        field.queue.run(1.0)
+        field.nodes[2].publish("/claimed_goals", b"new")
+        field.channel_sim.settle()
+        field.channel_sim.look(NOWHERE)
+        field.queue.run(1.5)
+        stored[protocol] = ("ugv02", "/claimed_goals") in field.stored("ugv01")
+    assert stored == {"original": False, "ours": True}
+
+
+def test_a_pull_that_waits_too_long_for_the_channel_times_out_as_a_node_s_does():
+    field = Field("ours", triggered=True)
+    field.channel.pick = lambda *_: None
+    field.contact(1, 2, up=True)
+    pulled(field, "ugv01", 9.0)
+    assert field.ended("ugv01", SyncTimedOut)[:1] == ["in"]
+    assert field.airtime.broken == 2

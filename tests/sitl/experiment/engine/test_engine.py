@@ -147,6 +147,30 @@ def test_uavs_that_seek_no_robot_go_round_and_talk_to_whom_they_pass():
     assert result.exchanges_complete > 0
 
 
+def test_comm_ends_by_its_exchange_where_nodes_pull_and_by_its_timer_where_contacts_do(ours):
+    def comms_s(result):
+        pairs = zip(result.states, result.states[1:], strict=False)
+        first = [(a, b) for a, b in pairs if a[0] == b[0]]
+        return [b[1] - a[1] for a, b in first if a[2] == "COMM"]
+
+    flown = dataclasses.replace(SMALL, protocol="ours", pulls="node", channel="path_loss", uavs=1)
+    by_exchange, by_timer = comms_s(run(flown, SEED)), comms_s(ours)
+    assert len(by_exchange) > 1
+    assert max(by_exchange) < 5.0
+    assert min(by_timer) >= SMALL.timers.communicate_s
+
+
+def test_an_empty_battery_brings_a_uav_home_and_down():
+    settings = dataclasses.replace(SMALL, uavs=1, ugvs=1, battery=3.0, airframe="px4")
+    home = run(settings, SEED)
+    states = [state for _, _, state in home.states]
+    assert states[-3:] == ["HOME", "LAND", "DONE"]
+    (due_s,) = [time_s for _, time_s, state in home.states if state == "HOME"]
+    assert due_s == pytest.approx(0.75 * 3.0 * 60.0, abs=1.0)  # the mission's reserve is 25 %
+    out = run(dataclasses.replace(settings, battery="none"), SEED)
+    assert "HOME" not in {state for _, _, state in out.states}
+
+
 def test_a_log_replays_to_the_same_decisions(original):
     found = replay(SMALL, original.log)
     assert found.keys() == {"uav01", "uav02"}

@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
-from sitl.experiment.robots.flyer import Flyer
+from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 
 MISSION = load_mission(Path(__file__).parents[4] / "missions" / "urban" / "mission.yaml")
 
@@ -19,14 +19,15 @@ def flyer():
     return vehicle(plan)
 
 
-def vehicle(plan):
-    return Flyer(
+def vehicle(plan, kind=Flyer, **more):
+    return kind(
         plan,
         Point(0.0, 0.0),
         cruise_m=60.0,
         climb_m_s=1.5,
         speed_m_s=5.0,
         acceleration_m_s2=2.0,
+        **more,
     )
 
 
@@ -93,3 +94,43 @@ def test_it_takes_off_straight_up(flyer):
     assert flyer.position == Point(0.0, 0.0)
     flyer.fly(60.0)
     assert flyer.altitude_m == 60.0
+
+
+def test_with_the_autopilot_s_airframe_legs_take_as_long_as_in_the_simulation_in_processes():
+    flyer, now_s, took_s = vehicle(FlightPlan.of(MISSION), AirframeFlyer), 40.0, []
+    flyer.fly(now_s)
+    assert flyer.at_rest
+    for node in (1, 2, 3, 4):
+        place, began_s = MISSION.waypoints[node - 1].position, now_s
+        flyer.command(FlyToNode(node, place))
+        while math.dist(flyer.position, place) > 2.0:
+            now_s += 0.1
+            flyer.fly(now_s)
+        took_s.append(now_s - began_s)
+    assert took_s[2:] == pytest.approx([19.6, 16.9], abs=0.3)  # `air-router sim --speed 2`
+    flyer.fly(now_s + 10.0)
+    assert math.dist(flyer.position, place) < 0.5
+
+
+def test_the_autopilot_s_airframe_holds_a_braking_distance_ahead():
+    flyer = vehicle(FlightPlan.of(MISSION), AirframeFlyer)
+    flyer.command(FlyToPoint(Point(100.0, 0.0), 60.0))
+    flyer.fly(12.0)
+    there_m = flyer.position.east_m
+    flyer.command(HoldHere("to see"))
+    flyer.fly(40.0)
+    assert 3.0 < flyer.position.east_m - there_m < 9.0
+    assert math.hypot(*flyer.velocity_m_s) < 0.1
+
+
+def test_it_lands_as_the_simulated_autopilot_and_drains_its_battery_until_then():
+    flyer = vehicle(FlightPlan.of(MISSION), battery_s=200.0)
+    flyer.fly(50.0)
+    assert flyer.telemetry().battery == pytest.approx(0.75)
+    flyer.command(LandHere())
+    flown(flyer, 50.0)  # times that are over change nothing
+    landed_s = next(t for t in range(51, 200) if flyer.fly(float(t)) or flyer.landed)
+    assert landed_s - 50 == pytest.approx(50 / 1.5 + 5 / 1.1 + 5 / 0.7, abs=2.0)
+    telemetry = flyer.telemetry()
+    assert (telemetry.armed, telemetry.in_air, telemetry.mode) == (False, False, FlightMode.LAND)
+    assert vehicle(FlightPlan.of(MISSION)).telemetry().battery is None
