@@ -49,8 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "experiment",
         nargs="?",
         metavar="NAME|FILE",
-        help=f"one of {', '.join(experiment_names())}; an experiment's file; or an archive of runs "
-        f"(*{ENDING}), from which table and claims are remade",
+        help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
+        f"(*{ENDING}), from which table and claims are remade; or fidelity, which flies missions "
+        "here and by `air-router sim`, two minutes for each of --seeds, and compares the two",
     )
     parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
     parser.add_argument(
@@ -101,6 +102,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the experiment, and say what came out."""
+    if arguments.experiment == "fidelity":
+        from sitl.cli import fidelity_command  # noqa: PLC0415 - only with SciPy
+
+        return fidelity_command.run(arguments)
     if arguments.list:
         _print_list(arguments.json)
         return ExitCode.DONE
