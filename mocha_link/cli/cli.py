@@ -27,8 +27,11 @@ COMMANDS = (
     Command("node", "mocha_link.cli.node_command", "run the node of a robot"),
     Command("metrics", "mocha_link.cli.metrics_command", "show the links of a running node"),
     Command(
-        "top", "mocha_link.cli.top_command", "watch the links of a running node live; q ends it"
+        "monitor",
+        "mocha_link.cli.monitor_command",
+        "watch the links of a running node live; q ends it",
     ),
+    Command("doctor", "mocha_link.cli.doctor_command", "say why robots do not talk, by trying it"),
     Command(
         "bridge",
         "mocha_link.cli.bridge_command",
@@ -56,7 +59,7 @@ PROGRAM = Program(
     examples(
         "mocha-link check missions/pennovation/team.yaml",
         f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {_ENDPOINT}",
-        f"mocha-link top {_ENDPOINT}",
+        f"mocha-link monitor {_ENDPOINT}",
     ),
     COMMANDS,
     (DocumentError, MochaLinkError, BrokenPipeError),

@@ -23,7 +23,7 @@ from mocha_link.store.database import Database
 from mocha_link.store.record import Header, Record
 from mocha_link.store.signature import Signer
 from mocha_link.store.storage import Storage, StorageError
-from mocha_link.team.keys import PublicKey, public_key, secret_key
+from mocha_link.team.keys import peer_keys, secret_key
 from mocha_link.team.team import Priority, Robot, Team
 
 CLOSE_S = 0.95  # of the second, for all parts together
@@ -104,7 +104,7 @@ class Node(Startable):
         self._transport: Transport | None = None
         self._closed = False
         self._settling = True  # no subscriber to tell yet
-        self._peer_keys = _peer_keys(team, robot) if self._secret else {}
+        self._peer_keys = peer_keys(team, robot) if self._secret else {}
         self._storage = (
             Storage(Path(storage), config=TeamConfig.of(team), on_fault=self._fault)
             if storage
@@ -375,12 +375,6 @@ class Node(Startable):
     def _check_open(self) -> None:
         if self._closed:
             raise NodeClosedError(f"the node of {self.name} is closed; make a new one")
-
-
-def _peer_keys(team: Team, robot: Robot) -> dict[str, PublicKey]:
-    """The keys of the peers that have one: links to them are encrypted."""
-    keys = {peer: public_key(team.robot(peer)) for peer in robot.peers}
-    return {peer: key for peer, key in keys.items() if key}
 
 
 def _parts(data: bytes) -> tuple[bytes, ...]:

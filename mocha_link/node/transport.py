@@ -52,6 +52,7 @@ class Transport:
 
     `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
     key in the team file are encrypted. `simulated`: the clock of `now` may run at another rate.
+    Without `serves` it asks peers and answers none, beside a node that runs.
     """
 
     def __init__(  # noqa: PLR0913 - what the shell stands between
@@ -65,6 +66,7 @@ class Transport:
         secret: SecretKey | None = None,
         keys: dict[str, PublicKey] | None = None,
         simulated: bool = False,
+        serves: bool = True,
     ) -> None:
         self._gossip = gossip
         self._team = team
@@ -75,6 +77,7 @@ class Transport:
         self._secret = secret
         self._keys = keys or {}
         self._simulated = simulated
+        self._serves = serves  # has ports; otherwise it only asks
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._poller = zmq.Poller()
         self._ports: dict[str, Port] = {}
@@ -101,7 +104,7 @@ class Transport:
             if self._secret:
                 self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
                 self._gate = ZapHandler(self._context, self._keys)
-            for peer in self._me.peers:
+            for peer in self._me.peers if self._serves else ():
                 secret = self._secret if peer in self._keys else None
                 self._ports[peer] = Port(self._context, self._me, peer, secret)
                 if secret and self._gate:

@@ -163,6 +163,12 @@ def secret_key(team: Team, name: str, directory: Path | None) -> SecretKey | Non
     return secret
 
 
+def peer_keys(team: Team, robot: Robot) -> dict[str, PublicKey]:
+    """The keys of the peers that have one: links to them are encrypted."""
+    keys = {peer: public_key(team.robot(peer)) for peer in robot.peers}
+    return {peer: key for peer, key in keys.items() if key}
+
+
 def open_because(robot: Robot, other: Robot) -> str | None:
     """Why the link of two robots is not protected by keys; None if it is."""
     for each in (robot, other):

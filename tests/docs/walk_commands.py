@@ -29,7 +29,7 @@ RUNS = {  # to its end; with what makes it shorter
     "sitl rehearse": [],
     "sitl experiment": [],
     "mocha-link metrics": [],
-    "mocha-link top": [],
+    "mocha-link monitor": [],
 }
 NOT_HERE = {  # patterns of lines, and why or where else
     r"--px4|sitl px4": "needs a PX4 SITL: tests/system/test_px4.py",
@@ -122,7 +122,7 @@ def end(process):
 NEEDS = {  # what has to run beside it
     "ipc:///tmp/io.metrics": ("mocha-link node io.yaml --robot io --metrics ipc:///tmp/io.metrics"),
     "mocha-link metrics": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
-    "mocha-link top": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
+    "mocha-link monitor": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
     "bridge zmq --node ipc:///tmp/io.node": (
         "mocha-link node io.yaml --robot io --serve ipc:///tmp/io.node"
     ),

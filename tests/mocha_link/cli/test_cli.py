@@ -92,7 +92,7 @@ def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
         ["node", str(team_file), "--robot", "io", "--metrics", wrong],
         ["node", str(team_file), "--robot", "io", "--serve", wrong],
         ["metrics", wrong],
-        ["top", wrong],
+        ["monitor", wrong],
         ["bridge", "zmq", "--node", wrong, "--serve", "ipc:///x"],
     ):
         assert main(arguments) == 2

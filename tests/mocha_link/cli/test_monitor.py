@@ -1,4 +1,4 @@
-"""`mocha-link top`: what stands on the screen, and how it behaves on a real (pseudo) terminal."""
+"""`mocha-link monitor`: what is on the screen, and how it behaves on a real (pseudo) terminal."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.cli import top_command
+from mocha_link.cli import monitor_command
 from mocha_link.cli.cli import main
-from mocha_link.cli.monitor import NodeView, Size, Style
+from mocha_link.cli.node_view import NodeView, Size, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service.endpoint import bind
@@ -293,7 +293,7 @@ class Terminal:
 @pytest.fixture
 def terminal(fake):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
-    with contextlib.closing(Terminal(["top", fake.endpoint], Size(120, 12))) as terminal:
+    with contextlib.closing(Terminal(["monitor", fake.endpoint], Size(120, 12))) as terminal:
         fake.wait()
         fake.say("links", snapshot(IO, EUROPA))
         yield terminal
@@ -337,14 +337,14 @@ def test_q_ends_it(terminal):
 def test_without_a_terminal_it_prints_once(field, capsys):
     node, _, _ = field.node("titan")
     with MetricsServer(node, f"tcp://{field.host}:*") as server:
-        assert main(["top", server.endpoint]) == 0
+        assert main(["monitor", server.endpoint]) == 0
     out = capsys.readouterr().out
     assert out.startswith(f"links of titan, {server.endpoint}\npeer ")
     assert "\x1b" not in out
 
 
 def test_no_answer(field, capsys, monkeypatch):
-    monkeypatch.setattr(top_command, "FIRST_S", 0.05)
-    assert main(["top", f"tcp://{field.host}:9"]) == 1
+    monkeypatch.setattr(monitor_command, "FIRST_S", 0.05)
+    assert main(["monitor", f"tcp://{field.host}:9"]) == 1
     assert "is a node running there with --metrics" in capsys.readouterr().err
-    assert main(["top", "nonsense"]) == 2
+    assert main(["monitor", "nonsense"]) == 2

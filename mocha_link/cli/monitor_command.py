@@ -1,4 +1,4 @@
-"""The command `mocha-link top`: a running node's links, live in the terminal."""
+"""The command `mocha-link monitor`: a running node's links, live in the terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from mocha_link.cli.command_help import coloured, endpoint, examples
-from mocha_link.cli.monitor import NodeView, Size, Style
+from mocha_link.cli.node_view import NodeView, Size, Style
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.metrics_client import MetricsError, Subscription
 
@@ -33,7 +33,7 @@ _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
-    parser.epilog = examples("mocha-link top tcp://127.0.0.1:24500")
+    parser.epilog = examples("mocha-link monitor tcp://127.0.0.1:24500")
     parser.add_argument(
         "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
     )

@@ -1,0 +1,256 @@
+"""`mocha-link doctor`: why two robots do not talk, found out by trying, on one page."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from mocha_link.cli.command_help import examples
+from mocha_link.clock import Instant
+from mocha_link.errors import ListenError, PortInUseError, RadioError
+from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncTimedOut
+from mocha_link.links.reading import Reading, Unit, as_reading
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.transport import Transport
+from mocha_link.radios.factory import open_radio
+from mocha_link.team.keys import SecretKey, peer_keys, secret_key
+from mocha_link.team.team import Robot, Team
+
+LISTEN_S = 8.0  # four intervals of nodes that pull by the timer
+AHEAD_S = 1.0  # clocks closer than that do no harm
+IN, OUT = Direction.IN, Direction.OUT
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was tried: about which peer (None: this computer), and what came of it."""
+
+    peer: str | None
+    good: bool
+    text: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Say why robots do not talk, by trying it on the computer of robot NAME: it asks every peer as NAME's node does, waits for "
+        "them to ask, and listens to the radio. Nothing is published. A node of NAME may go on "
+        "meanwhile; its pulls are interrupted. Exit code 1: something is in the way."
+    )
+    parser.epilog = examples("mocha-link doctor team.yaml --robot io")
+    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    parser.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
+    parser.add_argument(
+        "--keys", type=Path, metavar="DIR", help="the folder with NAME.key, if the team has keys"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=LISTEN_S, metavar="S", help="wait so long at most (8)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    team = Team.load(options.team)
+    findings = diagnose(team, options.robot, keys=options.keys, seconds=options.seconds)
+    good = all(finding.good for finding in findings)
+    if options.json:
+        print(json.dumps({"good": good, "findings": [asdict(each) for each in findings]}))
+        return 0 if good else 1
+    for peer in (None, *team.robot(options.robot).peers):
+        print(peer or f"{options.robot}, here")
+        for finding in findings:
+            if finding.peer == peer:
+                print(f"  {'ok ' if finding.good else 'BAD'}  {finding.text}")
+    return 0 if good else 1
+
+
+def diagnose(
+    team: Team, name: str, *, keys: Path | None = None, seconds: float = LISTEN_S
+) -> list[Finding]:
+    """What is in the way of a robot and its peers, tried for so long at most.
+
+    Raises:
+        UnknownRobotError: the team has no robot of that name.
+        KeyFileError, KeyMismatchError, KeysUnavailableError: as `Node` does.
+    """
+    trial = _Trial(team, team.robot(name), secret_key(team, name, keys), seconds)
+    trial.run()
+    return trial.findings
+
+
+class _Trial:
+    """Asks every peer, is asked, and listens to the radio, for a few seconds."""
+
+    def __init__(self, team: Team, robot: Robot, secret: SecretKey | None, seconds: float) -> None:
+        self.findings: list[Finding] = []  # in the order of the page
+        self._team = team
+        self._robot = robot  # the one that this computer is
+        self._secret = secret  # of that robot
+        self._seconds = seconds  # how long at most
+        self._gossip = Gossip(team, robot.name, by_timer=True, timeout_s=seconds / 2, follow=False)
+        self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
+        self._heard: dict[str, Reading | None] = {}  # what the radio says, by peer
+        self._ends: dict[tuple[str, Direction], SyncEnded | SyncTimedOut] = {}  # the newest
+        self._serves = True  # peers can ask: the ports are ours
+
+    def run(self) -> None:
+        """Try it all, then judge."""
+        with closing(self._transport()), self._radio():
+            self._watch()
+        for peer in self._robot.peers:
+            self._judge_asking(peer)
+            if self._serves:
+                self._judge_answering(peer)
+            self._judge_clock(peer)
+            if self._robot.radio:
+                self._judge_signal(peer)
+
+    def _transport(self) -> Transport:
+        """With the robot's ports, or without if a node has them."""
+        lock = threading.Lock()
+        while True:
+            transport = Transport(
+                self._gossip,
+                self._team,
+                lock=lock,
+                now=_now,
+                deliver=self._events.put,
+                secret=self._secret,
+                keys=peer_keys(self._team, self._robot) if self._secret else {},
+                serves=self._serves,
+            )
+            try:
+                transport.start()
+            except PortInUseError:
+                self._find(
+                    None,
+                    good=True,
+                    text=f"the ports of {self._robot.name} are taken, by its node no doubt: "
+                    "'mocha-link monitor' shows who asks it ('out')",
+                )
+            except ListenError as error:
+                self._find(None, good=False, text=str(error))
+            else:
+                if self._serves:
+                    ports = ", ".join(str(self._robot.port_for(p)) for p in self._robot.peers)
+                    self._find(None, good=True, text=f"listens on {self._robot.listen}: {ports}")
+                return transport
+            self._serves = False
+
+    @contextlib.contextmanager
+    def _radio(self) -> Iterator[None]:
+        if self._robot.radio is None:
+            yield
+            return
+        try:
+            radio = open_radio(self._robot.radio, self._team, self._robot.name)
+            radio.start(lambda peer, reading: self._heard.update({peer: as_reading(reading)}))
+        except RadioError as error:
+            self._find(None, good=False, text=f"radio: {error}")
+            yield
+            return
+        with closing(radio):
+            yield
+
+    def _watch(self) -> None:
+        """Until every peer has been asked and has asked with success, or the time is over."""
+        wanted = {(peer, IN) for peer in self._robot.peers}
+        if self._serves:
+            wanted |= {(peer, OUT) for peer in self._robot.peers}
+        until_s = time.monotonic() + self._seconds
+        while wanted or self._robot.radio:
+            try:
+                event = self._events.get(timeout=max(until_s - time.monotonic(), 0.0))
+            except queue.Empty:
+                return
+            if isinstance(event, SyncEnded | SyncTimedOut):
+                self._ends[event.peer, event.direction] = event
+                if isinstance(event, SyncEnded):
+                    wanted.discard((event.peer, event.direction))
+
+    def _judge_asking(self, peer: str) -> None:
+        robot = self._team.robot(peer)
+        place = f"{robot.address}:{robot.port_for(self._robot.name)}"
+        end = self._ends.get((peer, IN))
+        link = self._gossip.links(_now())[peer]
+        if isinstance(end, SyncEnded):
+            rtt = "" if link.rtt_s is None else f", round trip {link.rtt_s * 1000:.1f} ms"
+            kind = "an original node" if link.path == "original" else "a node"
+            self._find(peer, good=True, text=f"{kind} answers at {place}{rtt}")
+            return
+        why = end.reason if end else f"no answer within {self._seconds:g} s"
+        hint = ""
+        if "refused" in why and "key" not in why:
+            hint = (
+                f"; {robot.address} is reached, but no node of {peer} listens at that port: "
+                "start it, or compare base_port in the two team files"
+            )
+        elif end is None or "no connection" in why or "unreachable" in why or "no route" in why:
+            hint = (
+                f"; is {peer} on and in range ('ping {robot.address}'), is that its address, and "
+                "does a firewall on the way or there let TCP and UDP through?"
+            )
+        elif "no byte" in why:
+            hint = f"; something takes connections there that is no node of {peer}, or hangs"
+        self._find(peer, good=False, text=f"asked at {place}: {why}{hint}")
+
+    def _judge_answering(self, peer: str) -> None:
+        end = self._ends.get((peer, OUT))
+        port = self._robot.port_for(peer)
+        if isinstance(end, SyncEnded):
+            self._find(peer, good=True, text=f"it asks this robot, at port {port}")
+        elif end:
+            self._find(peer, good=False, text=f"it asks this robot, at port {port}: {end.reason}")
+        else:
+            self._find(
+                peer,
+                good=False,
+                text=f"it has not asked this robot within {self._seconds:g} s: it does not hear "
+                f"this robot by radio, its team file has another address than "
+                f"{self._robot.address}:{port}, or a firewall here stops TCP and UDP",
+            )
+
+    def _judge_clock(self, peer: str) -> None:
+        robot_id = self._team.robot(peer).robot_id
+        stamps_s = [
+            record.stamp_s
+            for topic in self._team.topics_of(peer)
+            if (record := self._gossip.database.newest(robot_id, topic.topic_id))
+        ]
+        ahead_s = max(stamps_s, default=0.0) - _now().unix_s
+        if ahead_s > AHEAD_S:
+            text = f"its clock is {ahead_s:.0f} s or more ahead of this one: set both by NTP or GPS"
+            self._find(peer, good=False, text=text)
+
+    def _judge_signal(self, peer: str) -> None:
+        reading = self._heard.get(peer)
+        trigger = self._team.trigger
+        if reading is None:
+            where = "it reports of others" if self._heard else "it reports nothing at all"
+            self._find(peer, good=False, text=f"the radio does not hear it ({where})")
+            return
+        limit = {
+            Unit.DBM: trigger.rssi_threshold_dbm,
+            Unit.SNR_DB: trigger.snr_threshold_db,
+            Unit.DEVICE: trigger.device_threshold,
+        }[reading.unit]
+        text = f"the radio hears it at {reading.value:g} {reading.unit.value}"
+        good = reading.value >= limit
+        less = "a contact begins at" if good else "too weak: no contact begins below"
+        self._find(peer, good=good, text=f"{text}; {less} {limit:g}")
+
+    def _find(self, peer: str | None, *, good: bool, text: str) -> None:
+        self.findings.append(Finding(peer, good, text))
+
+
+def _now() -> Instant:
+    return Instant(time.time(), time.monotonic())
