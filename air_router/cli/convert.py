@@ -19,13 +19,13 @@ from air_router.files.maps.feature_set import (
     FeatureSet,
     Line,
     MapArea,
-    chart_of,
-    chart_of_zones,
     degrees,
+    feature_set_of,
+    feature_set_of_zones,
     outline_of,
 )
 from air_router.files.maps.geojson_write import geojson_text
-from air_router.files.maps.gpx_write import gpx_text, tell_losses
+from air_router.files.maps.gpx_write import gpx_text, warn_of_losses
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_items import NOT_FLOWN
@@ -266,14 +266,14 @@ def _written(
 ) -> str | bytes:
     document = draft.source
     if kind in _MAP_WRITERS:
-        chart = chart_of(draft)
+        features = feature_set_of(draft)
         mission = validate(draft)
         if mission is not None:
-            _draw(chart, mission, arguments, drawable=not draft.problems)
+            _draw(features, mission, arguments, drawable=not draft.problems)
         tell_settings(draft, report.warnings, f"a {kind} file")
         if kind == _GPX:
-            tell_losses(chart, report.warnings)
-        return _MAP_WRITERS[kind](chart)
+            warn_of_losses(features, report.warnings)
+        return _MAP_WRITERS[kind](features)
     if kind == _YAML:
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
@@ -296,10 +296,10 @@ def _check_options(arguments: argparse.Namespace, kind: str) -> None:
 
 
 def _draw(
-    chart: FeatureSet, mission: Mission, arguments: argparse.Namespace, *, drawable: bool
+    features: FeatureSet, mission: Mission, arguments: argparse.Namespace, *, drawable: bool
 ) -> None:
     if arguments.buffers:
-        chart.buffers = list(_buffers(mission))
+        features.buffers = list(_buffers(mission))
     if not arguments.graph and not arguments.route:
         return
     if not drawable:
@@ -308,9 +308,9 @@ def _draw(
     if arguments.graph:
         for start, end in graph.graph.edges:
             points = [graph.position(start), *graph.via(start, end), graph.position(end)]
-            chart.edges.append((f"{start} - {end}", degrees(points, mission.frame)))
+            features.edges.append((f"{start} - {end}", degrees(points, mission.frame)))
     if arguments.route:
-        chart.route = _route(mission, graph, *arguments.route)
+        features.route = _route(mission, graph, *arguments.route)
 
 
 def _buffers(mission: Mission) -> Iterator[MapArea]:
@@ -345,11 +345,11 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | b
         read_zones(path, allow=arguments.allow) for path in (arguments.source, *arguments.zones)
     ]
     problems = [problem for reading in readings for problem in reading.problems]
-    chart, broken = chart_of_zones(readings, arguments.source.stem)
+    features, broken = feature_set_of_zones(readings, arguments.source.stem)
     if problems or broken:
         raise MissionFileError([*problems, *broken])
-    report.counts = {"no-fly zones": len(chart.zones)}
+    report.counts = {"no-fly zones": len(features.zones)}
     report.notes = [note for reading in readings for note in reading.notes]
     if kind == _GPX:
-        tell_losses(chart, report.warnings)
-    return _MAP_WRITERS[kind](chart)
+        warn_of_losses(features, report.warnings)
+    return _MAP_WRITERS[kind](features)

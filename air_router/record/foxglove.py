@@ -156,23 +156,23 @@ class FoxgloveDrawing:
         return _feature("waypoint", name, point)
 
 
-def grid(chart: SemanticGrid, unix_s: float) -> Drawn:
+def grid(semantic_map: SemanticGrid, unix_s: float) -> Drawn:
     """The semantic map; a cell is a byte, its class."""
     origin = {
-        "position": {"x": chart.west_m, "y": chart.south_m, "z": 0.0},
+        "position": {"x": semantic_map.west_m, "y": semantic_map.south_m, "z": 0.0},
         "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
     }
-    columns = chart.cells.shape[1]
+    columns = semantic_map.cells.shape[1]
     message = {
         "timestamp": _time(unix_s),
         "frame_id": FRAME,
         "pose": origin,
         "column_count": columns,
-        "cell_size": {"x": chart.resolution_m, "y": chart.resolution_m},
+        "cell_size": {"x": semantic_map.resolution_m, "y": semantic_map.resolution_m},
         "row_stride": columns,
         "cell_stride": 1,
         "fields": [{"name": "class", "offset": 0, "type": _UINT8}],
-        "data": base64.b64encode(chart.cells.tobytes()).decode("ascii"),
+        "data": base64.b64encode(semantic_map.cells.tobytes()).decode("ascii"),
     }
     return Drawn("/map", GRID, message)
 

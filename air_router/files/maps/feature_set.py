@@ -71,11 +71,11 @@ class FeatureSet:
     route: Line | None = None
 
 
-def chart_of(draft: MissionDocument) -> FeatureSet:
-    """The chart of a mission. The draft has a frame."""
+def feature_set_of(draft: MissionDocument) -> FeatureSet:
+    """The feature set of a mission. The draft has a frame."""
     frame = draft.frame
     if frame is None:
-        raise ValueError("a mission without a frame has no chart")
+        raise ValueError("a mission without a frame has no feature set")
     feature_set = FeatureSet(sanitize(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
     if draft.home is not None:
         feature_set.home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
@@ -92,8 +92,10 @@ def chart_of(draft: MissionDocument) -> FeatureSet:
     return feature_set
 
 
-def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[FeatureSet, list[Problem]]:
-    """The chart of files of zones, and the problems of zones that are no areas."""
+def feature_set_of_zones(
+    readings: Iterable[ZoneReading], name: str
+) -> tuple[FeatureSet, list[Problem]]:
+    """The feature set of files of zones, and the problems of zones that are no areas."""
     zones = [zone for reading in readings for zone in reading.zones]
     problems: list[Problem] = []
     names = unique_names(zone.name for zone in zones)

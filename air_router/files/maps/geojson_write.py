@@ -1,4 +1,4 @@
-"""Writes a chart as GeoJSON (RFC 7946).
+"""Writes a feature set as GeoJSON (RFC 7946).
 
 Longitude comes first, rings follow the right-hand rule, shapes are cut at the antimeridian. Every
 feature has a `kind`; what is read back of such a file are its zones.
@@ -34,12 +34,12 @@ _COLOURS: Final = {
 
 
 def geojson_text(feature_set: FeatureSet) -> str:
-    """The chart as text."""
+    """The feature set as text."""
     return json_text(geojson_of(feature_set))
 
 
 def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
-    """The chart as a feature collection."""
+    """The feature set as a feature collection."""
     features = [_area("fence", area) for area in feature_set.fences]
     features += [_area("buffer", area) for area in feature_set.buffers]
     features += [_area("zone", area) for area in feature_set.zones]

@@ -1,4 +1,4 @@
-"""Writes a chart as GPX for receivers and map programs: points, a route, and borders as tracks."""
+"""Writes a feature set as GPX for receivers and map programs: points, a route, borders as tracks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from geo.geodesic import circle_around
 
 
 def gpx_text(feature_set: FeatureSet) -> str:
-    """The chart as text: circles as polygons, holes closed, without altitudes."""
+    """The feature set as text: circles as polygons, holes closed, without altitudes."""
     root = ET.Element(
         "gpx", version="1.1", creator="air-router", xmlns="http://www.topografix.com/GPX/1/1"
     )
@@ -32,8 +32,8 @@ def gpx_text(feature_set: FeatureSet) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def tell_losses(feature_set: FeatureSet, warnings: ConversionWarnings) -> None:
-    """Note what of a chart GPX cannot say."""
+def warn_of_losses(feature_set: FeatureSet, warnings: ConversionWarnings) -> None:
+    """Note what of a feature set GPX cannot say."""
     if feature_set.waypoints:
         message = "GPX has none: give it again with --altitude"
         warnings.add("altitudes of waypoints", message, "altitudes-lost")

@@ -1,4 +1,4 @@
-"""Writes a chart as KML for Google Earth and others. Zones with an upper limit stand as high.
+"""Writes a feature set as KML for Google Earth and others. Zones with an upper limit stand as high.
 
 What KML cannot say (circles, clearances, lower limits, schedules) is in `ExtendedData`, and is read
 back from there.
@@ -29,7 +29,7 @@ _STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
 
 
 def kml_text(feature_set: FeatureSet) -> str:
-    """The chart as text."""
+    """The feature set as text."""
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = add(root, "Document")
     add(document, "name", feature_set.name)

@@ -78,7 +78,7 @@ def areas_of(
             holes = shape.holes if inclusion else ()
             found["polygons"].append(_polygon(shape.ring, frame, inclusion=inclusion))
             found["polygons"] += [_polygon(hole, frame, inclusion=False) for hole in holes]
-        _tell_losses(area, warnings, inclusion=inclusion)
+        _warn_of_losses(area, warnings, inclusion=inclusion)
     return found
 
 
@@ -103,7 +103,7 @@ def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any
     return {"inclusion": inclusion, "polygon": corners, "version": 1}
 
 
-def _tell_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool) -> None:
+def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool) -> None:
     what = "a fence" if inclusion else f"no-fly zone '{area.name}'"
     if not inclusion and not isinstance(area.shape, Circle) and area.shape.holes:
         warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")

@@ -14,7 +14,13 @@ from pyproj import Geod
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.json_document import json_from_text
-from air_router.files.maps.feature_set import FeatureSet, MapArea, MapPoint, chart_of, corners_of
+from air_router.files.maps.feature_set import (
+    FeatureSet,
+    MapArea,
+    MapPoint,
+    corners_of,
+    feature_set_of,
+)
 from air_router.files.maps.geojson_write import geojson_of, geojson_text
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.zones.geojson import read_geojson
@@ -30,14 +36,14 @@ TOWN = Path(__file__).parents[3] / "data" / "files" / "town.yaml"
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-def from_geojson(chart):
-    reading = read_geojson(json_from_text(geojson_text(chart), Path("x.geojson")))
+def from_geojson(features):
+    reading = read_geojson(json_from_text(geojson_text(features), Path("x.geojson")))
     assert reading.problems == []
     return reading.zones
 
 
-def from_kml(chart):
-    reading = read_kml(kml_text(chart).encode(), Path("x.kml"))
+def from_kml(features):
+    reading = read_kml(kml_text(features).encode(), Path("x.kml"))
     assert reading.problems == []
     return reading.zones
 
@@ -130,14 +136,14 @@ def as_polygon(outline):
 
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_geojson(zones):
-    chart = FeatureSet("any", zones=zones)
-    assert_same(zones, from_geojson(chart))
+    features = FeatureSet("any", zones=zones)
+    assert_same(zones, from_geojson(features))
 
 
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_kml(zones):
-    chart = FeatureSet("any", home_altitude_amsl_m=100.0, zones=zones)
-    assert_same(zones, from_kml(chart))
+    features = FeatureSet("any", home_altitude_amsl_m=100.0, zones=zones)
+    assert_same(zones, from_kml(features))
 
 
 @given(zones=st.lists(areas(), max_size=3))
@@ -189,12 +195,12 @@ def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
 def test_a_hole_across_the_antimeridian():
     hole = tuple(Geodetic(lat, lon) for lat, lon in [(-16.97, -179.9), (-16.93, -179.9), (-16.95, 179.97)])  # fmt: skip  # noqa: E501
     outline = MapOutline(ACROSS.ring, (hole,))
-    chart = FeatureSet("any", zones=[MapArea("x", outline)])
-    collection = geojson_of(chart)
+    features = FeatureSet("any", zones=[MapArea("x", outline)])
+    collection = geojson_of(features)
     check_rfc(collection)
     found = shapely.from_geojson(json.dumps(collection["features"][0]["geometry"]))
     assert found.area == pytest.approx(0.03 - 0.04 * 0.13 / 2)
-    assert [zone.name for zone in from_geojson(chart)] == ["x, part 1", "x, part 2"]
+    assert [zone.name for zone in from_geojson(features)] == ["x, part 1", "x, part 2"]
 
 
 def test_lines_are_cut_at_the_antimeridian():
@@ -209,14 +215,14 @@ def test_lines_are_cut_at_the_antimeridian():
 
 def test_a_whole_mission_in_geojson():
     draft = read_draft(TOWN)
-    chart = chart_of(draft)
-    collection = geojson_of(chart)
+    features = feature_set_of(draft)
+    collection = geojson_of(features)
     check_rfc(collection)
     kinds = [feature["properties"]["kind"] for feature in collection["features"]]
     assert {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)} == {
         "fence": 2, "zone": 3, "home": 1, "waypoint": 3, "rally_point": 1
     }  # fmt: skip
-    assert_same(chart.zones, from_geojson(chart))
+    assert_same(features.zones, from_geojson(features))
     spots = [f for f in collection["features"] if f["properties"]["kind"] == "waypoint"]
     assert spots[1]["geometry"]["coordinates"] == [8.0015, 47.0036]
     assert spots[1]["properties"]["altitude_above_home_m"] == 55
@@ -224,8 +230,8 @@ def test_a_whole_mission_in_geojson():
 
 def test_a_whole_mission_in_kml():
     draft = read_draft(TOWN)
-    chart = chart_of(draft)
-    root = ET.fromstring(kml_text(chart))  # noqa: S314 - our own text
+    features = feature_set_of(draft)
+    root = ET.fromstring(kml_text(features))  # noqa: S314 - our own text
     marks = {mark.findtext(f"{KML}name"): mark for mark in root.iter(f"{KML}Placemark")}
     mast = marks['mast & "wires" <1>'].find(f"{KML}Polygon")
     assert (mast.findtext(f"{KML}extrude"), mast.findtext(f"{KML}altitudeMode")) == (
@@ -240,7 +246,7 @@ def test_a_whole_mission_in_kml():
     assert yard.find(f"{KML}extrude") is None
     assert yard.find(f"{KML}innerBoundaryIs") is not None
     assert marks["2"].find(f".//{KML}coordinates").text == "8.0015,47.0036,505.5"
-    assert_same(chart.zones, from_kml(chart))
+    assert_same(features.zones, from_kml(features))
 
 
 def test_elements_of_kml_stand_in_the_order_of_its_schema():
@@ -251,7 +257,7 @@ def test_elements_of_kml_stand_in_the_order_of_its_schema():
         ["LinearRing"], ["coordinates"],
     ]  # fmt: skip
     rank = {name: index for index, names in enumerate(order) for name in names}
-    root = ET.fromstring(kml_text(chart_of(read_draft(TOWN))))  # noqa: S314 - our own text
+    root = ET.fromstring(kml_text(feature_set_of(read_draft(TOWN))))  # noqa: S314 - our own text
     for element in root.iter():
         found = [rank.get(child.tag.removeprefix(KML), -1) for child in element]
         if element.tag.removeprefix(KML) in ("Placemark", "Polygon", "LineString", "Point"):
@@ -270,9 +276,9 @@ def test_rings_in_kml_run_counterclockwise(outline, turned):
 
 
 def test_what_xml_cannot_say_is_replaced():
-    chart = FeatureSet("a\x00b", home=MapPoint("\ufffe", Geodetic(1, 2)))
-    assert "<name>a?b</name>" in kml_text(chart)
-    assert from_kml(chart) == []
+    features = FeatureSet("a\x00b", home=MapPoint("\ufffe", Geodetic(1, 2)))
+    assert "<name>a?b</name>" in kml_text(features)
+    assert from_kml(features) == []
 
 
 @given(centre=places, radius_m=st.floats(0.5, 50_000), segments=st.integers(12, 90))
