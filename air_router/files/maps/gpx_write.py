@@ -1,4 +1,4 @@
-"""Writes a feature set as GPX for receivers and map programs: points, a route, borders as tracks."""
+"""Writes a feature set as GPX for receivers and map programs: points, a route, borders."""
 
 from __future__ import annotations
 
