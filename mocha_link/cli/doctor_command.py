@@ -41,8 +41,8 @@ class Finding:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.description = (
-        "Say why robots do not talk, by trying it on the computer of robot NAME: it asks every peer "
-        "as NAME's node does, waits for them to ask, and listens to the radio. Nothing is "
+        "Say why robots do not talk, by trying it on the computer of robot NAME: it asks every "
+        "peer as NAME's node does, waits for them to ask, and listens to the radio. Nothing is "
         "published. A node of NAME may go on meanwhile; its pulls are interrupted. Exit code 1: "
         "something is in the way."
     )
