@@ -68,7 +68,7 @@ class Claim:
         if max(map(len, found.values())) == len(self.parts):
             return self.parts[0].verdict
         told = [f"{verdict}: {'; '.join(parts)}" for verdict, parts in found.items() if parts]
-        return f"in part. {'. '.join(told)}"
+        return f"{'in part' if found['holds'] else 'not shown'}. {'. '.join(told)}"
 
     @property
     def brief(self) -> str:

@@ -90,21 +90,23 @@ def _joined(experiment: Experiment, own: Sequence[Comparison]) -> Comparison:
     return Comparison(f"{names[0]}, all", f"{names[1]}, all", own[0].change, runs, differences)
 
 
-def pairs_as_markdown(comparisons: Sequence[Comparison]) -> str:
-    """For a document: difference, simultaneous interval, and what so many pairs tell from 0."""
-    if not comparisons:
-        return "No row has two runs with the seeds of another one."
-    heads = ["row", "against", "pairs", *MEASURES.values()]
-    text = ["| " + " | ".join(heads) + " |", "|---|---|---:|" + "---:|" * len(MEASURES)]
+def as_rows(comparisons: Sequence[Comparison]) -> list[list[str]]:
+    """The comparisons as they are read: the heads, then the cells of each.
+
+    A difference with its interval, which holds together with those of the other rows, and how large
+    one is that so many pairs tell from 0.
+    """
+    rows = [["row", "against", "pairs", *MEASURES.values()]]
     for one in comparisons:
         cells = [one.row, one.base, str(one.runs)]
         for measure in MEASURES:
-            effect = one.effect(measure)
-            value, low, high = effect.interval(len(comparisons))
-            told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}], {effect.detectable():.1f}"
-            cells.append("unknown" if math.isnan(value) else told)
-        text.append("| " + " | ".join(cells) + " |")
-    return "\n".join(text)
+            effect, tests = one.effect(measure), len(comparisons)
+            value, low, high = effect.interval(tests)
+            told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: "
+            known = not math.isnan(value)
+            cells.append(f"{told}{effect.detectable(tests):.1f}" if known else "unknown")
+        rows.append(cells)
+    return rows
 
 
 def _values(runs: dict[int, Any], numbers: Sequence[int], measure: str) -> Numbers:

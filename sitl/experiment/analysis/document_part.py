@@ -1,10 +1,10 @@
 """Puts an experiment's table, claims and figures into a document, between marks that stand there.
 
 A block of the document begins with `<!-- begin NAME WHAT -->` and ends with `<!-- end -->`; NAME is
-the experiment, WHAT one of facts, archive, table, pairs, claims, links. What is between is
+the experiment, WHAT one of facts, archive, table, claims, links. What is between is
 replaced, so the document can be made again from any runs. Figures go beside it, into
-`images/experiments`; tables and the numbers behind claims into `evidence/NAME-table.csv` and
-`-claims.csv`, where these exist.
+`images/experiments`; tables, rows compared by seeds, and the numbers behind claims into
+`evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from air_router.counted import counted
 from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.claims import Claim, claims_of
-from sitl.experiment.analysis.comparison import compared, pairs_as_markdown
+from sitl.experiment.analysis.comparison import as_rows, compared
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.analysis.tables import Line
 from sitl.experiment.campaign.archive import checksum
@@ -48,9 +48,10 @@ def claims_text(claims: Sequence[Claim]) -> str:
 
 
 def evidence_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, list[list[str]]]:
-    """Table and claims with all numbers, as rows of cells under their heads."""
+    """Table, pairs and claims with all numbers, as rows of cells under their heads."""
     return {
         "table": tables.as_rows(experiment, tables.lines(experiment, records)),
+        "pairs": as_rows(compared(experiment, records)),
         "claims": [
             ["claim", "part", "verdict", "because"],
             *(
@@ -124,7 +125,6 @@ def blocks_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, st
     found = tables.lines(experiment, records)
     links = [record for record in records if "links" in record["curves"]]
     return {
-        "pairs": pairs_as_markdown(compared(experiment, records)),
         "links": links_text(links) if all(halves(links)) else "",
         "table": tables.as_markdown(experiment, found),
         "claims": claims_text(claims_of(experiment, records)),

@@ -49,7 +49,6 @@ _MEASURES: Final = (
 )
 _COMPARED: Final = (
     ("goals_percent", "goals reached (%)"),
-    ("time_min", "time to a goal (min)"),
     ("goal_area_percent", "goals reached, mean over time (%)"),
     ("pose_age_s", "age of poses at UAVs (s)"),
     ("map_age_s", "age of maps at ground robots (s)"),

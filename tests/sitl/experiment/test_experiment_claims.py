@@ -121,6 +121,7 @@ def test_a_world_that_is_the_same_for_all_denies_what_it_can():
     found = claims.claims_of(*table(lambda _: 80.0, lambda _: 1.0))
     verdicts = {part.what: part.verdict for claim in found for part in claim.parts}
     assert verdicts["10 UGVs find more goals than 3"] == "fails"
+    assert found[0].brief == "not shown"
     assert verdicts["1 UAV and 10 UGVs are best at 5 m"] == "undecided"
     assert verdicts["it does not help at 30 m"] == "holds"
     assert found[2].verdict.startswith("in part. holds: it does not help 10 UGVs below 30 m; it")
@@ -300,8 +301,9 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     assert effects[2].value == pytest.approx((effects[0].value + effects[1].value) / 2)
     assert effects[2].error < effects[0].error
     value, low, high = effects[0].interval(3)  # as many are compared
-    told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}], {effects[0].detectable():.1f} |"
-    assert told in comparison.pairs_as_markdown(found)
+    told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
+    heads, first, *_ = comparison.as_rows(found)
+    assert first[heads.index("wait, s")] == told
 
 
 def test_a_document_is_filled_between_its_marks(tmp_path):
