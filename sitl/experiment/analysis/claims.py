@@ -14,13 +14,11 @@ from typing import Literal
 
 import numpy as np
 
-from air_router.errors import UsageError
+from sitl.experiment.analysis.effects import Runs
 from sitl.experiment.analysis.statistics import (
     UNKNOWN,
     Effect,
     Interval,
-    Numbers,
-    contrast,
     share_above,
 )
 from sitl.experiment.campaign.claim_rules import ClaimRule, PartRule, Term
@@ -90,8 +88,8 @@ def claims_of(experiment: Experiment, records: Sequence[Record]) -> list[Claim]:
     Raises:
         UsageError: a claim is about a measure that runs do not have.
     """
-    runs = _Runs(experiment, records)
-    if {row.label for row in experiment.rows} != runs.measures.keys():
+    runs = Runs(experiment, records)
+    if not all(runs.numbers(row) for row in experiment.rows):
         return []
     declared = all(record["rules"] == experiment.rules for record in records)
     return [
@@ -106,48 +104,12 @@ def claims_of(experiment: Experiment, records: Sequence[Record]) -> list[Claim]:
     ]
 
 
-class _Runs:
-    """The measures of an experiment's runs, by row and by seed number."""
-
-    def __init__(self, experiment: Experiment, records: Sequence[Record]) -> None:
-        self.experiment = experiment  # whose rows they are of
-        self.measures: dict[str, dict[int, dict[str, float | None]]] = {}  # by label and number
-        for record in records:
-            self.measures.setdefault(record["row"], {})[record["number"]] = record["measures"]
-
-    def values(self, row: Row, measure: str) -> dict[int, float]:
-        """A measure by seed number; nan where a run has none. Raises UsageError."""
-        found = self.measures[row.label].items()
-        try:
-            own = {number: measures[measure] for number, measures in found}
-        except KeyError:
-            raise UsageError(f"a claim is about '{measure}'; no run has this measure") from None
-        return {number: math.nan if v is None else float(v) for number, v in own.items()}
-
-    def effect(self, weights: Sequence[tuple[float, Row]], part: PartRule) -> Effect:
-        """A contrast: rows with the same seeds are paired, others independent."""
-        groups: dict[int, list[tuple[float, Row]]] = {}
-        for weight, row in weights:
-            groups.setdefault(self.experiment.seed(row, 0), []).append((weight, row))
-        samples = []
-        for group in groups.values():
-            found = [(weight, self.values(row, part.measure)) for weight, row in group]
-            both = sorted(set.intersection(*(set(own) for _, own in found)))
-            sample: Numbers = np.zeros(len(both))
-            for weight, own in found:
-                values = np.array([own[number] for number in both])
-                with np.errstate(divide="ignore"):
-                    sample = sample + weight * (np.log(values) if part.ratio else values)
-            samples.append(sample)
-        return contrast(samples)
-
-
-def _part(runs: _Runs, claim: ClaimRule, part: PartRule) -> Part:
+def _part(runs: Runs, claim: ClaimRule, part: PartRule) -> Part:
     tests, beside = len(claim.parts), ""
     if part.share:
         rows = rows_with(runs.experiment.rows, part.contrast[0].rows)
         both = [
-            np.array([v for row in rows for v in runs.values(row, measure).values()])
+            np.concatenate([runs.values(row, measure, runs.numbers(row)) for row in rows])
             for measure in part.share
         ]
         effect, design = share_above(both[0], both[1], part.reference)
@@ -166,7 +128,7 @@ def _part(runs: _Runs, claim: ClaimRule, part: PartRule) -> Part:
     return Part(part.what, verdict, shown, _because(least, shown, part, tests) + beside)
 
 
-def _effects(runs: _Runs, part: PartRule) -> list[Effect]:
+def _effects(runs: Runs, part: PartRule) -> list[Effect]:
     def weights(term: Term) -> list[tuple[float, Row]]:
         rows = rows_with(runs.experiment.rows, term.rows)
         return [(term.weight / len(rows), row) for row in rows]
@@ -174,11 +136,14 @@ def _effects(runs: _Runs, part: PartRule) -> list[Effect]:
     *first, last = map(weights, part.contrast)
     before = [entry for own in first for entry in own]
     if not part.each:
-        return [runs.effect([*before, *last], part)]
+        return [runs.effect([*before, *last], part.measure, ratio=part.ratio)]
     own = [row for _, row in before]
     others = [row for _, row in last if row not in own]
     weight = part.contrast[-1].weight
-    return [runs.effect([*before, (weight, row)], part) for row in others] or [UNKNOWN]
+    found = [
+        runs.effect([*before, (weight, row)], part.measure, ratio=part.ratio) for row in others
+    ]
+    return found or [UNKNOWN]
 
 
 def _verdict(found: Interval, part: PartRule) -> Verdict:

@@ -23,6 +23,7 @@ from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.claims import Claim, claims_of
 from sitl.experiment.analysis.comparison import as_rows, compared
+from sitl.experiment.analysis.effects import Runs
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.analysis.tables import Line
 from sitl.experiment.campaign.archive import checksum
@@ -49,9 +50,10 @@ def claims_text(claims: Sequence[Claim]) -> str:
 
 def evidence_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, list[list[str]]]:
     """Table, pairs and claims with all numbers, as rows of cells under their heads."""
+    runs = Runs(experiment, records)
     return {
         "table": tables.as_rows(experiment, tables.lines(experiment, records)),
-        "pairs": as_rows(compared(experiment, records)),
+        "pairs": as_rows(runs, compared(runs)),
         "claims": [
             ["claim", "part", "verdict", "because"],
             *(

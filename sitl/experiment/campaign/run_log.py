@@ -11,7 +11,7 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -64,7 +64,7 @@ class RunLog:
                 f"{folder} is in use by another `sitl experiment`; wait, or give another --out"
             ) from None
         try:
-            self.records: list[Record] = [] if fresh else list(self._read())
+            self.records: list[Record] = [] if fresh else self._read()
         except BaseException:
             self._file.close()
             raise
@@ -91,14 +91,11 @@ class RunLog:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _read(self) -> Iterator[Record]:
+    def _read(self) -> list[Record]:
         self._file.seek(0)
         content = self._file.read()
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
-            self._file.truncate(whole)
-        for number, line in enumerate(content[:whole].splitlines(), start=1):
-            yield read_line(line, self.path, number)
+        self._file.truncate(content.rfind(b"\n") + 1)
+        return _whole_lines(content, self.path)
 
 
 def read_line(line: bytes, path: Path, number: int) -> Record:
@@ -121,6 +118,10 @@ def read_runs(folder: Path) -> list[Record]:
         content = path.read_bytes()
     except FileNotFoundError:
         content = b""
+    return _whole_lines(content, path)
+
+
+def _whole_lines(content: bytes, path: Path) -> list[Record]:
     lines = content[: content.rfind(b"\n") + 1].splitlines()
     return [read_line(line, path, number) for number, line in enumerate(lines, start=1)]
 

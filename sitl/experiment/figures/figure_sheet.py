@@ -23,34 +23,14 @@ with needs_extra("a figure", "experiments", "air-router"):
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-INK, FAINT, GRID = "#30363d", "#7b838b", "#e3e5e8"
+INK, FAINT = "#30363d", "#7b838b"
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 DASHES: Final[tuple[Any, ...]] = ("-", (0, (4, 1.6)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 _DPI: Final = 140
 _MOST_LINES: Final = 9
 _MOST_EXAMPLES: Final = 4
 
-_STYLE: Final[dict[Any, Any]] = {
-    "font.size": 8.5,
-    "axes.titlesize": 9.5,
-    "axes.labelsize": 8.5,
-    "axes.edgecolor": FAINT,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "xtick.color": FAINT,
-    "ytick.color": FAINT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "legend.frameon": False,
-    "text.color": INK,
-}
+_STYLE: Final = Path(__file__).with_name("figures.mplstyle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +170,7 @@ def example_chart(
 
 def styled() -> AbstractContextManager[None]:
     """Everything that is drawn within looks alike."""
-    return mpl.rc_context(_STYLE)
+    return mpl.rc_context(fname=_STYLE)
 
 
 def sheet(count: int, title: str, subtitle: str, *, high: float = 2.7) -> tuple[Figure, list[Axes]]:

@@ -14,6 +14,7 @@ from sitl.experiment.analysis.document_part import (
     near_paper,
     within_factor,
 )
+from sitl.experiment.analysis.effects import Runs
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
 from sitl.experiment.campaign.plan_file import load_experiment
@@ -255,7 +256,7 @@ def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
         for row in experiment.rows
         for number in range(2)
     ]
-    assert [(one.row, one.base) for one in comparison.compared(experiment, records)] == [
+    assert [(one.row, one.base) for one in comparison.compared(Runs(experiment, records))] == [
         ("5 m, rendezvous", "5 m, round robin"),
         ("30 m, rendezvous", "30 m, freshest"),
     ]
@@ -290,19 +291,20 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
         for row in experiment.rows
         for number in range(8)
     ]
-    found = comparison.compared(experiment, records)
-    assert [(one.row, one.base, one.runs) for one in found] == [
+    runs = Runs(experiment, records)
+    found = comparison.compared(runs)
+    assert [one[:3] for one in found] == [
         ("freshest, 5 m", "round robin, 5 m", 8),
         ("freshest, 30 m", "round robin, 30 m", 8),
         ("freshest, all", "round robin, all", 16),
     ]
-    effects = [one.effect("wait_mean_s") for one in found]
+    effects = [runs.effect(one.weights, "wait_mean_s") for one in found]
     assert all(effect.value == pytest.approx(2, abs=0.6) for effect in effects)
     assert effects[2].value == pytest.approx((effects[0].value + effects[1].value) / 2)
     assert effects[2].error < effects[0].error
     value, low, high = effects[0].interval(3)  # as many are compared
     told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
-    heads, first, *_ = comparison.as_rows(found)
+    heads, first, *_ = comparison.as_rows(runs, found)
     assert first[heads.index("wait, s")] == told
 
 
