@@ -18,6 +18,7 @@ for itself; copy it, or read it, when the node is off.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import struct
 import zlib
@@ -36,7 +37,8 @@ from mocha_link.store.record import Header, HeaderError, Knowledge, Record, late
 VERSION = 1
 APPLICATION_ID = int.from_bytes(b"MOCH", "big")
 LOCKED_S = 0.2  # how long a lock of another process is waited for
-JOURNAL_BYTES = 4 * 1024 * 1024
+JOURNAL_BYTES = 1024 * 1024
+JOURNAL_PAGES = 128  # of a page's 4 KiB: then the journal goes into the file, and begins anew
 SPARE_PAGES = 256
 
 _MAGIC = b"SQLite format 3\0"
@@ -116,7 +118,9 @@ class Changes:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open an SQLite file for use by one thread after another."""
+    """Open an SQLite file for use by one thread after another; a new one is only the user's."""
+    with suppress(OSError):  # it is there, or SQLite says why it cannot be
+        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     return sqlite3.connect(path, timeout=LOCKED_S, isolation_level=None, check_same_thread=False)
 
 
@@ -149,6 +153,7 @@ class StorageFile:
         run("PRAGMA journal_mode = WAL")
         run("PRAGMA synchronous = FULL")
         run(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
+        run(f"PRAGMA wal_autocheckpoint = {JOURNAL_PAGES}")
         run("BEGIN IMMEDIATE")
         if is_new:
             run(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -222,6 +227,20 @@ class StorageFile:
 
     def write(self, changes: Changes) -> None:
         """Commit, all or nothing."""
+        try:
+            self._commit(changes)
+        except sqlite3.OperationalError as error:
+            if _code(error) != sqlite3.SQLITE_FULL:
+                raise
+            # The journal may have the room that is missing.
+            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+            self._commit(changes)
+        dropped = changes.drops or changes.part_drops
+        spare = self._value("PRAGMA freelist_count") if dropped else 0
+        if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
+            self._connection.execute(f"PRAGMA incremental_vacuum({spare})").fetchall()
+
+    def _commit(self, changes: Changes) -> None:
         run, run_many = self._connection.execute, self._connection.executemany
         run("BEGIN IMMEDIATE")
         try:
@@ -247,10 +266,6 @@ class StorageFile:
             with suppress(sqlite3.Error):  # SQLite may have done it by itself
                 run("ROLLBACK")
             raise
-        dropped = changes.drops or changes.part_drops
-        spare = self._value("PRAGMA freelist_count") if dropped else 0
-        if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
-            run(f"PRAGMA incremental_vacuum({spare})").fetchall()
 
     def _drop_parts(self, keys: Iterable[tuple[int, int]]) -> None:
         self._connection.executemany(
@@ -270,7 +285,7 @@ def fault(error: Exception, path: Path) -> StorageError:
     """What has happened to a file, in the words of its user."""
     if isinstance(error, StorageError):
         return error
-    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    code = _code(error)
     if code == sqlite3.SQLITE_FULL:
         return StorageFullError(f"no room to write {path}; free some space")
     if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
@@ -280,6 +295,12 @@ def fault(error: Exception, path: Path) -> StorageError:
     if not path.parent.is_dir():
         return StorageUnreachableError(f"there is no directory {path.parent}; make it")
     return StorageUnreachableError(f"cannot use {path}: {error}; may this user write it?")
+
+
+def _code(error: Exception) -> int:
+    """SQLite's result code; 0 if it is no error of SQLite."""
+    code: int = getattr(error, "sqlite_errorcode", 0)
+    return code & 0xFF
 
 
 def _damaged(path: Path, what: str) -> str:

@@ -306,6 +306,53 @@ def test_a_full_disk(shelter, caplog, from_the_start):
     check_recovery(node, shelter)
 
 
+def test_the_journal_gives_its_room_when_the_disk_is_full(shelter):
+    class Full(Gate):
+        def execute(self, sql, *arguments):
+            if "wal_checkpoint" in sql:
+                self.error = None
+            return super().execute(sql, *arguments)
+
+    gates = []
+
+    def connect(path):
+        gates.append(
+            sqlite3.connect(
+                path, timeout=0, isolation_level=None, check_same_thread=False, factory=Full
+            )
+        )
+        return gates[-1]
+
+    node = shelter(connect=connect)
+    node.write(0, 1, 2)
+    assert node.storage.wait(60)
+    full = sqlite3.OperationalError("database or disk is full")
+    full.sqlite_errorcode = sqlite3.SQLITE_FULL
+    gates[0].error = full
+    node.write(3, 4, 5)
+    assert node.storage.wait(60)
+    assert node.storage.fault is None
+    node.storage.close(30)
+    assert shelter().database.kept() == node.database.kept()
+
+
+def test_the_journal_stays_small(shelter, tmp_path):
+    """A disk with little room has to hold the content and this beside it, not megabytes."""
+    node = shelter()
+    for number in range(100):
+        node.database.insert(record(number % 5 + 5 * number, body=bytes(100_000)), NOW_S)
+        assert node.storage.wait(60)
+    assert (tmp_path / "messages.db-wal").stat().st_size < 1_200_000
+
+
+def test_a_new_file_is_for_its_user_alone(shelter, tmp_path):
+    node = shelter()
+    node.write(0)
+    assert node.storage.wait(60)
+    modes = {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()}
+    assert set(modes.values()) == {0o600}, modes
+
+
 def test_a_disk_that_fails_for_a_while(shelter):
     gates = []
     node = shelter(connect=lambda path: gated(path, gates))
