@@ -26,7 +26,7 @@ from mocha_link import Team
 from mocha_link.errors import MissingExtraError
 from mocha_link.ros.ros import RosCodec
 from mocha_link.team.document import Document
-from sitl.team.rovers import RosSpeech
+from sitl.team.rovers import RosMessages
 from sitl.world.world import Publication
 
 DATUM = Geodetic(47.3977, 8.5456)
@@ -73,7 +73,7 @@ def local(kind, **position):
 @pytest.mark.parametrize("kind", [FIX, *LOCAL_POSES])
 def test_what_a_simulated_robot_says_is_read_as_it_was_meant(kind, ros):
     team = team_of(("/odometry", kind), ("/plan", PATH), ros=ros, datum=placed(", 90"))
-    speech, readers = RosSpeech(team), readers_of(team)
+    speech, readers = RosMessages(team), readers_of(team)
     pose = PoseMessage(stamp_s=1.7e9, latitude_deg=PLACE[0], longitude_deg=PLACE[1])
     path = PathMessage(stamp_s=1.7e9, points=(DATUM, PLACE))
     assert speech.topics("io") == {"/odometry", "/plan", "/pose", "/path"}
