@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -95,11 +96,7 @@ def coarse(cells: Cells, factor: int) -> Cells:
         return cells
     rows, columns = (size // factor for size in cells.shape)
     ranks = _RANKS[cells[: rows * factor, : columns * factor]]
-    across = ranks[:, ::factor].copy()
-    for shift in range(1, factor):
-        np.maximum(across, ranks[:, shift::factor], out=across)
-    worst = across[::factor].copy()
-    for shift in range(1, factor):
-        np.maximum(worst, across[shift::factor], out=worst)
+    lines = reduce(np.maximum, (ranks[shift::factor] for shift in range(factor)))
+    worst = reduce(np.maximum, (lines[:, shift::factor] for shift in range(factor)))
     result: Cells = _OF_RANK[worst]
     return result

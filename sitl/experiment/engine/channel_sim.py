@@ -137,8 +137,6 @@ class ChannelSim:
             if up and self._triggered:
                 node.refresh()
             node.contact(peer.name, began_s, up=up)
-            if self._triggered:
-                self._settle(node)
 
     def _lose(self, exchange: Exchange, parting: int) -> None:
         """Patience is over, unless contact came back meanwhile."""

@@ -50,7 +50,6 @@ class _WorldSim(ChannelSim):
         for heard in self.step.readings:
             node = self._nodes[self._numbers[heard.robot]]
             node.gossip.heard(heard.peer, heard.rssi_dbm, node.now)
-            self._settle(node)
 
     def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
         """The readings tell."""

@@ -124,13 +124,8 @@ class Flyer:
             self.altitude_m = round(max(0.0, self.altitude_m + sinks_m_s * step_s), 3)
             self.landed = self.altitude_m == 0.0
         if self._battery_s is not None:
-            self._battery.step(
-                step_s,
-                armed=not self.landed,
-                drain_s=self._battery_s,
-                least=0.0,
-                thresholds=_LEVELS,
-            )
+            armed, full_s = not self.landed, self._battery_s
+            self._battery.step(step_s, armed=armed, drain_s=full_s, least=0.0, thresholds=_LEVELS)
 
     def telemetry(self) -> Telemetry:
         """What the vehicle says of itself."""
@@ -184,11 +179,6 @@ class AirframeFlyer(Flyer):
     _airframe: Multirotor | None = None  # once it has somewhere to go
     _air: Wind  # still air, and its drag
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether it has not been sent anywhere yet: after that it never rests quite."""
-        return self._target is None
-
     def command(self, motion: Motion) -> None:
         """Do what the controller asks from now on; it holds a braking distance ahead."""
         super().command(motion)
@@ -205,8 +195,7 @@ class AirframeFlyer(Flyer):
 
     def _step(self, step_s: float) -> None:
         airframe, target = self._airframe, self._target
-        if airframe is None or target is None:
-            raise AssertionError("it rests")
+        assert airframe is not None and target is not None  # noqa: PT018, S101 - or it rests
         goal = Setpoint(SetpointKind.POSITION, target.north_m, target.east_m)
         for _ in range(_AIRFRAME_STEPS):
             velocity_m_s = airframe.velocity_north_m_s, airframe.velocity_east_m_s

@@ -250,10 +250,8 @@ class Knowledge:
             for column in range(-reach, reach + 1)
             if math.hypot(row, column) * GRAIN_M <= sight_m
         ]
-        self._reach = reach  # of its eyes, in cells
         self._rows = np.array([row for row, _ in steps])  # of cells in sight, from its own
         self._columns = np.array([column for _, column in steps])
-        self._flat = self._rows * lattice.columns + self._columns  # the same steps, in flat indices
 
     def see(self, cell: Cell) -> bool:
         """Look around in a cell; whether that contradicts what was believed before."""
@@ -295,13 +293,6 @@ class Knowledge:
 
     def _around(self, cell: Cell) -> npt.NDArray[np.intp]:
         row, column = divmod(cell, self.lattice.columns)
-        reach = self._reach
-        if (
-            reach <= row < self.lattice.rows - reach
-            and reach <= column < self.lattice.columns - reach
-        ):
-            around: npt.NDArray[np.intp] = self._flat + cell
-            return around
         rows, columns = self._rows + row, self._columns + column
         inside = (
             (rows >= 0)

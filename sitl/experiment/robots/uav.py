@@ -87,8 +87,8 @@ class MapPainter:
         """How much of it is known, 0..1."""
         return self.known_cells / self.grid.cells.size
 
-    def look(self, position: Point, height_m: float, heading_deg: float) -> int:
-        """Take a picture from above; returns how many cells became known.
+    def look(self, position: Point, height_m: float, heading_deg: float) -> None:
+        """Take a picture from above.
 
         Args:
             position: Where the camera is, metres east/north.
@@ -96,15 +96,10 @@ class MapPainter:
             heading_deg: Where the upper edge of the picture points, clockwise from north.
         """
         seen_from = position, height_m, heading_deg
-        if seen_from == self._last:
-            return 0
-        patch = self._camera.look(self._raster, *seen_from)
-        if patch is None:
-            return 0
-        self._last = seen_from
-        seen = self.grid.paint(patch)
-        self.known_cells += seen
-        return seen
+        patch = None if seen_from == self._last else self._camera.look(self._raster, *seen_from)
+        if patch is not None:
+            self._last = seen_from
+            self.known_cells += self.grid.paint(patch)
 
     def publish(self) -> bytes | None:
         """The map for the gossip node, or None when nothing was painted since the last call."""
