@@ -145,7 +145,7 @@ class _Totals:
     messages_in: int = 0  # that we pulled and stored
     messages_out: int = 0  # that the peer pulled
     bytes_in: int = 0  # of replies, as the next
-    bytes_out: int = 0
+    bytes_out: int = 0  # of what left for the peer
 
 
 @dataclass(slots=True)

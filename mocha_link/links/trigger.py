@@ -22,15 +22,15 @@ class _Signal:
     """What one source says of a peer; each is judged by its own unit's threshold."""
 
     reading: Reading
-    reported_s: float
-    in_contact: bool
+    reported_s: float  # Unix time on the node's clock
+    in_contact: bool  # by the threshold, with hysteresis
 
 
 @dataclass(slots=True)
 class _Link:
     signals: dict[tuple[str, Unit], _Signal] = field(default_factory=dict)  # the last one is newest
-    contact_began_s: float | None = None
-    last_sync_s: float | None = None
+    contact_began_s: float | None = None  # None: out of contact
+    last_sync_s: float | None = None  # None: none in this contact
 
 
 class SyncTrigger:
@@ -49,8 +49,8 @@ class SyncTrigger:
     def __init__(self, peers: Iterable[str], settings: Trigger, *, by_timer: bool) -> None:
         self._settings = settings
         self._by_timer = by_timer
-        self._links = {peer: _Link() for peer in peers}
-        self._news: list[ContactBegan | ContactEnded] = []
+        self._links = {peer: _Link() for peer in peers}  # by peer
+        self._news: list[ContactBegan | ContactEnded] = []  # to be fetched
 
     def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
         """Take in a report of the radio; says whether contact begins with it.

@@ -70,8 +70,8 @@ class ClientSession:
     ) -> None:
         self.peer = peer
         self.over = self.broken = False
-        self.bytes_in = 0
-        self.rtt_s: float | None = None
+        self.bytes_in = 0  # of replies
+        self.rtt_s: float | None = None  # of DENDT; None until it is answered
         self._own = own
         self._team = team
         self._database = database
@@ -80,14 +80,16 @@ class ClientSession:
         self._path_stats = path_stats
         self._verify = verify
         self._budget = budget
+        # code, header, when asked
         self._asked: dict[bytes, tuple[bytes, Header | None, float]] = {}
-        self._wanted: deque[Header] = deque()
-        self._window = MIN_WINDOW
-        self._size = float(_GUESS_BYTES)
-        self._messages = 0
-        self.reached = self._cut_short = False
+        self._wanted: deque[Header] = deque()  # headers to ask for yet
+        self._window = MIN_WINDOW  # most requests under way
+        self._size = float(_GUESS_BYTES)  # of a reply, smoothed, in bytes
+        self._messages = 0  # that were stored
+        self.reached = self._cut_short = False  # something was answered; not all came
+        # steady clock, as the next
         self._began_s = self._listed_s = self._fetched_s = self.alive_s = 0.0
-        self._fetched_bytes = 0
+        self._fetched_bytes = 0  # of GDATA replies
 
     def start(self, now: Instant) -> Step:
         """Begin: ask for the list of headers."""

@@ -38,16 +38,16 @@ class Credit:
     """
 
     def __init__(self, rate_bytes_s: float | None, rtt_s: float | None) -> None:
-        self.received = 0
+        self.received = 0  # bytes so far
         self._rtt_s = rtt_s
-        self._window = FIRST_WINDOW
-        self._allowed = FIRST_WINDOW
+        self._window = FIRST_WINDOW  # bytes that may be under way
+        self._allowed = FIRST_WINDOW  # of all bytes ever, as granted last
         if rate_bytes_s and rtt_s:
             self._adapt(rate_bytes_s)
             self._window = min(self._window, KNOWN_WINDOW)
             self._allowed = self._window
         self._marks: tuple[_Mark, _Mark] | None = None  # the rate counts from the first one
-        self._granted_at = 0
+        self._granted_at = 0  # `received` at the last grant
 
     @property
     def grant(self) -> bytes:

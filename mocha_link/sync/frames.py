@@ -212,7 +212,7 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
 class Step:
     """Frames and datagrams to send, events to tell, refusals to count."""
 
-    frames: list[bytes] = field(default_factory=list)
-    events: list[LinkEvent] = field(default_factory=list)
-    refusals: list[str] = field(default_factory=list)
-    packets: list[bytes] = field(default_factory=list)
+    frames: list[bytes] = field(default_factory=list)  # for the connection
+    events: list[LinkEvent] = field(default_factory=list)  # for listeners
+    refusals: list[str] = field(default_factory=list)  # in words
+    packets: list[bytes] = field(default_factory=list)  # datagrams

@@ -40,10 +40,10 @@ class PeerState:
         # Given to the peer, the newest last.
         self._address_tokens: deque[int] = deque(maxlen=TOKENS)
         self._history = history
-        self._peer_boot_id: int | None = None
+        self._peer_boot_id: int | None = None  # another one: it has forgotten
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
-        self._begun: dict[int, Record] = {}
-        self._begun_bytes = 0
+        self._begun: dict[int, Record] = {}  # given in part, by message id
+        self._begun_bytes = 0  # of their bodies
 
     @property
     def next_token(self) -> int:

@@ -40,7 +40,7 @@ class _Late:
     """Topics whose messages the peer did not stay for: they come last, and starve nothing else."""
 
     def __init__(self) -> None:
-        self._topics: set[bytes] = set()
+        self._topics: set[bytes] = set()  # first bytes of their headers
         self._under_way = b""  # topic of the answer that is not known to have arrived
 
     def asked(self, code: bytes) -> None:
@@ -70,10 +70,10 @@ class _Late:
 class _Pull:
     """What the peer has pulled since its GHEAD."""
 
-    since_s: float
-    messages: int = 0
-    bytes: int = 0
-    given_up: bool = False
+    since_s: float  # of its GHEAD, steady clock
+    messages: int = 0  # given out
+    bytes: int = 0  # of replies
+    given_up: bool = False  # it was told as timed out
 
 
 class ServerSession:
@@ -82,13 +82,13 @@ class ServerSession:
     def __init__(self, peer: str, database: Database) -> None:
         self._peer = peer
         self._database = database
-        self._pull: _Pull | None = None
-        self._heard_s = 0.0
+        self._pull: _Pull | None = None  # None: none since the last DENDT
+        self._heard_s = 0.0  # steady clock
         # What was offered stays available, though newer messages replace it, until well after the
         # peer has asked for another list.
         self._offered: Mapping[bytes, Kept] = {}
-        self._offered_before: Mapping[bytes, Kept] = {}
-        self._listed_s = 0.0
+        self._offered_before: Mapping[bytes, Kept] = {}  # by the list before this
+        self._listed_s = 0.0  # when the last list left
         self._late = _Late()
 
     def answer(self, parts: Sequence[bytes], now: Instant) -> tuple[bytes, list[LinkEvent]]:

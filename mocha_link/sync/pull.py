@@ -43,9 +43,9 @@ STANDS_S = 2.0  # without a byte for longer, a connection that stood is taken fo
 class PathStats:
     """What earlier pulls have shown of the way to a peer."""
 
-    rtt_s: float | None = None
-    rate_bytes_s: float | None = None
-    udp_misses: int = 0
+    rtt_s: float | None = None  # the lowest of the last pull
+    rate_bytes_s: float | None = None  # of the last pull that moved enough
+    udp_misses: int = 0  # pulls in a row without a datagram
     cut: dict[int, int] = field(default_factory=dict)  # see `client.PathHistory`
 
     @property
@@ -105,12 +105,13 @@ class Pull:
         self.over = False
         self.broken = False
         self.standing = standing  # on a connection of which is not known yet whether it still does
+        # None until it is known
         self.path: Path | None = "original" if original else "zmq" if standing else None
-        self.alive_s = 0.0
-        self.flow: Flow | None = None
+        self.alive_s = 0.0  # when the peer was heard, steady clock
+        self.flow: Flow | None = None  # of datagrams, once one leaves
         self._path_stats = path_stats
         self._peer_state = peer_state
-        self._timeout_s = pull_context.timeout_s
+        self._timeout_s = pull_context.timeout_s  # without a byte
         self._session = ClientSession(
             peer,
             pull_context.own,
@@ -136,10 +137,10 @@ class Pull:
         may = datagrams and not original and not standing
         self._datagrams = may and path_stats.may_use_datagrams()
         self._credit = Credit(path_stats.rate_bytes_s, path_stats.rtt_s)
-        self._outbox: deque[bytes] = deque()
-        self._datagrams_at_s: float | None = None
-        self._refused = False
-        self._began_s = self._first_s = self._last_s = 0.0
+        self._outbox: deque[bytes] = deque()  # frames for datagrams
+        self._datagrams_at_s: float | None = None  # when the first leaves
+        self._refused = False  # by SERRM: an original node
+        self._began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
     def start(self, now: Instant) -> Step:
         """Begin; the frames are for a fresh connection, or for the one that stands."""

@@ -56,19 +56,19 @@ class _Sync:
     """A pull of a new node."""
 
     def __init__(self, request_id: bytes, sender: SyncSender, now: Instant) -> None:
-        self.id = request_id
+        self.id = request_id  # that its frames begin with
         self.sender = sender
-        self.began_s = now.steady_s
-        self.heard_s = now.steady_s
-        self.by_datagram = False
+        self.began_s = now.steady_s  # steady clock, as the next
+        self.heard_s = now.steady_s  # of the newest frame
+        self.by_datagram = False  # frames came by datagrams
         self.follows = False  # the pull is over, and what is stored later leaves at once
         self.all_cast = False  # everything that was given out went by datagrams
-        self.route: Route | None = None
-        self.routed_s = 0.0
+        self.route: Route | None = None  # the peer's connection
+        self.routed_s = 0.0  # when it came to that
         self.again: deque[bytes] = deque()  # frames that datagrams may not have brought
-        self.sent = 0
-        self.allowed = 0
-        self.chunk = MIN_CHUNK
+        self.sent = 0  # bytes on that connection
+        self.allowed = 0  # bytes granted on it
+        self.chunk = MIN_CHUNK  # bytes of a reply
 
     def grant(self, raw: bytes) -> None:
         """Take in what may be sent on the connection."""
@@ -94,18 +94,18 @@ class Server:
         self._peer_state = peer_state
         self._pushed = pushed
         self._session = ServerSession(peer, database)
-        self._sync: _Sync | None = None
-        self._flow: Flow | None = None
+        self._sync: _Sync | None = None  # under way, or followed
+        self._flow: Flow | None = None  # of datagrams, of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
-        self._ended_s = 0.0
+        self._ended_s = 0.0  # of the last sync
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._number = number
         self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
-        self._deaf_until_s = 0.0
-        self._rate_bytes_s: float | None = None
-        self._rtt_s: float | None = None
-        self._events: list[LinkEvent] = []
+        self._deaf_until_s = 0.0  # datagrams open nothing
+        self._rate_bytes_s: float | None = None  # of the last flow, for the next
+        self._rtt_s: float | None = None  # likewise
+        self._events: list[LinkEvent] = []  # to be fetched
 
     def answer(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""

@@ -283,7 +283,7 @@ class _Reader:
 
     def __init__(self, content: bytes) -> None:
         self._content = content
-        self._at = 0
+        self._at = 0  # offset of what is read next
 
     @property
     def at_end(self) -> bool:

@@ -67,18 +67,18 @@ class SyncSender:
         self._assembler = sync.MessageAssembler(
             sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW
         )
-        self._round = -1
+        self._round = -1  # -1: the peer has not opened
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
-        self._budget = 0
+        self._budget = 0  # bytes of the peer; 0: no limit
         self._free = 0  # bytes of group digests: they must not leave too little for any message
         self._unknown = False  # we cannot say what is new since what the peer knows
         self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
         self._queue: list[int] = []  # ranks, the most urgent last
         self._records: dict[int, Record] = {}  # by rank
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
-        self._given: set[int] = set()
-        self._sequence = self._opened_at = 0
-        self._number = 0
+        self._given: set[int] = set()  # message ids in this round
+        self._sequence = self._opened_at = 0  # what is stored later is new
+        self._number = 0  # of the next chunk frame
 
     def receive(self, frame: sync.Frame) -> None:
         """Take in a frame of the peer. Raises SyncFrameError."""

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node.gossip import LEAST_BUDGET
 from mocha_link.sync.actions import Connect
 from mocha_link.sync.pull import MAX_MISSES, RETRY_EVERY
+from mocha_link.sync.puller import LEAST_BUDGET
 from mocha_link.team.team import Team
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of
 
