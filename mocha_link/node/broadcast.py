@@ -1,4 +1,4 @@
-"""Hands events to everybody who listens: callbacks, and bounded streams for asyncio."""
+"""Hands events to all listeners: callbacks, and bounded streams for asyncio."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class EventStream:
     def __init__(self, limit: int) -> None:
         self.dropped = 0
         self._limit = limit
-        self._events: deque[LinkEvent] = deque()
-        self._closed = False
+        self._events: deque[LinkEvent] = deque()  # not taken yet
+        self._closed = False  # the node has closed
         self._lock = threading.Lock()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._ready = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None  # of the task that iterates
+        self._ready = asyncio.Event()  # an event waits, or the end
 
     def __aiter__(self) -> Self:
         return self
@@ -74,9 +74,9 @@ class Broadcast:
     """The listeners of a node."""
 
     def __init__(self) -> None:
-        self._callbacks: dict[object, Callable[[LinkEvent], None]] = {}
-        self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()
-        self._closed = False
+        self._callbacks: dict[object, Callable[[LinkEvent], None]] = {}  # by subscription
+        self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()  # while they are in use
+        self._closed = False  # streams have ended
         self._lock = threading.Lock()
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
@@ -102,7 +102,7 @@ class Broadcast:
         return stream
 
     def send(self, event: LinkEvent) -> None:
-        """Tell everybody, until `close`; what a callback raises is logged and goes no further."""
+        """Tell all listeners, until `close`; what a callback raises is logged, no more."""
         with self._lock:
             if self._closed:
                 return

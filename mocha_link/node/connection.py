@@ -84,12 +84,12 @@ class TcpConnection:
     """A connection without encryption, of our own ZMTP: it is set up in half the time."""
 
     def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
-        self.failure: str | None = None
+        self.failure: str | None = None  # in words; None: it stands
         self.eager = eager
-        self._address = (address, port)
+        self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
-        self._waiting: list[bytes] = []
-        self._watched: int | None = None
+        self._waiting: list[bytes] = []  # requests until it stands
+        self._watched: int | None = None  # its descriptor in the poller
         self._connect()
 
     def _connect(self) -> None:
@@ -278,8 +278,8 @@ class CurveConnection:
         own: SecretKey,
         peer: PublicKey,
     ) -> None:
-        self.failure: str | None = None
-        self.eager = True
+        self.failure: str | None = None  # in words; None: it stands
+        self.eager = True  # dial again soon
         self._socket = context.socket(zmq.DEALER)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.RCVHWM, _QUEUE_REPLIES)
@@ -290,9 +290,9 @@ class CurveConnection:
             events |= failure
         self._monitor = self._socket.get_monitor_socket(events)
         self._port = port
-        self._fd: int | None = None
-        self._received = 0
-        self._full = False
+        self._fd: int | None = None  # libzmq's descriptor
+        self._received = 0  # bytes, by the kernel
+        self._full = False  # libzmq takes no more
         self._socket.connect(f"tcp://{address}:{port}")
 
     def watch(self, poller: zmq.Poller) -> None:

@@ -84,8 +84,9 @@ class ZapHandler:
     def __init__(
         self, context: zmq.Context[zmq.Socket[bytes]], allowed: Mapping[str, PublicKey]
     ) -> None:
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # connections, by peer
         self._allowed = {peer.encode(): key.curve for peer, key in allowed.items()}
+        # port, its monitor, peer
         self._watched: list[tuple[zmq.Socket[bytes], zmq.Socket[bytes], str]] = []
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)

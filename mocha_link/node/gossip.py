@@ -60,7 +60,7 @@ class Gossip:
     """One robot's node: what it holds, whom it pulls from and when, what it answers.
 
     Args:
-        by_timer: pull from everybody every interval; otherwise when the radio hears them.
+        by_timer: pull from all peers every interval; otherwise when the radio hears them.
         timeout_s: seconds without a byte after which a pull breaks off.
         new_id: makes the 6 random bytes that name a request.
         database: where messages are kept; default: in memory.
@@ -83,7 +83,7 @@ class Gossip:
         follow: bool = True,
         protected: Iterable[str] = (),
     ) -> None:
-        self.me = team.robot(name)
+        self.me = team.robot(name)  # this node's robot
         history = team.history
         self.database = database or Database(history)
         self._team = team
@@ -112,17 +112,18 @@ class Gossip:
         )
         boot_id = int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
         config_hash = config_hash_of(team)
+        # state of each peer
         self._known = {peer: PeerState(boot_id, history, config_hash) for peer in self.me.peers}
         self._differs = dict.fromkeys(self.me.peers, False)  # whose team file is another one
         self._warned_s: dict[str, float] = {}  # of that
-        self._servers = {
+        self._servers = {  # by peer
             peer: Server(peer, self.database, self._known[peer], pushed=team.pushed(self.me, peer))
             for peer in self.me.peers
         }
-        self._actions: deque[Action] = deque()
-        self._events: deque[LinkEvent] = deque()
-        self._refusals: Counter[str] = Counter()
-        self._pullers = {
+        self._actions: deque[Action] = deque()  # for the transport
+        self._events: deque[LinkEvent] = deque()  # for listeners
+        self._refusals: Counter[str] = Counter()  # by peer; the first is logged
+        self._pullers = {  # by peer
             peer: Puller(
                 peer,
                 self._pull_context,

@@ -64,7 +64,7 @@ class Node(Startable):
         name: which robot this node is.
         clock: the robot's clock for stamps, ages and triggers; default: this machine's.
         radio: where RSSI comes from; default: what the team file says for the robot. A robot
-            without a radio pulls from everybody by the timer.
+            without a radio pulls from all peers by the timer.
         timeout_s: real seconds without a byte after which a pull breaks off.
         storage: a file in which messages survive the end of the process; default: none, they are
             in memory only. It is open from now until `close`.
@@ -101,10 +101,10 @@ class Node(Startable):
         self._radio = radio
         self._lock = threading.Lock()
         self._broadcast = Broadcast()
-        self._transport: Transport | None = None
-        self._closed = False
+        self._transport: Transport | None = None  # while it is started
+        self._closed = False  # for good
         self._settling = True  # no subscriber to tell yet
-        self._peer_keys = peer_keys(team, robot) if self._secret else {}
+        self._peer_keys = peer_keys(team, robot) if self._secret else {}  # of protected peers
         self._storage = (
             Storage(Path(storage), config=TeamConfig.of(team), on_fault=self._fault)
             if storage

@@ -35,8 +35,8 @@ LOG = logging.getLogger("mocha_link")
 class _Late:
     """A connection that does not take its replies: the one that waits, the requests behind it."""
 
-    reply: bytes
-    requests: deque[list[bytes]] = field(default_factory=deque)
+    reply: bytes  # that the socket did not take
+    requests: deque[list[bytes]] = field(default_factory=deque)  # not answered yet
 
 
 class Port:
@@ -54,8 +54,9 @@ class Port:
     ) -> None:
         self.peer = peer
         self.caller: tuple[str, int] | None = None
+        # pushed frames that the socket did not take
         self._stuck: tuple[Route, list[Frame]] | None = None
-        self._late: dict[Route, _Late] = {}
+        self._late: dict[Route, _Late] = {}  # by connection
         number = me.port_for(peer)
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)
@@ -78,8 +79,9 @@ class Port:
         except BaseException:
             self.socket.close(0)
             raise
+        # protected ports have none
         self._limiter = None if secret else ConnectionLimiter(self.socket, number)
-        self._datagrams = _datagram_socket(me, number)
+        self._datagrams = _datagram_socket(me, number)  # None: none are taken
 
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for requests and datagrams."""

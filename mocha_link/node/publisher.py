@@ -21,10 +21,10 @@ LEAP_MS = 600_000
 class _Draft:
     """Messages that are not packed yet, and the stamp that they have been promised."""
 
-    stamp_ms: int
-    made_s: float
-    parts: list[bytes] = field(default_factory=list)
-    size: int = 0
+    stamp_ms: int  # as promised
+    made_s: float  # Unix time
+    parts: list[bytes] = field(default_factory=list)  # data, in order
+    size: int = 0  # bytes of all
     frame: bytes | None = None  # of the only part
 
     def add(self, data: bytes) -> None:
@@ -47,13 +47,14 @@ class Publisher:
         sign: Callable[[Topic], Sign] | None = None,
     ) -> None:
         self._robot = robot
-        self._topics = {topic.name: topic for topic in topics}
+        self._topics = {topic.name: topic for topic in topics}  # by name
         self._database = database
+        # of signed topics
         self._signs = {topic.name: sign(topic) for topic in topics} if sign else {}
-        self._last_ms: dict[str, int] = {}
-        self._stored_s: dict[str, float] = {}
-        self._held: dict[str, _Draft] = {}
-        self._latest: dict[str, tuple[_Draft, Header]] = {}
+        self._last_ms: dict[str, int] = {}  # stamp promised last
+        self._stored_s: dict[str, float] = {}  # Unix time of the last one
+        self._held: dict[str, _Draft] = {}  # by topic, for its interval
+        self._latest: dict[str, tuple[_Draft, Header]] = {}  # the newest made of each topic
 
     def publish(
         self,

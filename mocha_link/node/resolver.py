@@ -22,7 +22,7 @@ class Resolver:
         self._wake = wake
         self._lock = threading.Lock()
         self._found: dict[str, tuple[str | None, str, float]] = {}  # address, why not, when
-        self._looking: set[str] = set()
+        self._looking: set[str] = set()  # names asked for
 
     def address(self, host: str) -> str | None:
         """The address, if it is known; otherwise it is being looked up, or `failure` says why."""

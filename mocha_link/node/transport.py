@@ -70,29 +70,29 @@ class Transport:
     ) -> None:
         self._gossip = gossip
         self._team = team
-        self._me = gossip.me
+        self._me = gossip.me  # whose node it is
         self._lock = lock
         self._now = now
         self._deliver = deliver
         self._secret = secret
-        self._keys = keys or {}
+        self._keys = keys or {}  # of protected peers
         self._simulated = simulated
         self._serves = serves  # has ports; otherwise it only asks
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of all its sockets
         self._poller = zmq.Poller()
-        self._ports: dict[str, Port] = {}
-        self._gate: ZapHandler | None = None
+        self._ports: dict[str, Port] = {}  # by peer
+        self._gate: ZapHandler | None = None  # None: no peer is protected
         self._connections: dict[
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
         self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
-        self._seals: dict[str, Seal] = {}
-        self._datagram_socket: socket.socket | None = None
-        self._peers_at: dict[tuple[str, int], str] = {}
+        self._seals: dict[str, Seal] = {}  # by peer
+        self._datagram_socket: socket.socket | None = None  # for our pulls
+        self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
         self._resolver = Resolver(self.wake)
-        self._waker, self._woken = socket.socketpair()
-        self._observed_s = 0.0
-        self._stopping = False
+        self._waker, self._woken = socket.socketpair()  # end the poller's wait
+        self._observed_s = 0.0  # steady clock
+        self._stopping = False  # set by `close`
         self._thread = threading.Thread(
             target=self._run, name=f"mocha-link {self._me.name}", daemon=True
         )

@@ -56,7 +56,7 @@ class _Large:
     def __init__(self, flags: int, length: int, begin: memoryview) -> None:
         self.flags = flags
         self._view = memoryview(bytearray(length))
-        self._have = len(begin)
+        self._have = len(begin)  # bytes so far
         self._view[: self._have] = begin
 
     def room(self) -> memoryview:
@@ -87,11 +87,11 @@ class ZmtpSession:
     def __init__(self, max_bytes: int) -> None:
         self.ready = False
         self._max_bytes = max_bytes
-        self._buffer = bytearray()
-        self._greeted = False
-        self._parts: list[Part] = []
-        self._messages: deque[list[Part]] = deque()
-        self._large: _Large | None = None
+        self._buffer = bytearray()  # bytes not parsed yet
+        self._greeted = False  # the peer's greeting came
+        self._parts: list[Part] = []  # of the message under way
+        self._messages: deque[list[Part]] = deque()  # complete, not taken yet
+        self._large: _Large | None = None  # a part too large to copy
 
     @staticmethod
     def request(body: bytes) -> bytes:
@@ -199,7 +199,7 @@ class ZmtpSession:
         if not flags & _MORE:
             parts, self._parts = self._parts, []
             if len(self._messages) == _MAX_WAITING:
-                raise ZmtpError("more replies at once than anybody asks for")
+                raise ZmtpError("more replies at once than requests")
             self._messages.append(parts[1:] if parts[0] == b"" else parts)
         elif len(self._parts) > _MAX_PARTS or sum(map(len, self._parts)) > self._max_bytes:
             raise ZmtpError("a reply of too many parts")

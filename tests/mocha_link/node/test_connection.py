@@ -352,7 +352,7 @@ def test_closing_is_at_once_and_closes(peer):
 
 # --- with keys
 
-TITAN, IO, STRANGER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
+TITAN, IO, INTRUDER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
 
 
 class Hall:
@@ -413,8 +413,8 @@ def test_the_right_key(hall, context):
 @pytest.mark.parametrize(
     ("own", "peer", "reason"),
     [
-        (STRANGER, TITAN, "the peer refused our key"),
-        (IO, STRANGER, "the keys do not fit"),
+        (INTRUDER, TITAN, "the peer refused our key"),
+        (IO, INTRUDER, "the keys do not fit"),
     ],
 )
 def test_a_wrong_key(hall, context, own, peer, reason):
@@ -478,7 +478,7 @@ def test_a_refused_connection_with_keys(context):
     host = own_host()
     line = CurveConnection(context, host, free_ports(host, 1), own=IO, peer=TITAN.public)
     with contextlib.closing(line):
-        line.send(b"anybody there?")
+        line.send(b"hello?")
         assert line.rtt_s() is None
         turn_until(line, lambda: line.failure is not None)
         assert line.failure == "cannot connect"

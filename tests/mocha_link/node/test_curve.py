@@ -121,8 +121,8 @@ def test_each_port_has_its_own_key(hall, caplog):
 
 
 def test_a_port_whose_peer_the_zap_handler_does_not_know_stays_shut(hall):
-    hall.refused(hall.dial(hall.open("stranger"), holding(IO)))
-    assert set(hall.refusals) == {Refusal("stranger", "with a wrong key")}
+    hall.refused(hall.dial(hall.open("intruder"), holding(IO)))
+    assert set(hall.refusals) == {Refusal("intruder", "with a wrong key")}
 
 
 def test_a_context_has_one_zap_handler(hall):

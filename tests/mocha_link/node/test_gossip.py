@@ -109,7 +109,7 @@ def test_a_new_contact_replaces_a_stalled_pull(net):
     assert [type(a) for a in io.take()[0]] == [Disconnect, Connect, Send, Send]
 
 
-def test_by_timer_everybody_is_asked(team):
+def test_by_timer_all_peers_are_asked(team):
     net = NetworkSim(team, by_timer=True)
     net.nodes["io"].tick(net.now)
     dialled = [a.peer for a in net.nodes["io"].take()[0] if isinstance(a, Connect)]

@@ -231,17 +231,17 @@ def test_datagrams_of_others_are_no_datagrams(locked):
     titan, _, titan_saw = hall.node("titan")
     titan.publish("/map", b"grid")
     port = titan.robot.port_for("io")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind((hall.field.host, 0))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
+        intruder.bind((hall.field.host, 0))
         for size in (0, 1, 39, 40, 41, 100, 1400):
-            stranger.sendto(noise(size), (hall.field.host, port))
-        stranger.sendto(b"\x51ididid" + bytes(60), (hall.field.host, port))
+            intruder.sendto(noise(size), (hall.field.host, port))
+        intruder.sendto(b"\x51ididid" + bytes(60), (hall.field.host, port))
         io, _, saw = hall.node("io")
         assert pull(saw, io, "titan").messages == 1
         titan_saw.wait(SyncEnded, direction=OUT)
-        stranger.setblocking(False)
+        intruder.setblocking(False)
         with pytest.raises(BlockingIOError):
-            stranger.recv(2048)
+            intruder.recv(2048)
     started = [e for e in titan_saw.seen if isinstance(e, SyncStarted)]
     assert [e.peer for e in started] == ["io"]
 

@@ -325,7 +325,7 @@ def test_a_caller_that_is_gone_stops_nothing(port, titan, sender):
         gone.bind((titan.listen, 0))
         port.caller = gone.getsockname()
     for _ in range(3):
-        port.send_datagram(b"anybody?")
+        port.send_datagram(b"hello?")
     sender.send(b"absent")
     assert port.is_ready(ready(port))
     assert [packet for packet, _ in port.packets(64)] == [b"absent"]

@@ -60,19 +60,19 @@ def test_datagrams_from_elsewhere_are_not_listened_to(field):
     io.tick(titan._now()._replace(steady_s=time.monotonic() + LOOK_S))
     packets = [action.packet for action in io.take()[0] if hasattr(action, "packet")]
     assert packets
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind(("127.0.0.1", 0))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
+        intruder.bind(("127.0.0.1", 0))
         for packet in packets:
-            stranger.sendto(packet, (field.host, port))
+            intruder.sendto(packet, (field.host, port))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as friend:
             friend.bind((field.host, 0))
             friend.settimeout(WAIT_S)
             friend.sendto(packets[0], (field.host, port))
             assert friend.recv(2048)
             saw.wait(SyncStarted, peer="io", direction=OUT)
-        stranger.setblocking(False)
+        intruder.setblocking(False)
         with pytest.raises(BlockingIOError):
-            stranger.recv(2048)
+            intruder.recv(2048)
     assert sum(isinstance(each, SyncStarted) for each in saw.seen) == 1
 
 
