@@ -25,6 +25,7 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
     ("", "check mission.yaml --uav io", "'io' is of kind ground_robot in the team file"),
     ("", "check rovers/town.plan", "the kind aerial_robot in rovers/team.yaml"),
     ("", "check walk.gpx", "walk.gpx:1:1: not flown as it is: first `air-router convert"),
+    ("", "edit walk.gpx --no-open --port 0", "walk.gpx:1:1: not flown as it is: first"),
     ("", "check there.kml", "there.kml:1:1: a file of zones is no mission"),
     ("", "replay mission.yaml", "mission.yaml: not an MCAP file"),
     ("speed_m_s|speed_ms", "check mission.yaml", "'speed_ms'; did you mean 'speed_m_s'?"),
