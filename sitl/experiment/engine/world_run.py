@@ -110,7 +110,10 @@ class WorldRun:
         self._ends_s = (mission.duration_s or 3600.0) + _LANDED_S
         self._world = make_world(mission, team, roles, plan)
         settings = RunSettings(
-            town=path, airframe="px4", battery=BATTERY_MIN, map_interval_s=MAP_INTERVAL_S
+            town=path,
+            airframe="px4",
+            battery=BATTERY_MIN,
+            map_interval_s=MAP_INTERVAL_S - STEP_S / 2,  # looked at every step
         )
         flight_plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))
         setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicle)
@@ -149,6 +152,8 @@ class WorldRun:
         self._sim.step = step = self._world.step(truth)
         for said in step.publications:
             self.nodes[said.robot].publish(said.topic, said.data)
+        for topic, data in uav.map_due():
+            uav.node.publish(topic, data)
         uav.node.refresh()
         self._sim.settle()
         self._sim.look(_NOWHERE)

@@ -211,12 +211,15 @@ class Uav:
             longitude_deg=longitude_deg,
             heading_deg=self.heading_deg,
         )
-        said = [(POSE_TOPIC, pose.encode())]
-        if now_s - self._map_at_s >= self._map_every_s:
-            said += self._map()
+        said = [(POSE_TOPIC, pose.encode()), *self.map_due()]
         if now_s - self._seek_at_s >= SEEK_AGAIN_S and math.isfinite(self._seek_at_s):
             said.append(self._word())
         return said
+
+    def map_due(self) -> list[tuple[str, bytes]]:
+        """Its map, if it is time for one and it has grown."""
+        due = self._queue.now_s - self._map_at_s >= self._map_every_s
+        return self._map() if due else []
 
     def _tell(self, event: Event) -> None:
         self._log.event(self.name, event)
