@@ -74,8 +74,8 @@ def _is_free(port: int) -> bool:
     return True
 
 
-def node(team_file: str, name: str, start_s: float) -> Share:
-    """One robot: idle, then publishing; all robots keep the same times."""
+def node(team_file: str, name: str) -> Share:
+    """One robot: idle, then publishing; all robots keep the same times, from a word on stdin."""
     # Only here: what is compared runs this file with its own package.
     from mocha_link import MessageStored, Node, SyncStarted, SyncTimedOut, Team  # noqa: PLC0415
 
@@ -94,6 +94,8 @@ def node(team_file: str, name: str, start_s: float) -> Share:
     one = Node(team, name)
     one.subscribe(note)
     one.start()
+    print("ready", flush=True)
+    start_s = float(sys.stdin.readline())
     try:
         _until(start_s + SETTLE_S)
         counts.update(dict.fromkeys(counts, 0))
@@ -133,12 +135,12 @@ def fleet(count: int, checkout: Path) -> list[Share]:
     with tempfile.TemporaryDirectory() as folder:
         team_file = Path(folder, "team.yaml")
         team_file.write_text(team_text(count))
-        start_s = time.time() + 1.0 + 0.3 * count
         command = [sys.executable, str(Path(__file__).resolve()), "--node", str(team_file)]
         environment = os.environ | {"PYTHONPATH": str(checkout)}
         nodes = [
             subprocess.Popen(  # noqa: S603 - ourselves
-                [*command, f"rover{number:02}", str(start_s)],
+                [*command, f"rover{number:02}"],
+                stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=environment,
                 cwd=checkout,
@@ -146,6 +148,14 @@ def fleet(count: int, checkout: Path) -> list[Share]:
             )
             for number in range(count)
         ]
+        for each in nodes:
+            if each.stdout:
+                each.stdout.readline()
+        start = f"{time.time() + 1.0}\n"
+        for each in nodes:
+            if each.stdin:
+                each.stdin.write(start)
+                each.stdin.flush()
         return [Share(**json.loads(each.communicate()[0])) for each in nodes]
 
 
@@ -172,7 +182,7 @@ def summary(shares: list[Share]) -> str:
 def main() -> None:
     """Print the table; each line is on its way for half a minute and more."""
     if sys.argv[1:2] == ["--node"]:
-        print(json.dumps(asdict(node(sys.argv[2], sys.argv[3], float(sys.argv[4])))))
+        print(json.dumps(asdict(node(sys.argv[2], sys.argv[3]))))
         return
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter

@@ -36,7 +36,7 @@ MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 RETRY_EVERY = 8  # then they are tried again only so often
-STANDS_S = 2.0  # without a byte for longer, a connection that stood is taken for gone
+STANDS_S = 3.0  # without a byte for longer, a connection that stood is taken for gone
 
 
 @dataclass(slots=True)
