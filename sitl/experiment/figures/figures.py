@@ -207,7 +207,9 @@ _FIGURES: Final[Mapping[str, Callable[[Experiment, Sequence[Record]], Figure | N
 
 
 def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
-    """Draw every figure into DIR/figures; the files, in the order in which to look at them.
+    """Draw every figure into DIR/figures, as PNG and for papers as PDF.
+
+    Returns the PNG files, in the order in which to look at them.
 
     Raises:
         PictureError: a file cannot be written.
@@ -221,5 +223,6 @@ def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) ->
             figure = draw(experiment, records)
             if figure is not None:
                 save(figure, path)
+                save(figure, path.with_suffix(".pdf"))
                 drawn.append(path)
     return drawn

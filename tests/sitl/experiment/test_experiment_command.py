@@ -311,8 +311,12 @@ def test_every_figure_is_drawn(sitl, tmp_path, monkeypatch):
     sheet = pytest.importorskip("sitl.experiment.figures.figure_sheet", exc_type=MissingExtraError)
     monkeypatch.setattr(sheet, "_DPI", 40)  # small ones are drawn sooner
     sitl("--seeds", "1", "--rows", "radius_m=5", figures=True)
-    names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
-    assert names == {"compare", "goals", "waits", "bandwidth", "places", "contacts", "ages"}
+    drawn = list((tmp_path / "out" / "figures").iterdir())
+    for suffix, begins in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
+        files = [path for path in drawn if path.suffix == suffix]
+        names = {path.stem for path in files}
+        assert names == {"compare", "goals", "waits", "bandwidth", "places", "contacts", "ages"}
+        assert all(path.read_bytes().startswith(begins) for path in files)
 
 
 def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):
