@@ -123,6 +123,7 @@ class Gossip:
         self._actions: deque[Action] = deque()  # for the transport
         self._events: deque[LinkEvent] = deque()  # for listeners
         self._refusals: Counter[str] = Counter()  # by peer; the first is logged
+        self._sequence = -1  # of the database, when peers were last pushed what is new
         self._pullers = {  # by peer
             peer: Puller(
                 peer,
@@ -259,9 +260,11 @@ class Gossip:
             self._tell_own(record, now)
         for puller in self._pullers.values():
             puller.tick(now)
+        stored, self._sequence = self.database.sequence != self._sequence, self.database.sequence
         for peer, server in self._servers.items():
             server.tick(now)
-            self._after_server(peer, now)
+            if stored or server.is_due(now):
+                self._after_server(peer, now)
         self._pull_due(now)
 
     @property

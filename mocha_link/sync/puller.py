@@ -132,7 +132,8 @@ class Puller:
         elif pull:
             self._take(pull, pull.tick(now), now)
         if followed and followed is self.followed:
-            self._take(followed, followed.tick(now), now)
+            if followed.wake_s is not None and followed.wake_s <= now.steady_s:
+                self._take(followed, followed.tick(now), now)
             if now.steady_s - followed.alive_s > FOLLOW_S:
                 self.unfollow()
         if self._ending:

@@ -152,7 +152,14 @@ class Server:
     @property
     def is_busy(self) -> bool:
         """Whether a pull is under way, whose time-outs are to be looked after."""
-        return self._flow is not None or (self._sync is not None and not self._sync.follows)
+        return not self._sync.follows if self._sync else self._flow is not None
+
+    def is_due(self, now: Instant) -> bool:
+        """Whether `transmit` or `take` has something, though nothing was stored meanwhile."""
+        if self.is_busy or self._events:
+            return True
+        wake_s = self.wake_s
+        return wake_s is not None and wake_s <= now.steady_s
 
     @property
     def route(self) -> Route | None:
