@@ -116,10 +116,10 @@ class ProcessPool:
                 yield self._lost(task, tries, "a worker beside it ended")
             return lost
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
             for process in set(multiprocessing.active_children()) - before:
                 process.terminate()
-                process.join()
+            # Its thread joins them. One that both join, each may take for alive.
+            pool.shutdown(cancel_futures=True)
 
     def _lost(self, task: Task, tries: int, why: str) -> Lost:
         return Lost(task, max(tries, 1), why, again=tries < self.most_tries)
