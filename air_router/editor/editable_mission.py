@@ -15,9 +15,8 @@ from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_read import plan_draft
 from air_router.files.text.source import spliced
 from air_router.files.yaml.mission_file import read_mission
-from air_router.mission.foreign import no_mission
+from air_router.mission.foreign import check_own
 from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.problem import Problem
 
 _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
 
@@ -38,8 +37,7 @@ class EditableMission:
         Raises:
             DocumentError: it is not readable YAML or JSON, or another program's file.
         """
-        if (why := no_mission(path)) is not None:
-            raise DocumentError([Problem(path, 1, 1, why, "unknown-format")])
+        check_own(path)
         if _is_plan(path):
             plan = json_from_text(text, path)
             return cls(path, text, plan, PlanEditor(text, plan))

@@ -13,7 +13,8 @@ from air_router.files.qgc.waypoint_file import read_waypoints
 from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
 from geo.frame import Geodetic
-from mocha_link.team.document import Document
+from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.problem import Problem
 
 GPX: Final = ".gpx"
 WAYPOINTS: Final = ".waypoints"
@@ -27,10 +28,15 @@ _ADVICE: Final = {
 }
 
 
-def no_mission(path: Path) -> str | None:
-    """Why a file of another program is not flown, and what to do with it; None: it may be."""
+def check_own(path: Path) -> None:
+    """Make sure that a file is none of another program, by its name.
+
+    Raises:
+        DocumentError: it is; says what to do with it.
+    """
     advice = _ADVICE.get(path.suffix.lower())
-    return None if advice is None else advice.format(path=path)
+    if advice is not None:
+        raise DocumentError([Problem(path, 1, 1, advice.format(path=path), "unknown-format")])
 
 
 def foreign_draft(

@@ -14,12 +14,12 @@ from air_router.files.yaml.mission_file import read_mission
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
-from air_router.mission.foreign import no_mission
+from air_router.mission.foreign import check_own
 from air_router.mission.mission import Mission, Waypoint
 from air_router.mission.team_validation import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team.document import Document, DocumentError
 
 DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
@@ -73,8 +73,7 @@ def read_draft(path: Path) -> MissionDocument:
     """
     if path.suffix.lower() == ".plan":
         return read_plan(path)
-    if (why := no_mission(path)) is not None:
-        raise DocumentError([Problem(path, 1, 1, why, "unknown-format")])
+    check_own(path)
     return read_mission(Document.load(path))
 
 

@@ -17,7 +17,8 @@ from mocha_link.cli.command_help import examples
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
 from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncTimedOut
-from mocha_link.links.reading import Reading, Unit, as_reading
+from mocha_link.links.reading import Reading, as_reading
+from mocha_link.links.trigger import threshold
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
 from mocha_link.radios.factory import open_radio
@@ -234,16 +235,11 @@ class _Trial:
 
     def _judge_signal(self, peer: str) -> None:
         reading = self._heard.get(peer)
-        trigger = self._team.trigger
         if reading is None:
             where = "it reports of others" if self._heard else "it reports nothing at all"
             self._find(peer, good=False, text=f"the radio does not hear it ({where})")
             return
-        limit = {
-            Unit.DBM: trigger.rssi_threshold_dbm,
-            Unit.SNR_DB: trigger.snr_threshold_db,
-            Unit.DEVICE: trigger.device_threshold,
-        }[reading.unit]
+        limit = threshold(self._team.trigger, reading.unit)
         text = f"the radio hears it at {reading.value:g} {reading.unit.value}"
         good = reading.value >= limit
         less = "a contact begins at" if good else "too weak: no contact begins below"

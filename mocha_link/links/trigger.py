@@ -33,6 +33,15 @@ class _Link:
     last_sync_s: float | None = None  # None: none in this contact
 
 
+def threshold(settings: Trigger, unit: Unit) -> float:
+    """The reading, in its unit, at which a contact begins."""
+    return {
+        Unit.DBM: settings.rssi_threshold_dbm,
+        Unit.SNR_DB: settings.snr_threshold_db,
+        Unit.DEVICE: settings.device_threshold,
+    }[unit]
+
+
 class SyncTrigger:
     """Says when a sync is due: at once when a contact begins, then every interval.
 
@@ -67,7 +76,7 @@ class SyncTrigger:
         before = link.signals.pop(key, None)
         if before is None and len(link.signals) >= MAX_SOURCES:
             del link.signals[next(iter(link.signals))]
-        limit = self._threshold(reading.unit)
+        limit = threshold(self._settings, reading.unit)
         if before and before.in_contact:
             limit -= self._settings.hysteresis_db
         link.signals[key] = _Signal(reading, now_s, reading.value >= limit)
@@ -139,14 +148,6 @@ class SyncTrigger:
         """The contacts that began and ended since the last call, in order."""
         news, self._news = self._news, []
         return news
-
-    def _threshold(self, unit: Unit) -> float:
-        settings = self._settings
-        return {
-            Unit.DBM: settings.rssi_threshold_dbm,
-            Unit.SNR_DB: settings.snr_threshold_db,
-            Unit.DEVICE: settings.device_threshold,
-        }[unit]
 
     def _judge(self, peer: str, link: _Link, now_s: float, why: str) -> bool:
         """Begin or end the contact, as the signals say; True if it begins."""

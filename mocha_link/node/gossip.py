@@ -323,9 +323,9 @@ class Gossip:
         for peer in self._trigger.due(now.unix_s, self._followed()):
             self.sync(peer, now)
 
-    def _followed(self) -> list[str]:
+    def _followed(self) -> set[str]:
         """The peers that push what they store."""
-        return [peer for peer, puller in self._pullers.items() if puller.followed]
+        return {peer for peer, puller in self._pullers.items() if puller.followed}
 
     def _tell_step(self, peer: str, step: Step, now: Instant) -> None:
         """Tell what a step of a pull has brought."""
