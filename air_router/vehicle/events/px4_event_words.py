@@ -193,11 +193,19 @@ _MISSION: _Words = {
         "I",
     ),
     "navigator_mis_takeoff_missing": "it wants a take-off item (MIS_TKO_LAND_REQ)",
-    "navigator_mis_land_missing": "it wants a landing item, which we do not upload; set MIS_TKO_LAND_REQ to 0",
-    "navigator_mis_takeoff_or_land_missing": "it wants take-off and landing items; set MIS_TKO_LAND_REQ to 0",
-    "navigator_mis_add_land_or_rm_to": "it wants a landing item beside the take-off; set MIS_TKO_LAND_REQ to 0",
+    "navigator_mis_land_missing": (
+        "it wants a landing item, which we do not upload; set MIS_TKO_LAND_REQ to 0"
+    ),
+    "navigator_mis_takeoff_or_land_missing": (
+        "it wants take-off and landing items; set MIS_TKO_LAND_REQ to 0"
+    ),
+    "navigator_mis_add_land_or_rm_to": (
+        "it wants a landing item beside the take-off; set MIS_TKO_LAND_REQ to 0"
+    ),
     "navigator_mis_add_to_or_rm_land": "it wants a take-off item beside the landing",
-    "feasibility_mis_in_air_landing_req": "it wants a landing item, which we do not upload; set MIS_TKO_LAND_REQ to 0",
+    "feasibility_mis_in_air_landing_req": (
+        "it wants a landing item, which we do not upload; set MIS_TKO_LAND_REQ to 0"
+    ),
     "navigator_mis_takeoff_not_first": "the take-off is not the first item with a place",
     "navigator_mis_takeoff_too_low": ("the take-off altitude is too low, at least {0:.1f} m", "f"),
     "navigator_mis_starts_w_landing": "it begins with a landing",
@@ -205,8 +213,12 @@ _MISSION: _Words = {
     "navigator_mis_unsup_cmd": ("plan item {0} is a command that it does not know: {1}", "HH"),
     "navigator_mis_vtol_items": "it has items for VTOL vehicles only",
     "navigator_mis_wp_gate_too_close": "a waypoint and a gate are too close",
-    "navigator_geofence_invalid_against_home": "the fence does not contain home: PX4 ignores all of it",
-    "navigator_geofence_invalid_against_cur_pos": "the fence does not contain the place where the vehicle stands",
+    "navigator_geofence_invalid_against_home": (
+        "the fence does not contain home: PX4 ignores all of it"
+    ),
+    "navigator_geofence_invalid_against_cur_pos": (
+        "the fence does not contain the place where the vehicle stands"
+    ),
     "mavlink_mission_ignore_mis_count": "another transfer of a plan is under way",
     "mavlink_mission_op_timeout": "the transfer of the plan took too long",
     "mavlink_mission_mis_item_invalid": "a plan item is not valid",
@@ -250,7 +262,9 @@ _COMMANDER: _Words = {
     "commander_failsafe_enter_crit_bat_warn": "the battery is critical: land now",
     "commander_failsafe_enter_crit_low_bat_warn": "the battery is empty: land at once",
     "commander_failsafe_enter_low_flight_time_warn": "flight time is running out",
-    "navigator_reposition_outside_geofence": "the point to fly to is outside the fence or in a no-fly zone",
+    "navigator_reposition_outside_geofence": (
+        "the point to fly to is outside the fence or in a no-fly zone"
+    ),
     "navigator_mission_failure_heading": "it cannot turn to the heading of the item",
 }
 
