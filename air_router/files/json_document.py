@@ -19,7 +19,7 @@ from typing import Any, Final
 import yaml
 
 from air_router.files.whole_file import bytes_of, text_in
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.error_text import Key
 
 MAX_BYTES: Final = 4 * 1024 * 1024
@@ -67,7 +67,7 @@ def json_from_text(text: str, path: Path) -> JsonDocument:
     else:
         return JsonDocument(path, data, text)
     place = _Lines(text).place(fault.index)
-    raise DocumentError([Problem(path, *place, str(fault), fault.code)]) from None
+    raise DocumentError.at(path, str(fault), fault.code, *place) from None
 
 
 def value_at(data: Any, keys: Iterable[str | int]) -> Any:

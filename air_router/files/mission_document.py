@@ -183,6 +183,14 @@ class MissionDocument:
         else:
             self.notes.append(Problem(*area.place, message, code))
 
+    def find_frame(self, what: str, origin: Sequence[float], keys: Keys, advice: str = "") -> bool:
+        """Lay the frame around a place in degrees; False, with a problem noted, if it is none."""
+        try:
+            self.frame = LocalFrame(Geodetic(*origin))
+        except FrameError as error:
+            self.report(keys, f"{what}: {error}; correct it{advice}", "not-on-earth")
+        return self.frame is not None
+
     def spot(
         self, label: str, pair: Sequence[float], keys: Keys, altitude_m: float | None = None
     ) -> MissionPoint | None:

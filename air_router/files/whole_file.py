@@ -37,10 +37,10 @@ def bytes_of(path: Path, max_bytes: int) -> bytes:
     except OSError as error:
         reason = error.strerror or type(error).__name__
         message = f"cannot read the file: {reason}; check the path"
-        raise DocumentError([Problem(path, 1, 1, message, "unreadable")]) from None
+        raise DocumentError.at(path, message, "unreadable") from None
     if len(raw) > max_bytes:
         message = f"larger than {max_bytes} bytes; cut out the part that the mission needs"
-        raise DocumentError([Problem(path, 1, 1, message, "too-large")])
+        raise DocumentError.at(path, message, "too-large")
     return raw
 
 
@@ -53,7 +53,7 @@ def text_in(raw: bytes, path: Path) -> str:
         line = before.count(b"\n") + 1
         column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
         message = "not UTF-8 text; save the file as UTF-8"
-        raise DocumentError([Problem(path, line, column, message, "not-utf8")]) from None
+        raise DocumentError.at(path, message, "not-utf8", line, column) from None
 
 
 def write_whole(

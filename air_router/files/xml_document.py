@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from mocha_link.team.document import DocumentError, Problem
+from mocha_link.team.problem import DocumentError
 
 MAX_DEPTH: Final = 60
 MAX_ELEMENTS: Final = 500_000
@@ -64,10 +64,10 @@ def parse_xml(raw: bytes, path: Path) -> Element:
     except expat.ExpatError as error:
         words = expat.errors.messages.get(error.code, "not readable")
         message = f"not valid XML: {words}; export the file again"
-        raise _one(path, error.lineno, error.offset + 1, message, "not-xml") from None
+        raise DocumentError.at(path, message, "not-xml", error.lineno, error.offset + 1) from None
     except (LookupError, ValueError):  # an encoding that Python does not know, or not for XML
         message = "the file's encoding is not read; save it as UTF-8"
-        raise _one(path, 1, 1, message, "not-utf8") from None
+        raise DocumentError.at(path, message, "not-utf8") from None
     return builder.root
 
 
@@ -99,10 +99,10 @@ class _Builder:
         line, column = self._place()
         if len(self._open) > MAX_DEPTH:
             message = f"nested more than {MAX_DEPTH} deep; flatten it"
-            raise _one(self._path, line, column, message, "too-deep")
+            raise DocumentError.at(self._path, message, "too-deep", line, column)
         if self._count > MAX_ELEMENTS:
             message = f"more than {MAX_ELEMENTS} elements; cut out what the mission needs"
-            raise _one(self._path, line, column, message, "too-large")
+            raise DocumentError.at(self._path, message, "too-large", line, column)
         element = Element(name.rpartition("}")[2], line, column, attributes)
         self._open[-1].children.append(element)
         self._open.append(element)
@@ -115,13 +115,8 @@ class _Builder:
         self._texts[-1].append(text)
 
     def _refuse(self, *_: object) -> int:
-        line, column = self._place()
         message = "a document type (DOCTYPE, ENTITY) is not read; remove it"
-        raise _one(self._path, line, column, message, "xml-doctype")
+        raise DocumentError.at(self._path, message, "xml-doctype", *self._place())
 
     def _place(self) -> tuple[int, int]:
         return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
-
-
-def _one(path: Path, line: int, column: int, message: str, code: str) -> DocumentError:
-    return DocumentError([Problem(path, line, column, message, code)])

@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from pathlib import Path
 
-from mocha_link.team.problem import DocumentError, Problem
+from mocha_link.team.problem import DocumentError
 
 
 def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
@@ -20,19 +20,21 @@ def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
             if not names:
-                raise _wrong(path, "no KML in this KMZ; export it again", "unknown-format")
+                raise DocumentError.at(
+                    path, "no KML in this KMZ; export it again", "unknown-format"
+                )
             name = "doc.kml" if "doc.kml" in names else names[0]
             with archive.open(name) as file:
                 kml = file.read(max_bytes + 1)
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
         message = "not a KMZ: no whole zip archive; export it again"
-        raise _wrong(path, message, "unknown-format") from None
+        raise DocumentError.at(path, message, "unknown-format") from None
     except (NotImplementedError, RuntimeError):  # an unknown compression; a password
         message = "packed in a way that is not read; unzip it and name the .kml in it"
-        raise _wrong(path, message, "unknown-format") from None
+        raise DocumentError.at(path, message, "unknown-format") from None
     if len(kml) > max_bytes:
         message = f"unpacks to more than {max_bytes} bytes; cut out what the mission needs"
-        raise _wrong(path, message, "too-large")
+        raise DocumentError.at(path, message, "too-large")
     return kml
 
 
@@ -42,7 +44,3 @@ def kmz_of(kml: str) -> bytes:
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(zipfile.ZipInfo("doc.kml"), kml, zipfile.ZIP_DEFLATED)
     return packed.getvalue()
-
-
-def _wrong(path: Path, message: str, code: str) -> DocumentError:
-    return DocumentError([Problem(path, 1, 1, message, code)])

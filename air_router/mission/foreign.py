@@ -14,7 +14,6 @@ from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
 from geo.frame import Geodetic
 from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.problem import Problem
 
 GPX: Final = ".gpx"
 WAYPOINTS: Final = ".waypoints"
@@ -36,7 +35,7 @@ def check_own(path: Path) -> None:
     """
     advice = _ADVICE.get(path.suffix.lower())
     if advice is not None:
-        raise DocumentError([Problem(path, 1, 1, advice.format(path=path), "unknown-format")])
+        raise DocumentError.at(path, advice.format(path=path), "unknown-format")
 
 
 def foreign_draft(

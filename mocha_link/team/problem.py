@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.sanitize import sanitize
@@ -54,6 +54,11 @@ class DocumentError(MochaLinkError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = first_of_each_kind(problems)  # the first of each kind
         super().__init__("\n".join(map(str, self.problems)))
+
+    @classmethod
+    def at(cls, path: Path, message: str, code: str, line: int = 1, column: int = 1) -> Self:
+        """Of one problem, at the file's beginning where its place is not known."""
+        return cls([Problem(path, line, column, message, code)])
 
 
 def first_of_each_kind(problems: Iterable[Problem]) -> tuple[Problem, ...]:

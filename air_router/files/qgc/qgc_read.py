@@ -14,7 +14,6 @@ from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.qgc.qgc_items import ItemsReader
 from air_router.files.qgc.qgc_values import EXPORT_AGAIN, PlanValues
 from geo.airspace.airspace import FENCE
-from geo.frame import FrameError, Geodetic, LocalFrame
 
 PLAN_TYPE = "Plan"
 
@@ -86,12 +85,7 @@ class _PlanReader(PlanValues):
             self.draft.report(keys, message, "missing-key")
             return False
         pair = self.pair(*keys)
-        if pair is None:
-            return False
-        try:
-            self.draft.frame = LocalFrame(Geodetic(*pair))
-        except FrameError as error:
-            self.draft.report(keys, f"home: {error}; correct it", "not-on-earth")
+        if pair is None or not self.draft.find_frame("home", pair, keys):
             return False
         self.draft.home = self.draft.spot("home", pair, keys)
         if self.at(*keys, 2) is not None:

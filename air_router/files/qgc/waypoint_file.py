@@ -17,7 +17,6 @@ from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_items import ItemsReader, MavCommand
 from air_router.files.qgc.qgc_write import plan_of, simple_item, tell_settings
 from air_router.files.settings import DEFAULT_SPEED_M_S
-from geo.frame import FrameError, Geodetic, LocalFrame
 from mocha_link.team.problem import DocumentError, Problem
 
 HEADER: Final = "QGC WPL"
@@ -88,7 +87,7 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     first = text.partition("\n")[0].strip()
     if first != _VERSION:
         message = f"the first line is '{first[:40]}', read is '{_VERSION}'; export the file again"
-        raise DocumentError([Problem(path, 1, 1, message, "plan-version")])
+        raise DocumentError.at(path, message, "plan-version")
     document = WaypointFile(path, text)
     draft = MissionDocument(document, path.stem)
     items = document.items()
@@ -99,10 +98,7 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     home = items[places[0]]
     keys = ("mission", "items", places[0], "params", 4)
     latitude_deg, longitude_deg, altitude_m = home["params"][4:]
-    try:
-        draft.frame = LocalFrame(Geodetic(latitude_deg, longitude_deg))
-    except FrameError as error:
-        draft.report(keys, f"home: {error}; correct it", "not-on-earth")
+    if not draft.find_frame("home", (latitude_deg, longitude_deg), keys):
         return draft
     draft.home = draft.spot("home", (latitude_deg, longitude_deg), keys)
     if home is items[0] and (home["command"], home["frame"]) == (MavCommand.WAYPOINT, _AMSL_FRAME):

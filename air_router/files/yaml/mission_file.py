@@ -23,7 +23,6 @@ from air_router.files.yaml.mission_form import (
 from air_router.files.zones.zone_files import add_zones
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
-from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import DAYS, Hours, Period, Validity
 from mocha_link.team.document import Document, DocumentError
 
@@ -239,11 +238,7 @@ def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
         origin, keys = model.waypoints[0].position, ("waypoints", 0)
     else:
         return
-    try:
-        draft.frame = LocalFrame(Geodetic(*origin))
-    except FrameError as error:
-        message = f"{keys[0]}: {error}; correct it (latitude comes first)"
-        draft.report(keys, message, "not-on-earth")
+    draft.find_frame(str(keys[0]), origin, keys, " (latitude comes first)")
 
 
 def _check_origin(draft: MissionDocument) -> None:

@@ -12,7 +12,7 @@ from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.qgc.qgc_values import PlanValues, shown
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from geo.airspace.airspace import FENCE
-from geo.frame import FrameError, Geodetic, LocalFrame
+from geo.frame import Geodetic
 from mocha_link.team.document import Document
 
 SUFFIX: Final = ".sim.yaml"
@@ -27,12 +27,8 @@ def sim_plan_draft(document: Document, origin: Geodetic) -> MissionDocument:
     """
     draft = MissionDocument(document, in_metres=True, speed_m_s=DEFAULT_SPEED_M_S)
     draft.name = document.path.name.removesuffix(SUFFIX)
-    try:
-        draft.frame = LocalFrame(origin)
-    except FrameError as error:
-        draft.report((), f"the origin: {error}; correct it", "not-on-earth")
-        return draft
-    _Reader(draft, document.data).read()
+    if draft.find_frame("the origin", origin, ()):
+        _Reader(draft, document.data).read()
     return draft
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument
 from air_router.files.mission_document import Keys
-from air_router.files.zones.properties import ZoneTerms, terms_of
+from air_router.files.zones.properties import terms_of
 from air_router.files.zones.reading import JsonReader, MapCircle, MapOutline, ZoneReading
 
 Shapes = list[tuple[Keys, MapOutline | MapCircle]]
@@ -111,21 +111,8 @@ class _Reader(GeometryReader):
 
     def _add(self, keys: Keys, properties_keys: Keys, name: str, properties: Any) -> None:
         self._properties = properties_keys
-
-        def report(key: str, message: str, code: str) -> None:
-            self.reading.report((*properties_keys, key), message, code)
-
-        def note(key: str, message: str, code: str) -> None:
-            self.reading.note((*properties_keys, key), message, code)
-
-        terms: ZoneTerms = terms_of(properties, report, note)
-        self.reading.add(
-            name,
-            self.shapes(keys),
-            clearance_m=terms.clearance_m,
-            altitudes=terms.altitudes,
-            validity=terms.validity,
-        )
+        terms = terms_of(properties, self.reading, lambda name: (*properties_keys, name))
+        self.reading.add(name, self.shapes(keys), terms)
 
     def point(self, keys: Keys) -> MapCircle | None:
         for name in ("radius_m", "radius"):

@@ -16,7 +16,13 @@ from air_router.files.json_document import JsonDocument
 from air_router.files.mission_document import Keys
 from air_router.files.zones.geojson import GeometryReader, Shapes
 from air_router.files.zones.limits import METRES_PER_UNIT
-from air_router.files.zones.reading import MAX_ALTITUDE_M, AllowedZones, MapCircle, ZoneReading
+from air_router.files.zones.reading import (
+    MAX_ALTITUDE_M,
+    AllowedZones,
+    MapCircle,
+    ZoneReading,
+    ZoneTerms,
+)
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
 
@@ -122,8 +128,8 @@ class _GeozoneReader(GeometryReader, ABC):
         volumes = list(self.volumes(keys))
         for index, (layer, shapes) in enumerate(volumes):
             suffix = f", volume {index + 1}" if len(volumes) > 1 else ""
-            altitudes = self._altitudes(layer)
-            self.reading.add(name[:80] + suffix, shapes, altitudes=altitudes, validity=validity)
+            terms = ZoneTerms(altitudes=self._altitudes(layer), validity=validity)
+            self.reading.add(name[:80] + suffix, shapes, terms)
 
     def _text(self, keys: Keys) -> str:
         """A text, or the first of several translations."""

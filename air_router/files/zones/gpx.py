@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.files.gpx_document import GpxLine, read_gpx
-from air_router.files.zones.reading import MapOutline, ZoneReading
+from air_router.files.zones.reading import MapOutline, ZoneReading, ZoneTerms
 from geo.geodesic import polar
 
 _CLOSED_M: Final = 25.0
@@ -45,4 +45,4 @@ def _add(reading: ZoneReading, line: GpxLine, name: str) -> None:
         return
     ring = reading.ring(places, line.keys)
     if ring is not None:
-        reading.add(name, [(line.keys, MapOutline(ring))])
+        reading.add(name, [(line.keys, MapOutline(ring))], ZoneTerms())

@@ -9,13 +9,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, TypeGuard
+from typing import Any, Final
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
+from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
-from air_router.files.zones.properties import ZoneTerms, terms_of
+from air_router.files.zones.properties import terms_of
 from air_router.files.zones.reading import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
@@ -23,10 +25,12 @@ from air_router.files.zones.reading import (
     MapOutline,
     MapRing,
     ZoneReading,
+    is_number,
 )
 from geo.frame import Geodetic
+from geo.geodesic import polar
 
-Shapes = list[tuple[tuple[int, int], MapOutline | MapCircle]]
+Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(
@@ -36,7 +40,6 @@ _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Tra
 _REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
 _ZONE_KIND: Final = "zone"
 _CIRCLE_CORNERS: Final = 12
-_EARTH_M: Final = 6_371_000.0
 
 
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
@@ -86,11 +89,7 @@ class _Reader:
             named = (e for e in _data_elements(element) if e.attributes["name"] == key)
             return next(named, element).keys
 
-        terms: ZoneTerms = terms_of(
-            data,
-            lambda key, message, code: self.reading.report(place(key), message, code),
-            lambda key, message, code: self.reading.note(place(key), message, code),
-        )
+        terms = terms_of(data, self.reading, place)
         circle = self._circle(element, data)
         shapes: Shapes = []
         heights: list[AltitudeLimit | None] = []
@@ -102,21 +101,16 @@ class _Reader:
                 shapes += [(polygon.keys, outline)] if outline else []
                 heights.append(self._height(polygon))
         upper = _highest(heights)
-        altitudes = terms.altitudes or (Altitudes(upper=upper) if upper else None)
-        self.reading.add(
-            name,
-            list(shapes),
-            clearance_m=terms.clearance_m,
-            altitudes=altitudes,
-            validity=terms.validity,
-        )
+        if upper is not None and terms.altitudes is None:
+            terms = replace(terms, altitudes=Altitudes(upper=upper))
+        self.reading.add(name, shapes, terms)
 
     def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
         """A circle: a point with a radius, or a polygon that says which circle it draws."""
         radius_m = data.get("radius_m")
         if radius_m is None:
             return None
-        if not _is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
+        if not is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
             message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
             self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
@@ -125,7 +119,7 @@ class _Reader:
             places = self._places(point)
             return MapCircle(places[0][0], radius_m) if places else None
         latitude_deg, longitude_deg = (
-            value if _is_number(value) else math.inf
+            value if is_number(value) and math.isfinite(value) else math.inf
             for value in (data.get("centre_latitude_deg"), data.get("centre_longitude_deg"))
         )
         if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
@@ -192,10 +186,8 @@ class _Reader:
                 self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
                 return None
             if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
-                swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
-                advice = "exchange them (longitude comes first)" if swapped else "correct it"
-                message = f"there is no place '{word[:40]}'; {advice}"
-                self.reading.report(element.keys, message, "not-on-earth")
+                message = f"there is no place '{word[:40]}'"
+                self.reading.report_place(element.keys, message, longitude_deg, latitude_deg)
                 return None
             places.append((Geodetic(latitude_deg, longitude_deg), altitude_m))
         if not places:
@@ -249,13 +241,9 @@ def _numbers(word: str) -> tuple[float, float, float]:
     return parts[0], parts[1], parts[2] if len(parts) == 3 else 0.0
 
 
-def _is_number(value: Any) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _draws(outline: MapOutline, circle: MapCircle) -> bool:
     """Whether an outline is a circle as we draw it: many corners, all just outside of it."""
-    distances = [_distance_m(circle.centre, corner) for corner in outline.ring]
+    distances = [polar(circle.centre, corner)[1] for corner in outline.ring]
     nearest_m, farthest_m = 0.98 * circle.radius_m, 1.06 * circle.radius_m + 0.05
     return (
         len(outline.ring) >= _CIRCLE_CORNERS
@@ -263,15 +251,6 @@ def _draws(outline: MapOutline, circle: MapCircle) -> bool:
         and nearest_m <= min(distances)
         and max(distances) <= farthest_m
     )
-
-
-def _distance_m(start: Geodetic, end: Geodetic) -> float:
-    """On a sphere: near enough to tell a drawn circle."""
-    lat, to_lat = math.radians(start.latitude_deg), math.radians(end.latitude_deg)
-    half_lon = math.radians(end.longitude_deg - start.longitude_deg) / 2
-    chord = math.sin((to_lat - lat) / 2) ** 2
-    chord += math.cos(lat) * math.cos(to_lat) * math.sin(half_lon) ** 2
-    return 2 * _EARTH_M * math.asin(min(math.sqrt(chord), 1.0))
 
 
 def _highest(limits: list[AltitudeLimit | None]) -> AltitudeLimit | None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes
+from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
 from air_router.files.zones.limits import UNCLEAR, limit_in_text
 from air_router.files.zones.reading import (
@@ -21,6 +22,7 @@ from air_router.files.zones.reading import (
     MapCircle,
     MapOutline,
     ZoneReading,
+    ZoneTerms,
 )
 from geo.frame import Geodetic
 from geo.geodesic import arc_around, polar
@@ -94,14 +96,15 @@ class _Reader:
         name = words.get("AN", "")[:80] or f"{self._reading.path.stem} {zone.place[0]}"
         if zone.broken or self._allowed.takes(name, zone.kind, words.get("AY", ""), name):
             return
-        shapes: list[tuple[Place, MapOutline | MapCircle]]
-        shapes = [(zone.place, circle) for circle in zone.circles]
+        shapes: list[tuple[Keys, MapOutline | MapCircle]] = [
+            (zone.place, circle) for circle in zone.circles
+        ]
         if zone.corners or not shapes:
             ring = self._reading.ring(zone.corners, zone.place)
             shapes += [(zone.place, MapOutline(ring))] if ring else []
         lower, upper = self._limit(zone, "AL"), self._limit(zone, "AH")
         altitudes = Altitudes(lower, upper) if lower or upper else None
-        self._reading.add(name, list(shapes), altitudes=altitudes)
+        self._reading.add(name, shapes, ZoneTerms(altitudes=altitudes))
 
     def _limit(self, zone: _Airspace, command: str) -> AltitudeLimit | None:
         text, at = zone.said.get(command, ("", zone.place))

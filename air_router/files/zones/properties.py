@@ -7,12 +7,12 @@ Altitude limits are also read as openAIP and the FAA name them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
+from air_router.files.mission_document import Keys
 from air_router.files.zones.limits import limits_in_properties
-from air_router.files.zones.reading import MAX_ALTITUDE_M
+from air_router.files.zones.reading import MAX_ALTITUDE_M, ZoneReading, ZoneTerms, is_number
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
 
@@ -25,17 +25,23 @@ _OWN_LIMITS = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class ZoneTerms:
-    """How far, how high and when a zone is to be kept away from."""
+def terms_of(
+    properties: Mapping[str, Any], reading: ZoneReading, place: Callable[[str], Keys]
+) -> ZoneTerms:
+    """The terms in these properties; what is wrong with one is complained of, doubts are noted.
 
-    clearance_m: float | None = None  # None: the mission's
-    altitudes: Altitudes | None = None
-    validity: Validity | None = None
+    Args:
+        properties: Of one zone.
+        reading: Takes problems and notes.
+        place: Where a property stands, by its name.
+    """
 
+    def report(name: str, message: str, code: str) -> None:
+        reading.report(place(name), message, code)
 
-def terms_of(properties: Mapping[str, Any], report: Report, note: Report) -> ZoneTerms:
-    """The terms in these properties; what is wrong with one is complained of, doubts are noted."""
+    def note(name: str, message: str, code: str) -> None:
+        reading.note(place(name), message, code)
+
     clearance_m = _number(properties, "clearance_m", 0.0, _MAX_CLEARANCE_M, report)
     limits = [
         _limit(properties, ("lower_m", "lower"), "lower_reference", report),
@@ -95,7 +101,7 @@ def _number(
     value = properties.get(name)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not is_number(value):
         message = f"'{name}' must be a number, found {str(value)[:40]!r}; correct it"
         report(name, message, "wrong-type")
         return None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,6 +46,15 @@ class MapCircle:
 
     centre: Geodetic
     radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ZoneTerms:
+    """How far, how high and when a zone is to be kept away from."""
+
+    clearance_m: float | None = None  # None: the mission's
+    altitudes: Altitudes | None = None
+    validity: Validity | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +125,14 @@ class ZoneReading:
         """Note what the operator should know."""
         self._notes.add(self.path, code, lambda: self.source.problem(keys, message, code))
 
+    def report_place(
+        self, keys: Keys, message: str, longitude_deg: float, latitude_deg: float
+    ) -> None:
+        """Note a place that is not on Earth, or would be with its numbers exchanged."""
+        swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
+        advice = "exchange them (longitude comes first)" if swapped else "correct it"
+        self.report(keys, f"{message}; {advice}", "not-on-earth")
+
     def ring(self, places: list[Geodetic], keys: Keys) -> MapRing | None:
         """Corners as a ring; None, with a problem noted, if they are too few or too many."""
         if len(places) > 1 and places[0] == places[-1]:
@@ -136,19 +153,15 @@ class ZoneReading:
     def add(
         self,
         name: str,
-        shapes: list[tuple[Keys, MapOutline | MapCircle]],
-        *,
-        clearance_m: float | None = None,
-        altitudes: Altitudes | None = None,
-        validity: Validity | None = None,
+        shapes: Sequence[tuple[Keys, MapOutline | MapCircle]],
+        terms: ZoneTerms,
     ) -> None:
         """Add a zone; one of several shapes becomes as many, with a number behind the name."""
         name = sanitize(name)
         for number, (keys, shape) in enumerate(shapes, start=1):
             numbered = name if len(shapes) == 1 else f"{name}, part {number}"
-            self.zones.append(
-                FileZone(numbered, shape, self.source, keys, clearance_m, altitudes, validity)
-            )
+            kept = terms.clearance_m, terms.altitudes, terms.validity
+            self.zones.append(FileZone(numbered, shape, self.source, keys, *kept))
 
 
 class AllowedZones:
@@ -212,7 +225,7 @@ class JsonReader:
         value = self.at(*keys)
         if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
             value = float(value)
-        if not _is_number(value):
+        if not is_number(value):
             self.wrong(keys, f"{what} must be a number")
             return None
         if not lowest <= value <= highest:
@@ -238,16 +251,11 @@ class JsonReader:
         if not isinstance(value, list) or len(value) < 2:
             self.wrong(keys, "a place must be [longitude, latitude]")
             return None
-        if not (_is_number(value[0]) and _is_number(value[1])):
+        if not (is_number(value[0]) and is_number(value[1])):
             self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
             return None
-        longitude_deg, latitude_deg = float(value[0]), float(value[1])
-        swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
-        advice = "exchange them (longitude comes first)" if swapped else "correct it"
-        self.reading.report(
-            keys, f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}; {advice}",
-            "not-on-earth",
-        )  # fmt: skip
+        message = f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}"
+        self.reading.report_place(keys, message, float(value[0]), float(value[1]))
         return None
 
     def outline(self, keys: Keys) -> MapOutline | None:
@@ -292,14 +300,15 @@ def _place(value: Any) -> Geodetic | None:
     if not isinstance(value, list) or len(value) < 2:
         return None
     longitude_deg, latitude_deg = value[0], value[1]
-    if not (_is_number(longitude_deg) and _is_number(latitude_deg)):
+    if not (is_number(longitude_deg) and is_number(latitude_deg)):
         return None
     if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
         return None
     return Geodetic(float(latitude_deg), float(longitude_deg))
 
 
-def _is_number(value: Any) -> TypeGuard[float]:
+def is_number(value: Any) -> TypeGuard[float]:
+    """Whether JSON has a number here; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
