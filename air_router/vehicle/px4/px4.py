@@ -9,8 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from mavsdk.plugins.events.events import Events
 from mavsdk.plugins.geofence.geofence import Geofence
@@ -23,7 +22,7 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.events.px4_health import arming_problems
 from air_router.vehicle.inspection import Inspection
-from air_router.vehicle.mavlink.mavsdk_bridge import call, message
+from air_router.vehicle.mavlink.mavsdk_bridge import message
 from air_router.vehicle.mavlink.px4_connection import Px4Connection
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_inspection import inspect
@@ -39,6 +38,7 @@ from air_router.vehicle.px4.px4_plan import (
     verify_plan,
 )
 from air_router.vehicle.px4.px4_plan_guard import PlanGuard
+from air_router.vehicle.px4.px4_requests import ONCE_S, Px4Requests
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -49,46 +49,8 @@ from air_router.vehicle.vehicle import (
     VehicleEvent,
     VehicleInfo,
 )
-from geo.frame import Point
 
 _log = logging.getLogger(__name__)
-
-SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
-GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
-WIND_COV = 231
-AUTOPILOT_VERSION, HOME_POSITION, FLIGHT_INFORMATION = 148, 242, 264
-RATES_HZ: Final = MappingProxyType(
-    {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0, WIND_COV: 1.0}
-)
-"""How often we want what PX4 sends so often that reading it takes our time."""
-
-ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
-"""What is asked for on connecting."""
-
-STREAMS: Final = MappingProxyType(
-    {
-        "HEARTBEAT": 0,
-        "SYS_STATUS": 1,
-        "GPS_RAW_INT": GPS_RAW_INT,
-        "GLOBAL_POSITION_INT": GLOBAL_POSITION_INT,
-        "MISSION_CURRENT": 42,
-        "POSITION_TARGET_GLOBAL_INT": POSITION_TARGET_GLOBAL_INT,
-        "EXTENDED_SYS_STATE": 245,
-    }
-)
-"""What a flight rests on, by message id."""
-
-ASK_AGAIN_S: Final = 2.0
-"""A stream that is missing for so long, while others come, is asked for, and again every
-`ASK_EVERY_S` of our clock: it was turned off, perhaps, by another program on this link."""
-
-ASK_EVERY_S: Final = 5.0
-
-ANSWER_S: Final = 5.0
-"""Wall-clock limit for a command's answer; on the ground these take milliseconds."""
-
-ONCE_S: Final = 1.5
-"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
 
 SILENT_S: Final = 3.0
 HEALTH_S: Final = 60.0
@@ -96,7 +58,7 @@ NOTICE: Final = 5
 TEXT_LIMIT: Final = 50
 
 
-class Px4Vehicle(Vehicle):
+class Px4Vehicle(Px4Motions, Vehicle):
     """Flies one PX4.
 
     Args:
@@ -117,9 +79,8 @@ class Px4Vehicle(Vehicle):
         connection: Callable[[str, int], Px4Connection] = Px4Connection,
     ) -> None:
         self._connection = connection(url, system_id)
-        self._telemetry = Px4Telemetry(mission.frame, clock)
-        self._commands = Px4Commands(self._telemetry, system_id)
-        self._motions = Px4Motions(mission, self._telemetry, self._commands)
+        telemetry = Px4Telemetry(mission.frame, clock)
+        super().__init__(mission, telemetry, Px4Commands(telemetry, system_id))
         self._events: Callable[[], Events]  # makes the plugin; for reports on arming
         self._raw: MissionRaw  # missions, from `connect` on
         self._geofence: Geofence  # from `connect` on
@@ -143,13 +104,12 @@ class Px4Vehicle(Vehicle):
         self._geofence, self._events = plugins.geofence, plugins.events
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
-        requests = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
-        requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
-        await asyncio.gather(*(self._request_message(*request) for request in requests))
         telemetry = self._telemetry
+        requests = Px4Requests(self._direct, telemetry, self._connection.system_id)
+        await requests.begin()
         await self._connection.heard(telemetry.complete, "positions")
         await telemetry.shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
-        work = (self._watch_silence(), self._watch_streams())
+        work = (self._watch_silence(), requests.go_on())
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(
             system_id=self._connection.system_id,
@@ -224,7 +184,7 @@ class Px4Vehicle(Vehicle):
                 "it is left to the pilot"
             )
         try:
-            await self._motions.arm()
+            await super().arm()
         except NotConfirmedError as error:
             raise ArmingRefusedError(
                 f"{error}{await arming_problems(self._events)}; see the arming checks in the "
@@ -234,23 +194,7 @@ class Px4Vehicle(Vehicle):
     async def start(self) -> None:
         """See `Vehicle.start`."""
         async with self._plan_lock:  # PX4 begins what is on board when the mode changes
-            await self._motions.start()
-
-    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
-        """See `Vehicle.jump`."""
-        await self._motions.jump(item, objection)
-
-    async def reposition(self, point: Point, altitude_m: float) -> None:
-        """See `Vehicle.reposition`."""
-        await self._motions.reposition(point, altitude_m)
-
-    async def hold(self) -> None:
-        """See `Vehicle.hold`."""
-        await self._motions.hold()
-
-    async def land(self) -> None:
-        """See `Vehicle.land`."""
-        await self._motions.land()
+            await super().start()
 
     async def announce(self, text: str) -> None:
         """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
@@ -273,7 +217,7 @@ class Px4Vehicle(Vehicle):
         """See `Vehicle.close`."""
         for watch in self._watches:
             watch.cancel()
-        self._motions.close()
+        self.stop_telling()
         self._plan_guard.close()
         await self._connection.close()
 
@@ -304,46 +248,6 @@ class Px4Vehicle(Vehicle):
             )
         except MavlinkDirectError as error:
             raise PlanRefusedError(f"rally points stay on board: {error.result.name}") from None
-
-    async def _answer(self, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
-        try:
-            return await call(method, *arguments, timeout_s=ANSWER_S)
-        except TimeoutError:
-            name = method.__name__.removesuffix("_async")
-            raise NotConfirmedError(f"{name}: no answer within {ANSWER_S:.0f} s") from None
-
-    async def _request_message(self, command: int, *params: float) -> None:
-        """Ask for a message or its rate; without it things go on, only less well."""
-        try:
-            async with asyncio.timeout(ONCE_S):
-                await self._command(command, *params)
-        except (NotConfirmedError, TimeoutError):
-            _log.info("command %d %s was not answered", command, params)
-
-    async def _command(self, command: int, *params: float) -> None:
-        """Send a COMMAND_LONG and wait for its answer, whatever that says."""
-        values = (*params, *(0.0,) * (7 - len(params)))
-        fields = {
-            "target_system": self._connection.system_id,
-            "target_component": AUTOPILOT,
-            "command": command,
-            "confirmation": 0,
-            **{f"param{n}": value for n, value in enumerate(values, start=1)},
-        }
-        text = message("COMMAND_LONG", fields, self._connection.system_id)
-        await self._answer(self._direct.send_command_async, text)
-
-    async def _watch_streams(self) -> None:
-        while True:
-            await asyncio.sleep(ASK_EVERY_S)
-            await self._ask_again()
-
-    async def _ask_again(self) -> None:
-        """Ask for streams that are missing, at our rate or the autopilot's own."""
-        for name in self._telemetry.missing(ASK_AGAIN_S):
-            what = STREAMS[name]
-            interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
-            await self._request_message(SET_MESSAGE_INTERVAL, what, interval_us)
 
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()

@@ -19,11 +19,11 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 from air_router.vehicle.events.px4_health import reported_problems
 from air_router.vehicle.inspection import Inspection
 from air_router.vehicle.mavlink.mavsdk_bridge import call, message
+from air_router.vehicle.px4.px4_order import AUTOPILOT
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 
 _log = logging.getLogger(__name__)
 
-AUTOPILOT: Final = 1
 RUN_PREARM_CHECKS: Final = 401  # MAV_CMD: PX4 sends its health and arming report anew
 
 HEALTH_S: Final = 4.0

@@ -117,7 +117,7 @@ class Px4Motions:
                 "it is left to the pilot"
             )
 
-    async def jump(self, item: int, objection: Callable[[], str | None] | None) -> None:
+    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
         """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
 
         Both leave once: a leg was checked from where the vehicle was when it was commanded.
@@ -182,8 +182,8 @@ class Px4Motions:
         """See `Vehicle.land`."""
         await self._choose(land(), attempts=ATTEMPTS)
 
-    def close(self) -> None:
-        """Nothing is told any more."""
+    def stop_telling(self) -> None:
+        """The speed is told no more."""
         if self._telling_speed is not None:
             self._telling_speed.cancel()
 
@@ -220,7 +220,7 @@ class Px4Motions:
         return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + DONE_S
 
     async def _tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
-        self.close()  # the speed was for what ends now
+        self.stop_telling()  # the speed was for what ends now
         await self._commands.tell(order, shown, attempts=attempts)
 
     def _tell_speed(self) -> None:
@@ -228,7 +228,7 @@ class Px4Motions:
 
         Beside whatever is commanded next, which must not wait for it.
         """
-        self.close()
+        self.stop_telling()
         self._telling_speed = asyncio.create_task(self._set_speed())
 
     async def _set_speed(self) -> None:

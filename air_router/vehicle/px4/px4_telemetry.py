@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
-import math
-import struct
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.events.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.inspection import GpsFix
 from air_router.vehicle.loop_clock import loop_s
-from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
+from air_router.vehicle.mavlink.mavsdk_bridge import Received
 from air_router.vehicle.px4.continuity import Continuity, ReportedPosition
+from air_router.vehicle.px4.px4_inbox import Handler, Px4Inbox
 from air_router.vehicle.px4.px4_mode import ModeState
 from air_router.vehicle.px4.px4_streams import LIFTED_M, Streams
 from air_router.vehicle.vehicle import (
@@ -32,15 +28,11 @@ from geo.frame import FrameError, LocalFrame, Point
 
 _log = logging.getLogger(__name__)
 
-Handler = Callable[[dict[str, Any]], None]
-
 IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
 UNKNOWN_TOTAL: Final = 65535
 UNKNOWN: Final = 65535  # of a field of 16 bits
-AUTOPILOT: Final = 1
-INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 GPS_OLD_S: Final = 1.5
 """A receiver's altitude from longer ago says nothing of a vehicle that climbs."""
@@ -51,21 +43,15 @@ CLOCK_S: Final = 2.0
 TELL_S: Final = 0.5
 """So often, of the vehicle's time, it is told how it is while no position comes."""
 
-_REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
-
-class Px4Telemetry:
+class Px4Telemetry(Px4Inbox):
     """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
 
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
+        super().__init__()
         self._frame = frame
         self._clock = clock
-        self._system_id = 0  # set by `listen`
         self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
-        self._news = asyncio.Event()  # set by every message, then replaced
-        self._heard_s = loop_s()  # when anything came last, loop's clock
-        self._arrived_s: dict[str, float] = {}  # by message, monotonic
-        self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
         self._plan_ids: tuple[int, int] | None = None  # of mission and fence on board
         self._guarding = False  # changes of the plan are told
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
@@ -75,9 +61,6 @@ class Px4Telemetry:
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
         self._heights = HeightFrame()  # home of the take-off
         self._gps_height: tuple[float, float] | None = None  # metres AMSL, receiver's time
-        self.reports = ArmingReports()
-        self.refusals: list[str] = []  # why it did not arm, in its words
-        self.parameters: dict[str, float] = {}  # heard so far
         self.gps: GpsFix | None = None  # None until it was heard
         self.voltage_v: float | None = None  # None: unknown
         self.wind_m_s: tuple[float, float] | None = None  # east, north
@@ -105,7 +88,7 @@ class Px4Telemetry:
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
         """Take the messages of the autopilot with this system id."""
-        self._system_id = system_id
+        super().listen(direct, system_id)
         handlers: dict[str, Handler] = {
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
@@ -116,9 +99,6 @@ class Px4Telemetry:
             "HOME_POSITION": self._on_home,
             "MISSION_CURRENT": self._on_mission_current,
             "MISSION_ITEM_REACHED": self._on_item_reached,
-            "STATUSTEXT": self._on_text,
-            "EVENT": self._on_event,
-            "PARAM_VALUE": self._on_parameter,
             "GPS_RAW_INT": self._on_gps,
             "WIND_COV": self._on_wind,
             "POSITION_TARGET_GLOBAL_INT": self._on_target,
@@ -126,11 +106,6 @@ class Px4Telemetry:
             "FLIGHT_INFORMATION": self._on_flight_information,
         }
         self.take(direct, handlers)
-
-    def take(self, direct: MavlinkDirect, handlers: Mapping[str, Handler]) -> None:
-        """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
-        for name, handler in handlers.items():
-            subscribe(direct, name, self._only_autopilot(name, handler))
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
         """Hand every event to `callback`."""
@@ -140,21 +115,9 @@ class Px4Telemetry:
         """Whether everything that a flight rests on was heard once."""
         return self._position is not None and self._mode.known and self.in_air is not None
 
-    def silent_s(self) -> float:
-        """Wall-clock seconds since anything was heard."""
-        return loop_s() - self._heard_s
-
     def missing(self, age_s: float) -> list[str]:
         """Messages that have not come for so long while others do, seconds of the vehicle's."""
         return self._streams.missing(age_s)
-
-    def arrived_s(self, *names: str) -> float:
-        """When the newest message of these names came, on the monotonic clock; long ago if none."""
-        return max(self._arrived_s.get(name, -math.inf) for name in names)
-
-    def said(self) -> str:
-        """The autopilot's last words, to add to an error."""
-        return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
 
     def unix_s(self) -> float | None:
         """The vehicle's own Unix time now, None until it told it."""
@@ -162,11 +125,6 @@ class Px4Telemetry:
             return None
         unix_s, heard_s = self._unix
         return unix_s + loop_s() - heard_s
-
-    def forget_words(self) -> None:
-        """Something new is asked of the autopilot: what it said before is not about that."""
-        self._texts.clear()
-        self.refusals.clear()
 
     @property
     def position(self) -> Point | None:
@@ -186,20 +144,6 @@ class Px4Telemetry:
         """From now on report when the plan on board is replaced by another."""
         self._plan_ids = None
         self._guarding = True
-
-    async def wait_for(self, condition: Callable[[], bool]) -> None:
-        """Return once `condition` holds, looked at after every message."""
-        while not condition():
-            await self._news.wait()
-
-    async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
-        """Whether `condition` holds within so much wall-clock time."""
-        try:
-            async with asyncio.timeout(limit_s):
-                await self.wait_for(condition)
-        except TimeoutError:
-            return False
-        return True
 
     @property
     def failsafe(self) -> bool:
@@ -234,27 +178,16 @@ class Px4Telemetry:
             satellites=None if self.gps is None else self.gps.satellites,
         )
 
-    def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
-        def on_message(received: Received) -> None:
-            if received.sender != (self._system_id, AUTOPILOT):
-                return
-            self._heard_s = loop_s()
-            self._arrived_s[name] = received.arrived_s
-            self._clock.alive()
-            clock = self._clock
-            self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
-            if self._streams.news(name, received.fields, armed=self.armed):
-                handler(received.fields)
-            self._mode.settle(received.arrived_s)
-            if self._streams.heard_s - self._told_s >= TELL_S:
-                self._emit_snapshot()
-            self._wake_waiters()
-
-        return on_message
-
-    def _wake_waiters(self) -> None:
-        self._news.set()
-        self._news = asyncio.Event()
+    def _handed(self, name: str, received: Received, handler: Handler) -> None:
+        """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
+        self._clock.alive()
+        clock = self._clock
+        self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
+        if self._streams.news(name, received.fields, armed=self.armed):
+            handler(received.fields)
+        self._mode.settle(received.arrived_s)
+        if self._streams.heard_s - self._told_s >= TELL_S:
+            self._emit_snapshot()
 
     def _emit(self, event: VehicleEvent) -> None:
         for callback in self._callbacks:
@@ -358,30 +291,6 @@ class Px4Telemetry:
         if reached != self._last_reached:
             self._last_reached = reached
             self._emit(ItemReached(self.time_s, fields["seq"]))
-
-    def _on_text(self, fields: dict[str, Any]) -> None:
-        text = str(fields["text"]).rstrip("\t\0 ")
-        self._texts.append(text)
-        _log.info("PX4: %s", text)
-
-    def _on_event(self, fields: dict[str, Any]) -> None:
-        event = Px4Event.of(fields)
-        self.reports.take(event)
-        if event.level > WARNING or event.is_check:
-            return
-        text = event.text
-        _log.info("PX4: %s", text)
-        self._texts.append(text)
-        if (event.name or "").startswith(_REFUSALS):
-            self.refusals.append(text)
-
-    def _on_parameter(self, fields: dict[str, Any]) -> None:
-        value = fields["param_value"]
-        if value is None:
-            return  # the bits of a negative whole number, which are no number as a float
-        if fields["param_type"] == INT32:
-            (value,) = struct.unpack("<i", struct.pack("<f", value))
-        self.parameters[str(fields["param_id"]).rstrip("\0")] = float(value)
 
     def _on_gps(self, fields: dict[str, Any]) -> None:
         satellites = fields["satellites_visible"]

@@ -6,8 +6,8 @@ import pytest
 
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.mavlink.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4 import SET_MESSAGE_INTERVAL, Px4Vehicle
 from air_router.vehicle.px4.px4_mode import ARMED
+from air_router.vehicle.px4.px4_requests import SET_MESSAGE_INTERVAL, Px4Requests
 from air_router.vehicle.px4.px4_streams import Streams
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -37,8 +37,9 @@ class Px4:
         self.wall_s = 1000.0
         self.boot_s = 50.0
         self.clock = VehicleClock(monotonic=lambda: self.wall_s)
-        monkeypatch.setattr("air_router.vehicle.px4.px4_telemetry.loop_s", lambda: self.wall_s)
-        monkeypatch.setattr("air_router.vehicle.px4.px4_telemetry.subscribe", self._subscribe)
+        for room in ("px4_telemetry", "px4_inbox"):
+            monkeypatch.setattr(f"air_router.vehicle.px4.{room}.loop_s", lambda: self.wall_s)
+        monkeypatch.setattr("air_router.vehicle.px4.px4_inbox.subscribe", self._subscribe)
         self.events = []
         self.off = set()
         self._handlers = {}
@@ -348,21 +349,20 @@ def test_a_flight_termination_shows(px4):
     assert px4.last.terminated
 
 
-def test_a_stream_that_was_turned_off_is_asked_for_again(px4, pennovation, monkeypatch):
-    vehicle = Px4Vehicle(pennovation, "udpin://127.0.0.1:14540", px4.clock)
-    monkeypatch.setattr(vehicle, "_telemetry", px4.telemetry)
+def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
+    requests = Px4Requests(None, px4.telemetry, 1)
     asked = []
 
     async def note(*request):
         asked.append(request)
 
-    monkeypatch.setattr(vehicle, "_request_message", note)
+    monkeypatch.setattr(requests, "request", note)
     px4.run(5.0)
-    asyncio.run(vehicle._ask_again())
+    asyncio.run(requests.ask_again())
     assert asked == []
     px4.off |= {"GLOBAL_POSITION_INT", "SYS_STATUS"}
     px4.run(5.0)
-    asyncio.run(vehicle._ask_again())
+    asyncio.run(requests.ask_again())
     # At our rate; and at the autopilot's own.
     assert asked == [(SET_MESSAGE_INTERVAL, 33, 1e5), (SET_MESSAGE_INTERVAL, 1, 0.0)]
 
