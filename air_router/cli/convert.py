@@ -200,15 +200,11 @@ class _Report:
             "from": str(self.source),
             "to": str(self.target),
             "written": self.written,
-            **{_json_name(what): count for what, count in self.counts.items()},
+            **{w.removeprefix("no-fly ").replace(" ", "_"): n for w, n in self.counts.items()},
             "not_carried_over": [asdict(loss) for loss in self.warnings.entries],
             "notes": [note.as_json() for note in self.notes],
             "problems": [problem.as_json() for problem in self.problems],
         }
-
-
-def _json_name(what: str) -> str:
-    return what.removeprefix("no-fly ").replace(" ", "_")
 
 
 def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
@@ -226,7 +222,8 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
 
 
 def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
-    draft = _draft(arguments)
+    source, altitude_m, origin = arguments.source, arguments.altitude, arguments.origin
+    draft = foreign_draft(source, altitude_m=altitude_m, origin=origin) or read_draft(source)
     own_zones = len(draft.zones)
     for path in arguments.zones:
         add_zones(draft, path, (), allow=arguments.allow)
@@ -249,12 +246,6 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
     report.notes = draft.notes
     report.problems = draft.problems
     return text
-
-
-def _draft(arguments: argparse.Namespace) -> MissionDocument:
-    source: Path = arguments.source
-    foreign = foreign_draft(source, altitude_m=arguments.altitude, origin=arguments.origin)
-    return read_draft(source) if foreign is None else foreign
 
 
 def _written(

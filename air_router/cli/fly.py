@@ -8,7 +8,6 @@ import dataclasses
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, n
 from air_router.cli.command_line import print_json
 from air_router.control.control import CONTROL_NAME
 from air_router.control.control_server import endpoint_of
-from air_router.errors import RefusedError, UsageError
+from air_router.errors import RefusedError
 from air_router.files.settings import SEEK_POLICIES
 from air_router.flight.flight import Flight
 from air_router.flight.flight_result import FlightResult
@@ -24,8 +23,8 @@ from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.live.page import add_web, page_of
-from air_router.mission.found_by import UAV_KIND, pose_topic, sought, why_not_found
-from air_router.mission.loading import load_mission
+from air_router.mission.flown import load_flown, team_of
+from air_router.mission.found_by import sought
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
@@ -169,54 +168,6 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)
     return result
-
-
-def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
-    """The team to talk to, and the name that the mission's UAV has in it."""
-    path = path or mission.team
-    if path is None:
-        raise RefusedError(
-            f"{mission.path}: names no team file, so there is no peer to talk to; "
-            "add `team: team.yaml` to it or say --team FILE"
-        )
-    team = Team.load(path)
-    uav = mission.uav or only_uav(team)
-    for name in sought(team, uav, mission.seek, mission.goals_from):
-        if pose_topic(team, name) is None:
-            raise RefusedError(f"{path}: {why_not_found(team, name)}")
-    return team, uav
-
-
-def load_flown(
-    path: Path,
-    uav: str | None,
-    *,
-    start: datetime | None = None,
-    duration_s: float | None = None,
-    in_flight: bool = False,
-) -> Mission:
-    """A mission as one vehicle flies it, or has begun to fly it.
-
-    Raises:
-        MissionFileError: it cannot be flown.
-        UsageError: it is for several UAVs, and `uav` is none of them.
-    """
-    mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
-    if uav is None and len(mission.layers) > 1:
-        names = " or ".join(f"--uav {layer.uav}" for layer in mission.layers)
-        raise UsageError(f"{path}: is for several UAVs; say which one this is: {names}")
-    return mission
-
-
-def only_uav(team: Team) -> str:
-    """The team's UAV, for missions that do not say which robot they fly."""
-    uavs = [robot.name for robot in team.robots.values() if robot.kind == UAV_KIND]
-    if len(uavs) != 1:
-        raise RefusedError(
-            f"{team.path}: has {len(uavs)} robots of kind {UAV_KIND}; "
-            "say which one flies, --uav NAME or `uav: NAME` in the mission"
-        )
-    return uavs[0]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

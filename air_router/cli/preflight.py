@@ -11,9 +11,10 @@ from typing import Final
 
 from air_router.cli.arguments import add_uav
 from air_router.cli.command_line import print_json
-from air_router.cli.fly import add_vehicle_arguments, load_flown, team_of
+from air_router.cli.fly import add_vehicle_arguments
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.flown import load_flown, team_of
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight import Card, Check
 from air_router.preflight.preflight_survey import PreflightSurvey

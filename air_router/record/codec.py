@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import base64
 import dataclasses
-import math
 import operator
 import types
 import typing
@@ -18,20 +17,24 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, time, timedelta
 from enum import Enum
 from functools import cache, cached_property
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from types import NoneType
 from typing import Any, Final, get_args, get_origin
 
 import numpy as np
 
-from air_router.errors import AirRouterError, ExitCode
+from air_router.record.plain_values import (
+    READERS,
+    CodecError,
+    Plain,
+    one_word,
+    shown,
+    write_float,
+)
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Shape, Zone
 
 TYPE_KEY: Final = "type"
-
-Plain = Any
-"""What `json.dumps` takes and `json.loads` gives."""
 
 RECORDED_AS: Final = {"CommandAck": "Answered"}
 """Classes by name that records call otherwise: records of before are to be read."""
@@ -44,7 +47,6 @@ FIELDS_RECORDED_AS: Final = {
 }
 """The same of fields."""
 
-_NOT_NUMBERS: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 _MADE_OF: Final[dict[Any, dict[str, Any]]] = {
     Airspace: {
         "fences": tuple[Shape, ...],
@@ -57,22 +59,10 @@ _MADE_OF: Final[dict[Any, dict[str, Any]]] = {
 """Classes that are no dataclasses, whose constructors take what attributes of these names hold."""
 
 
-class CodecError(AirRouterError, ValueError):
-    """Plain data that are no value of the type that they should be."""
-
-    exit_code = ExitCode.INVALID_FILE
-
-
 def recorded_name(kind: Any) -> str:
     """What records call a class."""
     name: str = kind.__name__
     return RECORDED_AS.get(name, name)
-
-
-def shown(plain: Plain) -> str:
-    """Plain data in a message, however long they are."""
-    text = repr(plain)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 # Writing
@@ -97,17 +87,11 @@ def _writer(kind: type) -> Callable[[Any], Plain]:
     raise TypeError(f"a {kind.__name__} cannot be recorded: no type that is written as JSON")
 
 
-def _write_float(value: float) -> Plain:
-    if math.isfinite(value):
-        return float(value)
-    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
-
-
 _WRITERS: Final[dict[type, Callable[[Any], Plain]]] = {  # the first that fits
     Enum: lambda value: value.name,
     bool: bool,
     int: operator.index,
-    float: _write_float,
+    float: write_float,
     str: str,
     NoneType: lambda _: None,
     bytes: lambda value: base64.b64encode(value).decode("ascii"),
@@ -136,60 +120,14 @@ def decoder(hint: Any) -> Callable[[Plain], Any]:
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in _GENERIC:
         return _GENERIC[origin](arguments)
-    if hint in _READERS:
-        return _READERS[hint]
+    if hint in READERS:
+        return READERS[hint]
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return _word(dict(hint.__members__), hint.__name__)
+        return one_word(dict(hint.__members__), hint.__name__)
     fields = fields_of(hint)
     if fields is None:
         raise TypeError(f"{hint!r} cannot be recorded: no type that is written as JSON")
     return fields.decode
-
-
-def _exactly(*kinds: type) -> Callable[[Plain], Any]:
-    """Take plain data of these types as they are (True is no number)."""
-
-    def decode(plain: Plain) -> Any:
-        if type(plain) not in kinds:
-            raise CodecError(f"{shown(plain)} is not {' or '.join(k.__name__ for k in kinds)}")
-        return plain
-
-    return decode
-
-
-def _read_float(plain: Plain) -> float:
-    if type(plain) is float or type(plain) is int:
-        return plain
-    if isinstance(plain, str) and plain in _NOT_NUMBERS:
-        return _NOT_NUMBERS[plain]
-    raise CodecError(f"{shown(plain)} is not a number")
-
-
-def _read_duration(plain: Plain) -> timedelta:
-    if not isinstance(plain, list) or [type(part) for part in plain] != [int, int, int]:
-        raise CodecError(f"{shown(plain)} is not days, seconds and microseconds")
-    return timedelta(*plain)
-
-
-def _from_text(read: Callable[[str], Any], what: str) -> Callable[[Plain], Any]:
-    def decode(plain: Plain) -> Any:
-        if type(plain) is not str:
-            raise CodecError(f"{shown(plain)} is not {what}")
-        try:
-            return read(plain)
-        except ValueError as error:
-            raise CodecError(f"{shown(plain)} is not {what}: {error}") from None
-
-    return decode
-
-
-def _word(members: Mapping[Any, Any], what: str) -> Callable[[Plain], Any]:
-    def decode(plain: Plain) -> Any:
-        if not isinstance(plain, str | int) or plain not in members:
-            raise CodecError(f"{shown(plain)} is no {what}: {', '.join(map(str, members))}")
-        return members[plain]
-
-    return decode
 
 
 def _union(members: tuple[Any, ...]) -> Callable[[Plain], Any]:
@@ -252,22 +190,10 @@ def _mapping(arguments: tuple[Any, ...]) -> Callable[[Plain], Any]:
     return decode
 
 
-_READERS: Final[dict[Any, Callable[[Plain], Any]]] = {
-    float: _read_float,
-    int: _exactly(int),
-    bool: _exactly(bool),
-    str: _exactly(str),
-    NoneType: _exactly(NoneType),
-    bytes: _from_text(lambda text: base64.b64decode(text, validate=True), "base64"),
-    datetime: _from_text(datetime.fromisoformat, "a time"),
-    time: _from_text(time.fromisoformat, "a time of day"),
-    timedelta: _read_duration,
-    Path: _from_text(Path, "a path"),
-}
 _GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Callable[[Plain], Any]]]] = {
     typing.Union: _union,
     types.UnionType: _union,
-    typing.Literal: lambda words: _word({word: word for word in words}, "such word"),
+    typing.Literal: lambda words: one_word({word: word for word in words}, "such word"),
     tuple: _tuple,
     list: lambda arguments: _collection(list, arguments),
     frozenset: lambda arguments: _collection(frozenset, arguments),

@@ -10,11 +10,9 @@ import base64
 import dataclasses
 import logging
 import math
-import platform
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -23,7 +21,7 @@ from air_router.gossip.mapper import Mapper
 from air_router.record import serialization
 from air_router.record.codec import TYPE_KEY, encode
 from air_router.record.foxglove import Drawn, FoxgloveDrawing, grid, schema_text
-from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, LogFile, RecordChannel
+from air_router.record.log_file import ORDER_KEY, RECENT, LogFile, RecordChannel
 from air_router.record.record_channels import (
     ABOUT_MOTIONS,
     MOTIONS,
@@ -33,6 +31,7 @@ from air_router.record.record_channels import (
     link_channel,
     note_channel,
 )
+from air_router.record.record_file import no_folder, open_record
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.node.lifetime import Closeable
 
@@ -58,8 +57,6 @@ PREFLIGHT: Final = "Preflight"
 
 FILE_BYTES: Final = 20_000_000
 """A file of the mission that is larger is not kept in the record."""
-
-LIBRARIES: Final = ("air-router", "mavsdk", "networkx", "numpy", "pyproj", "pyzmq", "shapely")
 
 
 class RecordViewer(Protocol):
@@ -118,7 +115,7 @@ class Recorder(Closeable):
         self._file: LogFile | None = None  # None: nothing is kept
         if folder is not None:
             try:
-                self._file = _open(folder, (stem, name), mission, self._tell)
+                self._file = open_record(folder, (stem, name), mission, self._tell)
             except OSError as error:
                 if must:
                     raise no_folder(error) from None
@@ -311,44 +308,3 @@ class Recorder(Closeable):
 
 
 _MEDIA_TYPES: Final = {".yaml": "application/yaml", ".plan": "application/json"}
-
-
-def _open(
-    folder: Path, names: tuple[str, str], mission: str, trouble: Callable[[str], None]
-) -> LogFile:
-    folder.mkdir(parents=True, exist_ok=True)
-    facts = {
-        "format": FORMAT,
-        "mission": mission,
-        "unix_s": repr(time.time()),
-        "python": platform.python_version(),
-        "system": platform.platform(),
-        **{name: _version(name) for name in LIBRARIES},
-    }
-    words = [names[0], time.strftime("%Y%m%dT%H%M%SZ", time.gmtime()), _tame(names[1])]
-    stem = "-".join(word for word in words if word)
-    number = 1
-    while True:
-        name = f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap"
-        try:
-            return LogFile(folder / name, trouble, facts)
-        except FileExistsError:
-            number += 1
-
-
-def no_folder(error: OSError) -> OSError:
-    """Why nothing can be recorded in the folder that the operator named, and what to do."""
-    advice = "name a folder that can be written to, --log-dir D, or say --no-record"
-    return OSError(error.errno, f"{error.strerror}; {advice}", error.filename)
-
-
-def _tame(name: str) -> str:
-    """A name of a robot as a part of a file's name."""
-    return "".join(c if c.isalnum() else "_" for c in name)[:40]
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"

@@ -11,7 +11,8 @@ from typing import Any, get_args
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.record import codec
-from air_router.record.codec import TYPE_KEY, CodecError, decoder, recorded_name
+from air_router.record.codec import TYPE_KEY, decoder, recorded_name
+from air_router.record.plain_values import CodecError
 
 
 def encode(value: object) -> dict[str, Any]:

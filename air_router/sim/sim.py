@@ -22,7 +22,7 @@ from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
-from air_router.record.recorder import no_folder
+from air_router.record.record_file import no_folder
 from air_router.record.recording import ViewerAddress
 from air_router.report.report import several
 from air_router.sim.flights import Flights

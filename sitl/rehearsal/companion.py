@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, cast
 
-from air_router.cli.fly import team_of
 from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
 from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
+from air_router.mission.flown import team_of
 from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.preflight.preflight_survey import PreflightSurvey

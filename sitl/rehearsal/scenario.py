@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.cli.fly import team_of
+from air_router.mission.flown import team_of
 from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from air_router.cli.cli import main
-from air_router.cli.fly import load_flown
 from air_router.errors import MissionFileError, UsageError
 from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.fence_plan import fence_plan
 from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.flown import load_flown
 from air_router.mission.loading import load_mission, read_draft, validate
 from air_router.preflight.preflight import CheckVerdict, altitude, place
 from air_router.preflight.preflight_parameters import parameters
