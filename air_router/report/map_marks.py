@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import shapely
 from matplotlib import patheffects
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from shapely import LineString, Polygon
@@ -28,13 +30,20 @@ ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"
 """Those of zones on white paper: paler and darker."""
 
 
-def patch_of(shape: BaseGeometry, **style: Any) -> PathPatch:
+def draw_shape(axes: Axes, shape: BaseGeometry, **style: Any) -> None:
     """A polygon, or several, with holes."""
     rings = [ring for p in polygons_of(shape) for ring in (p.exterior, *p.interiors)]
     outline = Path.make_compound_path(
         *(Path(shapely.get_coordinates(ring), closed=True) for ring in rings)
     )
-    return PathPatch(outline, **({"edgecolor": "none"} | style))
+    axes.add_patch(PathPatch(outline, **({"edgecolor": "none"} | style)))
+
+
+def draw_lines(
+    axes: Axes, lines: Sequence[Sequence[Point]], colour: str, width: float, **style: Any
+) -> None:
+    """Lines of one colour."""
+    axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, **style))
 
 
 def drawn(shape: Shape) -> BaseGeometry:

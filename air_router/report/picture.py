@@ -26,7 +26,6 @@ from mocha_link.errors import needs_extra
 
 with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
     from air_router.report.map_marks import (
@@ -44,8 +43,9 @@ with needs_extra("a picture", "plot", "air-router"):
         ZONE_FILL,
         ZONE_HATCH,
         ZONE_NAME,
+        draw_lines,
+        draw_shape,
         drawn,
-        patch_of,
         quiet_direction,
         roomiest,
         write_name,
@@ -146,18 +146,10 @@ def draw_airspace(axes: Axes, mission: Mission) -> None:
     """Fences and zones, with what is kept from the zones that apply."""
     if mission.fences:
         inside = shapely.intersection_all([drawn(fence) for fence in mission.fences])
-        axes.add_patch(patch_of(inside, facecolor=GROUND, zorder=1))
+        draw_shape(axes, inside, facecolor=GROUND, zorder=1)
+        style: dict[str, Any] = {"fill": False, "edgecolor": FENCE, "linewidth": 1.6, "zorder": 4}
         for number, fence in enumerate(mission.fences):
-            axes.add_patch(
-                patch_of(
-                    drawn(fence),
-                    fill=False,
-                    edgecolor=FENCE,
-                    linewidth=1.6,
-                    zorder=4,
-                    label="_" if number else "fence",
-                )
-            )
+            draw_shape(axes, drawn(fence), label="_" if number else "fence", **style)
     _draw_idle(axes, mission)
     own = any(zone.clearance_m is not None for zone in mission.airspace.zones)
     kept = "clearance" if own else f"clearance {mission.planner.clearance_m:g} m"
@@ -169,30 +161,13 @@ def draw_zones(axes: Axes, zones: Sequence[Zone], grown: Sequence[BaseGeometry],
     if not zones:
         return
     buffers = shapely.union_all(grown)
-    axes.add_patch(patch_of(buffers, facecolor=ZONE, alpha=0.08, zorder=2))
-    axes.add_patch(
-        patch_of(
-            buffers,
-            fill=False,
-            edgecolor=ZONE,
-            linewidth=0.8,
-            linestyle=(0, (3, 2)),
-            zorder=3,
-            label=kept,
-        )
-    )
-    axes.add_patch(
-        patch_of(
-            shapely.union_all([drawn(zone.shape) for zone in zones]),
-            facecolor=ZONE_FILL,
-            edgecolor=ZONE,
-            linewidth=1.0,
-            hatch="////",
-            hatchcolor=ZONE_HATCH,
-            zorder=3,
-            label="no-fly zone",
-        )
-    )
+    draw_shape(axes, buffers, facecolor=ZONE, alpha=0.08, zorder=2)
+    dashed: dict[str, Any] = {"fill": False, "linewidth": 0.8, "linestyle": (0, (3, 2))}
+    draw_shape(axes, buffers, edgecolor=ZONE, zorder=3, label=kept, **dashed)
+    hatched = {"facecolor": ZONE_FILL, "hatch": "////", "hatchcolor": ZONE_HATCH}
+    areas = shapely.union_all([drawn(zone.shape) for zone in zones])
+    label = "no-fly zone"
+    draw_shape(axes, areas, edgecolor=ZONE, linewidth=1.0, zorder=3, label=label, **hatched)
     if len(zones) <= _MOST_NAMES:
         for zone in zones:
             write_name(axes, zone.name, roomiest(zone.polygon), (ZONE_NAME, ZONE_FILL))
@@ -201,11 +176,9 @@ def draw_zones(axes: Axes, zones: Sequence[Zone], grown: Sequence[BaseGeometry],
 def _draw_idle(axes: Axes, mission: Mission) -> None:
     for number, idle in enumerate(mission.idle_zones):
         style: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1, 2)), "edgecolor": IDLE}
-        axes.add_patch(patch_of(drawn(idle.zone.shape), facecolor=IDLE, alpha=0.13, zorder=1.5))
+        draw_shape(axes, drawn(idle.zone.shape), facecolor=IDLE, alpha=0.13, zorder=1.5)
         label = "_" if number else "zone that does not apply"
-        axes.add_patch(
-            patch_of(drawn(idle.zone.shape), fill=False, zorder=1.6, label=label, **style)
-        )
+        draw_shape(axes, drawn(idle.zone.shape), fill=False, zorder=1.6, label=label, **style)
         if len(mission.idle_zones) <= _MOST_NAMES:
             place = roomiest(idle.zone.polygon)
             reach_m = math.sqrt(idle.zone.polygon.area) / 4
@@ -215,30 +188,17 @@ def _draw_idle(axes: Axes, mission: Mission) -> None:
 
 def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
     lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.edges]
-    axes.add_collection(
-        LineCollection(
-            lines,
-            colors=EDGE,
-            alpha=0.5,
-            linewidths=0.6 if len(lines) < _MANY_EDGES else 0.25,
-            zorder=2.5,
-            label=counted(len(lines), "clear connections"),
-        )
+    width, label = (
+        0.6 if len(lines) < _MANY_EDGES else 0.25,
+        counted(len(lines), "clear connections"),
     )
+    draw_lines(axes, lines, EDGE, width, alpha=0.5, zorder=2.5, label=label)
 
 
 def _draw_around(axes: Axes, legs: Sequence[tuple[Point, Point]]) -> None:
     if 0 < len(legs) <= _MOST_NUMBERS:
-        axes.add_collection(
-            LineCollection(
-                list(legs),
-                colors=AROUND,
-                linewidths=1.1,
-                linestyles=(0, (4, 2)),
-                zorder=4.5,
-                label="leg flown around an obstacle",
-            )
-        )
+        style: dict[str, Any] = {"linestyles": (0, (4, 2)), "zorder": 4.5}
+        draw_lines(axes, legs, AROUND, 1.1, label="leg flown around an obstacle", **style)
 
 
 def _draw_track(axes: Axes, track: Sequence[Point]) -> None:
@@ -263,29 +223,16 @@ def _draw_route(axes: Axes, start: Point, route: Route) -> None:
     points = [start, *(leg.to for leg in route.legs)]
     east, north = zip(*points, strict=True)
     axes.plot(east, north, color="white", linewidth=5, zorder=6, solid_joinstyle="round")
-    axes.plot(
-        east,
-        north,
-        color=ROUTE,
-        linewidth=2.6,
-        zorder=6.1,
-        solid_joinstyle="round",
-        label=f"route, {route.length_m:.0f} m",
-    )
+    style: dict[str, Any] = {"color": ROUTE, "linewidth": 2.6, "solid_joinstyle": "round"}
+    axes.plot(east, north, zorder=6.1, label=f"route, {route.length_m:.0f} m", **style)
+    arrow = {"arrowstyle": "-|>", "color": ROUTE, "mutation_scale": 13}
     for before, after in pairwise(points):
-        middle = ((before[0] + after[0]) / 2, (before[1] + after[1]) / 2)
-        ahead = (
-            middle[0] + 0.01 * (after[0] - before[0]),
-            middle[1] + 0.01 * (after[1] - before[1]),
+        way = after[0] - before[0], after[1] - before[1]
+        middle, ahead = (
+            (before[0] + share * way[0], before[1] + share * way[1]) for share in (0.5, 0.51)
         )
         if math.dist(before, after) > 1:
-            axes.annotate(
-                "",
-                xy=ahead,
-                xytext=middle,
-                arrowprops={"arrowstyle": "-|>", "color": ROUTE, "mutation_scale": 13},
-                zorder=6.2,
-            )
+            axes.annotate("", xy=ahead, xytext=middle, arrowprops=arrow, zorder=6.2)
     for point in (points[0], points[-1]):
         axes.scatter(*point, s=60, color=ROUTE, edgecolor="white", linewidth=1.2, zorder=6.9)
 
@@ -293,9 +240,8 @@ def _draw_route(axes: Axes, start: Point, route: Route) -> None:
 def _draw_faults(axes: Axes, faults: Faults) -> None:
     for number, shape in enumerate(faults.shapes):
         label = "_" if number else "wrong area"
-        outline = patch_of(drawn(shape), fill=False, edgecolor=WRONG, linewidth=2, label=label)
-        outline.set_zorder(4.6)
-        axes.add_patch(outline)
+        style: dict[str, Any] = {"fill": False, "edgecolor": WRONG, "linewidth": 2, "zorder": 4.6}
+        draw_shape(axes, drawn(shape), label=label, **style)
     for number, refused in enumerate(faults.refused):
         east, north = zip(*refused.ring, refused.ring[0], strict=True)
         label = "_" if number else "no area"
@@ -305,11 +251,7 @@ def _draw_faults(axes: Axes, faults: Faults) -> None:
         place = Point(*refused.ring[0])
         write_number(axes, refused.name, place, math.pi / 2, wrong=True)
     if faults.legs:
-        axes.add_collection(
-            LineCollection(
-                list(faults.legs), colors=WRONG, linewidths=1.8, zorder=4.8, label="illegal leg"
-            )
-        )
+        draw_lines(axes, faults.legs, WRONG, 1.8, zorder=4.8, label="illegal leg")
 
 
 def _draw_places(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import shapely
 
 from air_router.coverage.cover_area import Field
@@ -14,9 +14,17 @@ from geo.coverage.coverage import Coverage
 from geo.frame import Point
 from mocha_link.sanitize import sanitize
 
-from matplotlib.collections import LineCollection  # isort: skip - picture says what is missing
-from air_router.report.map_marks import AROUND, FENCE, ROUTE, TRACK, WRONG, drawn, patch_of  # isort: skip
-from air_router.report.map_sheet import GROUND, label_sheet, sheet_of  # isort: skip
+from air_router.report.map_marks import (  # isort: skip - picture says what is missing
+    AROUND,
+    FENCE,
+    ROUTE,
+    TRACK,
+    WRONG,
+    draw_lines,
+    draw_shape,
+    drawn,
+)
+from air_router.report.map_sheet import GROUND, INK, label_sheet, sheet_of  # isort: skip
 
 
 def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
@@ -30,20 +38,17 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     figure, axes = sheet_of([*corners, *plan.track, *home], ground=GROUND)
     for number, fence in enumerate(field.airspace.fences):
         style = {"fill": False, "edgecolor": FENCE, "linewidth": 1.4, "zorder": 4}
-        axes.add_patch(patch_of(drawn(fence), label="_" if number else "fence", **style))
-    axes.add_patch(
-        patch_of(field.area, fill=False, edgecolor="#30363d", linewidth=1.2, zorder=4, label="area")
-    )
-    axes.add_patch(patch_of(plan.seen, facecolor="#cfe3f7", zorder=1.2, label="covered"))
+        draw_shape(axes, drawn(fence), label="_" if number else "fence", **style)
+    border: dict[str, Any] = {"fill": False, "edgecolor": INK, "linewidth": 1.2}
+    draw_shape(axes, field.area, zorder=4, label="area", **border)
+    draw_shape(axes, plan.seen, facecolor="#cfe3f7", zorder=1.2, label="covered")
     missed = [part for missed in plan.missed for part in missed.parts]
     if missed:
         union = shapely.union_all(missed)
-        axes.add_patch(patch_of(union, facecolor=WRONG, zorder=2.9, label="not covered"))
+        draw_shape(axes, union, facecolor=WRONG, zorder=2.9, label="not covered")
     draw_zones(axes, field.airspace.zones, field.airspace.inflated(), "distance kept")
     rows = [(row.start, row.end) for row in plan.rows]
-    axes.add_collection(
-        LineCollection(_lines([plan.track]), colors="white", linewidths=2.6, zorder=5)
-    )
+    draw_lines(axes, _lines([plan.track]), "white", 2.6, zorder=5)
     for lines, width, colour, label in (
         ([plan.way_out, plan.way_back], 1.0, TRACK, "from home and back"),
         ([plan.track], 1.0, AROUND, "on to the next row"),
@@ -51,9 +56,7 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     ):
         shown = _lines(lines)
         if shown:
-            axes.add_collection(
-                LineCollection(shown, colors=colour, linewidths=width, zorder=5.2, label=label)
-            )
+            draw_lines(axes, shown, colour, width, zorder=5.2, label=label)
     if field.home is not None:
         draw_home(axes, field.home)
     first = plan.rows[0].start
@@ -62,5 +65,5 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     save(figure, path)
 
 
-def _lines(lines: Sequence[Sequence[Point]]) -> list[np.ndarray]:
-    return [np.array(line) for line in lines if len(line) > 1]
+def _lines(lines: Sequence[Sequence[Point]]) -> list[Sequence[Point]]:
+    return [line for line in lines if len(line) > 1]

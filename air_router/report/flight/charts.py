@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from air_router.controller.model.states import State
 from air_router.report.flight.flight_summary import FlightSummary
@@ -16,6 +16,7 @@ from air_router.report.flight.svg import (
     TOP,
     WIDE,
     Plot,
+    Series,
     clock,
     number,
 )
@@ -25,6 +26,7 @@ COLOURS: Final = 8
 """So many robots have a colour of their own; then they begin anew."""
 
 _LANE: Final = 20
+_QUARTERS: Final = (0, 25, 50, 75, 100)  # of a hundred
 
 _LEAST_PX: Final = 1.0
 """Syncs that are nearer to each other than this are one mark."""
@@ -38,6 +40,15 @@ class Figure(NamedTuple):
     words: str  # below the heading
     pictures: str  # SVG
     legend: list[tuple[str, str]]  # css class, words
+
+
+class Line(NamedTuple):
+    """A line of a figure over time; with `steps` each value stays until the next."""
+
+    series: Series
+    css: str
+    title: str
+    steps: bool = False
 
 
 def figures(summary: FlightSummary, ulog: UlogTrack | None = None) -> list[Figure]:
@@ -158,28 +169,37 @@ def _bandwidth(summary: FlightSummary) -> Figure | None:
     )
 
 
+def _graph(
+    summary: FlightSummary, height: int, top: float, label: str, lines: Sequence[Line], **axes: Any
+) -> str:
+    """Lines over time, in both widths; `axes` may have `ticks`, and a `level` with its words."""
+
+    def draw(width: int) -> str:
+        plot = Plot(width, height, summary.from_s, summary.to_s, top)
+        plot.axes(axes.get("ticks"))
+        for line in lines:
+            plot.line(line.series, line.css, line.title, steps=line.steps)
+        if axes.get("level") is not None:
+            value, words = axes["level"]
+            plot.level(value, "limit", words)
+        return plot.svg(f"{label} over time")
+
+    return _both(draw)
+
+
 def _ages(summary: FlightSummary) -> Figure | None:
     ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names()}
     highest = max((age for series in ages.values() for _, age in series), default=0.0)
     if highest <= 0:
         return None
-
-    def draw(width: int) -> str:
-        plot = Plot(width, 220, summary.from_s, summary.to_s, highest * 1.05)
-        plot.axes()
-        for name, series in ages.items():
-            plot.line(series, robot_css(summary, name), name)
-        return plot.svg("age of information over time")
-
-    known = [(robot_css(summary, name), name) for name, series in ages.items() if series]
-
+    lines = [Line(series, robot_css(summary, name), name) for name, series in ages.items()]
     return Figure(
         "ages",
         "Age of information, s",
         "How old the newest message was that we held of each robot's own, from it or through "
         "others. It grows by a second each second until something newer comes.",
-        _both(draw),
-        known,
+        _graph(summary, 220, highest * 1.05, "age of information", lines),
+        [(line.css, line.title) for line in lines if line.series],
     )
 
 
@@ -189,29 +209,19 @@ def _map(summary: FlightSummary) -> Figure | None:
     if not summary.painted:
         return None
     most = max(cells for _, cells in summary.painted)
-
-    def draw(width: int) -> str:
-        plot = Plot(width, 220, summary.from_s, summary.to_s, 100.0)
-        plot.axes([0, 25, 50, 75, 100])
-        plot.line([(t, 100 * cells / most) for t, cells in summary.painted], "own", "the UAV's map")
-        for name, series in shares.items():
-            css = robot_css(summary, name)
-            held = zip(series, summary.painted, strict=True)
-            plot.line(
-                [(t, 100 * share * cells / most) for (t, share), (_, cells) in held],
-                css,
-                f"{name} has",
-                steps=True,
-            )
-        return plot.svg("map coverage over time")
-
+    own = [(t, 100 * cells / most) for t, cells in summary.painted]
+    lines = [Line(own, "own", "the UAV's map")]
+    for name, series in shares.items():
+        held = zip(series, summary.painted, strict=True)
+        part = [(t, 100 * share * cells / most) for (t, share), (_, cells) in held]
+        lines.append(Line(part, robot_css(summary, name), f"{name} has", steps=True))
     return Figure(
         "map",
         "Map coverage, %",
         f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
         "how many are in the map that each robot is known to hold: reported by the robot, or "
         "fetched by it. What robots hand to each other is seen when the UAV meets them again.",
-        _both(draw),
+        _graph(summary, 220, 100.0, "map coverage", lines, ticks=_QUARTERS),
         [("own", "the UAV"), *((robot_css(summary, n), n) for n in shares)],
     )
 
@@ -221,19 +231,16 @@ def _distance(summary: FlightSummary) -> Figure | None:
         return None
     clearance_m = summary.setup.mission.planner.clearance_m
     top = max(3 * clearance_m, min(60.0, max(d for _, d in summary.distances)))
-
-    def draw(width: int) -> str:
-        plot = Plot(width, 180, summary.from_s, summary.to_s, top)
-        plot.axes()
-        plot.line(summary.distances, "own", "distance to the nearest zone or fence")
-        plot.level(clearance_m, "limit", f"clearance {clearance_m:g} m")
-        return plot.svg("distance to the nearest zone or fence over time")
-
+    label = "distance to the nearest zone or fence"
+    lines, level = (
+        [Line(summary.distances, "own", label)],
+        (clearance_m, f"clearance {clearance_m:g} m"),
+    )
     return Figure(
         "distance",
         "Distance to the nearest zone or fence, m",
         "From the vehicle's own positions, while it was ours to fly.",
-        _both(draw),
+        _graph(summary, 180, top, label, lines, level=level),
         [],
     )
 
@@ -243,21 +250,15 @@ def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Figure | None:
     if not summary.battery and not theirs:
         return None
     end = [] if not summary.battery else [(summary.to_s, summary.battery[-1][1])]
-
-    def draw(width: int) -> str:
-        plot = Plot(width, 160, summary.from_s, summary.to_s, 100.0)
-        plot.axes([0, 25, 50, 75, 100])
-        plot.line(theirs, "theirs", "PX4's log")
-        plot.line(
-            [(t, 100 * c) for t, c in [*summary.battery, *end]], "own", "telemetry", steps=True
-        )
-        if summary.setup is not None:
-            reserve = 100 * summary.setup.mission.battery_reserve
-            plot.level(reserve, "limit", f"reserve {reserve:g} %")
-        return plot.svg("battery over time")
-
+    ours = [(t, 100 * charge) for t, charge in (*summary.battery, *end)]
+    lines = [Line(theirs, "theirs", "PX4's log"), Line(ours, "own", "telemetry", steps=True)]
+    level = None
+    if summary.setup is not None:
+        reserve = 100 * summary.setup.mission.battery_reserve
+        level = (reserve, f"reserve {reserve:g} %")
+    pictures = _graph(summary, 160, 100.0, "battery", lines, ticks=_QUARTERS, level=level)
     legend = [("own", "telemetry"), ("theirs", "in PX4's log")] if theirs else []
-    return Figure("battery", "Battery, %", "", _both(draw), legend)
+    return Figure("battery", "Battery, %", "", pictures, legend)
 
 
 def legend_html(legend: list[tuple[str, str]]) -> str:

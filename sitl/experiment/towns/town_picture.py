@@ -16,7 +16,7 @@ from mocha_link.errors import needs_extra
 from sitl.experiment.towns.town import Town
 
 with needs_extra("a picture", "plot", "air-router"):
-    from air_router.report.map_marks import patch_of
+    from air_router.report.map_marks import draw_shape
     from air_router.report.map_sheet import INK, label_sheet, sheet_of
     from air_router.report.picture import save
 
@@ -52,7 +52,7 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
         (yards, OPEN, "none"),
     ):
         if not shape.is_empty:
-            axes.add_patch(patch_of(shape, facecolor=colour, edgecolor=edge, linewidth=0.6))
+            draw_shape(axes, shape, facecolor=colour, edgecolor=edge, linewidth=0.6)
     if waypoints:
         axes.plot(*zip(*waypoints, strict=True), ".", color=INK, markersize=2.5, label="waypoint")
     axes.plot(
