@@ -12,11 +12,9 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mavsdk.plugins.events.events import Events
-from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
-from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
-from air_router.errors import ArmingRefusedError, NotConfirmedError, PlanRefusedError
+from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.clock import VehicleClock
@@ -27,16 +25,7 @@ from air_router.vehicle.mavlink.px4_connection import Px4Connection
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_inspection import inspect
 from air_router.vehicle.px4.px4_motions import Px4Motions
-from air_router.vehicle.px4.px4_order import AUTOPILOT
-from air_router.vehicle.px4.px4_plan import (
-    RALLY,
-    clear_fence,
-    clear_rally_points,
-    compare_plan,
-    renew_plan,
-    upload_plan,
-    verify_plan,
-)
+from air_router.vehicle.px4.px4_plan import PlanTransfer
 from air_router.vehicle.px4.px4_plan_guard import PlanGuard
 from air_router.vehicle.px4.px4_requests import ONCE_S, Px4Requests
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
@@ -82,8 +71,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         telemetry = Px4Telemetry(mission.frame, clock)
         super().__init__(mission, telemetry, Px4Commands(telemetry, system_id))
         self._events: Callable[[], Events]  # makes the plugin; for reports on arming
-        self._raw: MissionRaw  # missions, from `connect` on
-        self._geofence: Geofence  # from `connect` on
+        self._plans: PlanTransfer  # from `connect` on
         self._direct: MavlinkDirect  # from `connect` on
         self._plan_lock = asyncio.Lock()  # one transfer of the plan at a time, and none at take-off
         self._plan_guard = PlanGuard(self._compare, self._on_compared)
@@ -100,8 +88,8 @@ class Px4Vehicle(Px4Motions, Vehicle):
     async def connect(self) -> VehicleInfo:
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
         plugins = await self._connection.open()
-        self._direct, self._raw = plugins.direct, plugins.raw
-        self._geofence, self._events = plugins.geofence, plugins.events
+        self._direct, self._events = plugins.direct, plugins.events
+        self._plans = PlanTransfer(plugins, self._telemetry, self._connection.system_id)
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
         telemetry = self._telemetry
@@ -134,40 +122,25 @@ class Px4Vehicle(Px4Motions, Vehicle):
     async def recognise(self, plan: FlightPlan) -> None:
         """See `Vehicle.recognise`."""
         async with self._plan_lock:
-            await compare_plan(self._raw, self._telemetry, plan)
+            await self._plans.compare(plan)
             self._guard(plan)
 
     async def upload(self, plan: FlightPlan) -> None:
-        """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
+        """See `Vehicle.upload`."""
         async with self._plan_lock:
-            if not plan.fence:
-                await clear_fence(self._geofence, self._telemetry)
-            if not plan.rally:
-                await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
-            await upload_plan(self._raw, self._telemetry, plan)
+            await self._plans.upload(plan)
             self._guard(plan)
 
     async def renew(self, plan: FlightPlan) -> None:
         """See `Vehicle.renew`."""
         async with self._plan_lock:
-            await self._renew(plan)
-
-    async def _renew(self, plan: FlightPlan) -> None:
-        self._telemetry.leave_plan_alone()
-        try:
-            if not plan.rally:
-                await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
-            flying = self._telemetry.in_air and self._telemetry.mode is FlightMode.MISSION
-            await renew_plan(
-                self._raw,
-                self._telemetry,
-                plan,
-                lambda: clear_fence(self._geofence, self._telemetry),
-                same_items=bool(flying),
-            )
-            self._plan_guard.plan = plan
-        finally:
-            self._telemetry.guard_plan()
+            self._telemetry.leave_plan_alone()
+            try:
+                flying = self._telemetry.in_air and self._telemetry.mode is FlightMode.MISSION
+                await self._plans.renew(plan, same_items=bool(flying))
+                self._plan_guard.plan = plan
+            finally:
+                self._telemetry.guard_plan()
 
     async def arm(self) -> None:
         """See `Vehicle.arm`."""
@@ -228,7 +201,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def _compare(self, plan: FlightPlan) -> None:
         async with self._plan_lock:
-            await verify_plan(self._raw, self._telemetry, plan)
+            await self._plans.verify(plan)
 
     def _on_event(self, event: VehicleEvent) -> None:
         if isinstance(event, PlanReplaced):
@@ -239,15 +212,6 @@ class Px4Vehicle(Px4Motions, Vehicle):
             # Not from here: an error in what it leads to would end the comparing, unseen.
             event = PlanCompared(self._telemetry.time_s, difference)
             asyncio.get_running_loop().call_soon(self._callback, event)
-
-    def _clear_rally_points(self) -> None:
-        target = {"target_system": self._connection.system_id, "target_component": AUTOPILOT}
-        try:
-            self._direct.send_message(
-                message("MISSION_CLEAR_ALL", target | {"mission_type": RALLY})
-            )
-        except MavlinkDirectError as error:
-            raise PlanRefusedError(f"rally points stay on board: {error.result.name}") from None
 
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()

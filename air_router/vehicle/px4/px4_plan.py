@@ -9,16 +9,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
 
-from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
-from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
+from mavsdk.plugins.geofence.geofence import GeofenceResult
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectError
+from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRawResult
 
 from air_router.errors import PlanRefusedError
 from air_router.mission.fence_plan import FENCE_POINTS
 from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
-from air_router.vehicle.mavlink.mavsdk_bridge import call
+from air_router.vehicle.mavlink.mavsdk_bridge import call, message
+from air_router.vehicle.mavlink.px4_connection import Plugins
+from air_router.vehicle.px4.px4_order import AUTOPILOT
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry
 
 _log = logging.getLogger(__name__)
@@ -45,163 +48,194 @@ _PASSING: Final = frozenset(
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 
 
-async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
-    """Upload the plan, read all of it back, and wait until PX4 finds the mission feasible.
+class _ItemList(NamedTuple):
+    """One of the lists of items on board, and what transfers it."""
 
-    What MAVSDK cannot upload is an empty fence and no rally points: that is what `clear_fence` and
-    `clear_rally_points` are for.
-
-    Raises:
-        PlanRefusedError: not taken, not the same when read back, or judged infeasible.
-    """
-    telemetry.forget_words()
-    if plan.fence:
-        await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
-    if plan.rally:
-        upload = raw.upload_rally_points_async
-        await _upload("the list of rally points", upload, plan.rally, RALLY, telemetry)
-    await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
-    await compare_plan(raw, telemetry, plan)
-    try:
-        await _feasible(telemetry, len(plan.items))
-    except PlanRefusedError:
-        if telemetry.refusals:
-            raise
-        # The same mission was on board before, and PX4 keeps to what it thought of it when it was
-        # switched on: it judges a mission anew only if it is another.
-        await _transfer("no mission", raw.clear_mission_async)
-        await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
-        await compare_plan(raw, telemetry, plan)
-        await _feasible(telemetry, len(plan.items))
+    what: str  # in words
+    kind: int  # MAV_MISSION_TYPE
+    upload: Callable[..., None]
+    download: Callable[..., None]
 
 
-async def renew_plan(
-    raw: MissionRaw,
-    telemetry: Px4Telemetry,
-    plan: FlightPlan,
-    clear: Callable[[], Awaitable[None]],
-    *,
-    same_items: bool = False,
-) -> None:
-    """Put a changed fence on board, and what it makes of the items; see `Vehicle.renew`.
-
-    PX4 judges the mission after each of them. New items might lie in the fence before, and those
-    before in the new one: between the two there is none.
+class PlanTransfer:
+    """Puts plans on board of one PX4, and reads them back.
 
     Args:
-        raw: up- and downloads.
-        telemetry: what the vehicle says.
-        plan: what is to be on board.
-        clear: takes the fence off board.
-        same_items: other items must not be sent now.
-
-    Raises:
-        PlanRefusedError: as `upload_plan`; or the items are others and must not be.
+        plugins: Of MAVSDK; what they have no call for is sent as a message.
+        telemetry: What the vehicle says.
+        system_id: Its MAVLink system id.
     """
-    telemetry.forget_words()
-    items = await _download("the mission", raw.download_mission_async, telemetry)
-    if not _all_same(plan.items, items):
-        if same_items:
-            raise PlanRefusedError("other items while it flies the mission: hold first")
-        await clear()
-        await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
-    what = "the list of rally points"
-    rally = await _download(what, raw.download_rallypoints_async, telemetry)
-    if plan.rally and [_place(v) for v in plan.rally] != [_place(v) for v in rally]:
-        await _upload(what, raw.upload_rally_points_async, plan.rally, RALLY, telemetry)
-    if plan.fence:
-        await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
-    else:
-        await clear()
-    await compare_plan(raw, telemetry, plan)
-    await _feasible(telemetry, len(plan.items))
 
+    def __init__(self, plugins: Plugins, telemetry: Px4Telemetry, system_id: int) -> None:
+        raw = plugins.raw
+        self._plugins, self._telemetry, self._system_id = plugins, telemetry, system_id
+        self._mission = _ItemList(
+            "the mission", MISSION, raw.upload_mission_async, raw.download_mission_async
+        )
+        self._fence = _ItemList(
+            "the fence", FENCE, raw.upload_geofence_async, raw.download_geofence_async
+        )
+        self._rally = _ItemList(
+            "the list of rally points",
+            RALLY,
+            raw.upload_rally_points_async,
+            raw.download_rallypoints_async,
+        )
 
-async def verify_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
-    """Make sure that what is on board flies as the plan does, without changing it.
+    async def upload(self, plan: FlightPlan) -> None:
+        """Upload the plan, read all of it back, and wait until PX4 finds the mission feasible.
 
-    Raises:
-        PlanRefusedError: it is another plan, cannot be read, or PX4 finds that it cannot be flown.
-    """
-    await compare_plan(raw, telemetry, plan)
-    await _feasible(telemetry, len(plan.items))
+        Fence first, so that the mission is judged against it.
 
+        Raises:
+            PlanRefusedError: not taken, not the same when read back, or judged infeasible.
+        """
+        if not plan.fence:
+            await self._clear_fence()
+        if not plan.rally:
+            await self._clear_rally_points()
+        self._telemetry.forget_words()
+        for places, items in ((self._fence, plan.fence), (self._rally, plan.rally)):
+            if items:
+                await self._upload(places, items)
+        await self._upload(self._mission, plan.items)
+        await self.compare(plan)
+        try:
+            await self._feasible(len(plan.items))
+        except PlanRefusedError:
+            if self._telemetry.refusals:
+                raise
+            # The same mission was on board before, and PX4 keeps to what it thought of it when it
+            # was switched on: it judges a mission anew only if it is another.
+            await _transfer("no mission", self._plugins.raw.clear_mission_async)
+            await self._upload(self._mission, plan.items)
+            await self.verify(plan)
 
-async def compare_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
-    """Read fence, rally points and items back and compare.
+    async def renew(self, plan: FlightPlan, *, same_items: bool = False) -> None:
+        """Put a changed fence on board, and what it makes of the items; see `Vehicle.renew`.
 
-    Raises:
-        PlanRefusedError: what is on board is another plan.
-    """
-    fence = await _download("the fence", raw.download_geofence_async, telemetry)
-    _compare("the fence", [_place(v) for v in plan.fence], [_place(v) for v in fence])
-    what = "the list of rally points"
-    rally = await _download(what, raw.download_rallypoints_async, telemetry)
-    _compare(what, [_place(v) for v in plan.rally], [_place(v) for v in rally])
-    items = await _download("the mission", raw.download_mission_async, telemetry)
-    _compare("the mission", list(plan.items), items)
+        PX4 judges the mission after each of them. New items might lie in the fence before, and
+        those before in the new one: between the two there is none.
 
+        Args:
+            plan: What is to be on board.
+            same_items: Other items must not be sent now.
 
-async def clear_fence(geofence: Geofence, telemetry: Px4Telemetry) -> None:
-    """Take the fence of an earlier mission off board.
+        Raises:
+            PlanRefusedError: as `upload`; or the items are others and must not be.
+        """
+        if not plan.rally:
+            await self._clear_rally_points()
+        self._telemetry.forget_words()
+        items = await self.download(self._mission)
+        if len(items) != len(plan.items) or not all(map(PlanItem.same_as, plan.items, items)):
+            if same_items:
+                raise PlanRefusedError("other items while it flies the mission: hold first")
+            await self._clear_fence()
+            await self._upload(self._mission, plan.items)
+        rally = await self.download(self._rally)
+        if plan.rally and [_place(v) for v in plan.rally] != [_place(v) for v in rally]:
+            await self._upload(self._rally, plan.rally)
+        if plan.fence:
+            await self._upload(self._fence, plan.fence)
+        else:
+            await self._clear_fence()
+        await self.verify(plan)
 
-    Raises:
-        PlanRefusedError: it stays.
-    """
-    (result,) = await _transfer("no fence", geofence.clear_geofence_async)
-    if result != GeofenceResult.SUCCESS:
-        raise PlanRefusedError(f"the fence on board stays: {result.name}{telemetry.said()}")
+    async def verify(self, plan: FlightPlan) -> None:
+        """Make sure that what is on board flies as the plan does, without changing it.
 
+        Raises:
+            PlanRefusedError: it is another plan, cannot be read, or PX4 finds that it cannot be
+                flown.
+        """
+        await self.compare(plan)
+        await self._feasible(len(plan.items))
 
-async def clear_rally_points(
-    raw: MissionRaw, telemetry: Px4Telemetry, clear: Callable[[], None]
-) -> None:
-    """Take rally points of an earlier mission off board: a return would go there.
+    async def compare(self, plan: FlightPlan) -> None:
+        """Read fence, rally points and items back and compare.
 
-    Args:
-        raw: downloads them.
-        telemetry: what the vehicle says.
-        clear: sends a MISSION_CLEAR_ALL for them; MAVSDK has no call for it.
+        Raises:
+            PlanRefusedError: what is on board is another plan.
+        """
+        for places, sent in ((self._fence, plan.fence), (self._rally, plan.rally)):
+            found = await self.download(places)
+            _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
+        items = await self.download(self._mission)
+        _compare(self._mission.what, list(plan.items), items)
 
-    Raises:
-        PlanRefusedError: they stay.
-    """
-    what = "the list of rally points"
-    for _ in range(BUSY_ATTEMPTS):
-        if not await _download(what, raw.download_rallypoints_async, telemetry):
+    async def _clear_fence(self) -> None:
+        """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
+        clear = self._plugins.geofence.clear_geofence_async
+        (result,) = await _transfer("no fence", clear)
+        if result != GeofenceResult.SUCCESS:
+            said = self._telemetry.said()
+            raise PlanRefusedError(f"the fence on board stays: {result.name}{said}")
+
+    async def _clear_rally_points(self) -> None:
+        """Take rally points of an earlier mission off board: a return would go there.
+
+        MAVSDK has no call for it.
+
+        Raises:
+            PlanRefusedError: they stay.
+        """
+        target = {"target_system": self._system_id, "target_component": AUTOPILOT}
+        clear = message("MISSION_CLEAR_ALL", target | {"mission_type": RALLY})
+        for _ in range(BUSY_ATTEMPTS):
+            if not await self.download(self._rally):
+                return
+            try:
+                self._plugins.direct.send_message(clear)
+            except MavlinkDirectError as error:
+                raise PlanRefusedError(f"rally points stay on board: {error.result.name}") from None
+        if await self.download(self._rally):
+            said = self._telemetry.said()
+            raise PlanRefusedError(f"rally points of another mission stay on board{said}")
+
+    async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
+        raw_items = [_to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
+        result, *_ = await _patiently(to.what, to.upload, raw_items)
+        if result == MissionRawResult.SUCCESS:
             return
-        clear()
-    if await _download(what, raw.download_rallypoints_async, telemetry):
-        raise PlanRefusedError(f"rally points of another mission stay on board{telemetry.said()}")
+        hint = ""
+        if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and to.kind == FENCE:
+            count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
+            hint = f"; {count}: draw it simpler"
+        said = self._telemetry.said()
+        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{said}{hint}")
 
+    async def download(self, of: _ItemList) -> list[PlanItem]:
+        """What is on board of one list. Raises PlanRefusedError: it cannot be read."""
+        result, items = await _patiently(of.what, of.download)
+        if result == MissionRawResult.NO_MISSION_AVAILABLE:
+            return []
+        if result != MissionRawResult.SUCCESS:
+            said = self._telemetry.said()
+            raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{said}")
+        return [_from_raw(of.what, item) for item in items]
 
-async def _upload(
-    what: str,
-    method: Callable[..., None],
-    items: Sequence[PlanItem],
-    mission_type: int,
-    telemetry: Px4Telemetry,
-) -> None:
-    raw_items = [_to_raw(seq, item, mission_type) for seq, item in enumerate(items)]
-    result, *_ = await _patiently(what, method, raw_items)
-    if result == MissionRawResult.SUCCESS:
-        return
-    hint = ""
-    if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and mission_type == FENCE:
-        count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
-        hint = f"; {count}: draw it simpler"
-    raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}{hint}")
+    async def _feasible(self, total: int) -> None:
+        telemetry = self._telemetry
+        # What was said last may be of the plan before; the next report may have been on its way.
+        fresh = telemetry.mission_reports + 2
 
+        def judged() -> bool:
+            if telemetry.mission_reports < fresh or telemetry.item_total != total:
+                return False
+            return telemetry.mission_state > MISSION_INVALID or bool(telemetry.refusals)
 
-async def _download(
-    what: str, method: Callable[..., None], telemetry: Px4Telemetry
-) -> list[PlanItem]:
-    result, items = await _patiently(what, method)
-    if result == MissionRawResult.NO_MISSION_AVAILABLE:
-        return []
-    if result != MissionRawResult.SUCCESS:
-        raise PlanRefusedError(f"{what} cannot be read back: {result.name}{telemetry.said()}")
-    return [_from_raw(what, item) for item in items]
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(FEASIBLE_S):
+                await telemetry.wait_for(judged)
+        if telemetry.mission_state > MISSION_INVALID and telemetry.item_total == total:
+            return
+        reasons = "; ".join(dict.fromkeys(telemetry.refusals))
+        why = f": {reasons}" if reasons else telemetry.said()
+        raise PlanRefusedError(
+            f"PX4 stored the mission but finds that it cannot be flown{why}"
+            + ("" if why else "; its reason is in the ground station's messages")
+        )
 
 
 async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
@@ -221,32 +255,6 @@ async def _transfer(what: str, method: Callable[..., None], *arguments: Any) -> 
         raise PlanRefusedError(
             f"{what}: the transfer did not end within {TRANSFER_S:.0f} s; is the link very slow?"
         ) from None
-
-
-async def _feasible(telemetry: Px4Telemetry, total: int) -> None:
-    # What was said last may be of the plan before; the next report may have been on its way.
-    fresh = telemetry.mission_reports + 2
-
-    def judged() -> bool:
-        if telemetry.mission_reports < fresh or telemetry.item_total != total:
-            return False
-        return telemetry.mission_state > MISSION_INVALID or bool(telemetry.refusals)
-
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(FEASIBLE_S):
-            await telemetry.wait_for(judged)
-    if telemetry.mission_state > MISSION_INVALID and telemetry.item_total == total:
-        return
-    reasons = "; ".join(dict.fromkeys(telemetry.refusals))
-    why = f": {reasons}" if reasons else telemetry.said()
-    raise PlanRefusedError(
-        f"PX4 stored the mission but finds that it cannot be flown{why}"
-        + ("" if why else "; its reason is in the ground station's messages")
-    )
-
-
-def _all_same(mine: Sequence[PlanItem], theirs: Sequence[PlanItem]) -> bool:
-    return len(mine) == len(theirs) and all(map(PlanItem.same_as, mine, theirs))
 
 
 def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:

@@ -8,8 +8,9 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan, Frame
+from air_router.vehicle.mavlink.px4_connection import Plugins
 from air_router.vehicle.px4 import px4_plan
-from air_router.vehicle.px4.px4_plan import upload_plan
+from air_router.vehicle.px4.px4_plan import PlanTransfer
 from air_router.vehicle.px4.px4_plan_guard import PlanGuard
 
 
@@ -28,6 +29,9 @@ class Board:
         self.items, self.fence, self.rally = [], [], []
         self.uploads = 0
         self.judged = None
+
+    def transfer(self):
+        return PlanTransfer(Plugins(self, self, self, None), self, 1)
 
     def forget_words(self):
         self.refusals.clear()
@@ -80,14 +84,14 @@ def hurried(monkeypatch):
 def test_the_same_mission_that_was_found_wrong_at_power_on_is_judged_anew(pennovation):
     plan, board = FlightPlan.of(pennovation), Board()
     board.judged = identity([px4_plan._to_raw(n, item, 0) for n, item in enumerate(plan.items)])
-    asyncio.run(upload_plan(board, board, plan))
+    asyncio.run(board.transfer().upload(plan))
     assert (board.uploads, board.mission_state) == (2, 2)
 
 
 def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation):
     board = Board(good=False)
     with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
-        asyncio.run(upload_plan(board, board, FlightPlan.of(pennovation)))
+        asyncio.run(board.transfer().upload(FlightPlan.of(pennovation)))
     assert board.uploads == 1
 
 
@@ -97,7 +101,7 @@ def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
     take = getattr(board, f"upload_{what}_async")
     setattr(board, f"upload_{what}_async", lambda items, answer: take(items[:-1], answer))
     with pytest.raises(PlanRefusedError, match=r"\d+ items sent, \d+ are on board"):
-        asyncio.run(upload_plan(board, board, FlightPlan.of(pennovation)))
+        asyncio.run(board.transfer().upload(FlightPlan.of(pennovation)))
 
 
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
@@ -112,7 +116,7 @@ def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovati
             take(items, answer)
 
     board.upload_rally_points_async = take_late
-    asyncio.run(upload_plan(board, board, plan))
+    asyncio.run(board.transfer().upload(plan))
     assert len(board.rally) == len(plan.rally) > 0
 
 
