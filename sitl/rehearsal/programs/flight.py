@@ -22,7 +22,8 @@ from sitl.rehearsal.programs.processes import Companion, Programs, free_port, hu
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
-from sitl.rehearsal.programs.station import MODES, Station, intrusion, items_of
+from sitl.rehearsal.programs.station import MODES, intrusion, items_of, station_at, upload
+from sitl.rehearsal.stations import Station
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
@@ -40,7 +41,7 @@ LET_GO_S: Final = 40.0
 _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 8.0
 _BEAT_S: Final = 0.05
-_MOVED: Final = 400
+_MOVED: Final = 0.4
 _RESTS_S: Final = 0.5
 """Sticks are at rest first: what moves is taken for the pilot's."""
 
@@ -101,7 +102,7 @@ class RealFlight:
             programs.relay = self._relay
             self._relay.hold = programs.hold
             self._relay.weather = Weather(loss=self.scene.loss)
-            self._station = Station(self._relay)
+            self._station = station_at(self._relay)
             meets = any(act.when in MEETINGS for act in self.scene.acts())
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
@@ -189,7 +190,7 @@ class RealFlight:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
         if self._sticks_moved_s is not None:  # from then on they are heard: else they are lost
             from_s, until_s = self._sticks_moved_s
-            self._station.sticks(_MOVED if from_s <= now_s < until_s else 0)
+            self._station.sticks(_MOVED if from_s <= now_s < until_s else 0.0)
         if self._awaited is not None:
             happening, shows = self._awaited
             if shows():
@@ -211,21 +212,27 @@ class RealFlight:
         if value in _STICK_MODES:
             self._sticks_moved_s = self._sticks_moved_s or (math.inf, math.inf)
             for _ in range(10):
-                self._station.sticks(0)
+                self._station.sticks()
                 time.sleep(_BEAT_S)
-        self._await(SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value])
-        self._station.choose(value)
+        self._await(
+            SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value].custom_mode
+        )
+        self._station.choose(MODES[value])
 
     def do_other_mode(self, value: str) -> None:
         """Another station chooses a mode."""
-        self._await(SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value])
-        Station(self._relay, 254).choose(value)
+        self._await(
+            SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value].custom_mode
+        )
+        station_at(self._relay, 254).choose(MODES[value])
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
         from_s = self._seen.time_s + _RESTS_S
         self._sticks_moved_s = from_s, from_s + value
-        self._await(SceneEventKind.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
+        self._await(
+            SceneEventKind.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"].custom_mode
+        )
 
     def do_resume(self, _value: object) -> None:
         """The operator asks it to go on."""
@@ -261,7 +268,7 @@ class RealFlight:
     def do_delete(self, value: int) -> None:
         """A station deletes mission or fence."""
         self._note(SceneEventKind.FENCE_CHANGED, "deleted")
-        self._station.clear(value)
+        self._station.say("MISSION_CLEAR_ALL", mission_type=value)
 
     def do_replan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
@@ -275,14 +282,14 @@ class RealFlight:
                 self._note(SceneEventKind.PILOT, "plan")
 
         moved = [{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items]
-        self._station.upload(moved, stored=stored)
+        upload(self._relay, moved, stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
         self._note(SceneEventKind.HOME_MOVED, value)
         first = self._seen.samples[0]
-        place = first.latitude_deg, first.longitude_deg
-        self._station.move_home(place, (self._seen.ground_m or 0.0) + value)
+        amsl_m = (self._seen.ground_m or 0.0) + value
+        self._station.move_home(first.latitude_deg, first.longitude_deg, amsl_m)
 
     def do_speed(self, value: float) -> None:
         """A station changes the speed."""

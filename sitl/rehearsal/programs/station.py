@@ -8,9 +8,10 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
-from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.programs.relay import LossyRelay
+from sitl.rehearsal.stations import Station
 
 _FLOOD = 300
 
@@ -40,105 +41,47 @@ def _packed(sender: Any, message: Any) -> bytes:
     return bytes(message.pack(sender))
 
 
-MODES: Final[Mapping[str, int]] = {
-    "HOLD": 0x03040000,
-    "MISSION": 0x04040000,
-    "RETURN": 0x05040000,
-    "LAND": 0x06040000,
-    "ALTCTL": 0x00020000,
-    "POSCTL": 0x00030000,
+MODES: Final[Mapping[str, FlightMode]] = {
+    "HOLD": FlightMode.AUTO_LOITER,
+    "MISSION": FlightMode.AUTO_MISSION,
+    "RETURN": FlightMode.AUTO_RTL,
+    "LAND": FlightMode.AUTO_LAND,
+    "ALTCTL": FlightMode.ALTCTL,
+    "POSCTL": FlightMode.POSCTL,
 }
-"""HEARTBEAT.custom_mode of PX4's modes."""
+"""Modes by the words of `scenes`."""
 
-_SET_MODE, _ARM, _SPEED, _SET_HOME = 176, 400, 178, 179  # MAV_CMD
-_FORCED: Final = 21196.0
-_FENCE, _MISSION, _REAL32 = 1, 0, 9
+_SYSTEM: Final = 255
+_ITEM: Final = (
+    *("frame", "command", "current", "autocontinue", "param1", "param2", "param3", "param4"),
+    *("x", "y", "z"),
+)
 
 
-class Station:
-    """Sends as a ground station does; the vehicle hears it through the relay.
+def station_at(relay: LossyRelay, system: int = _SYSTEM) -> Station:
+    """A station that the vehicle hears through the relay."""
+    return Station(system, lambda sender, *message: relay.inject(sender.pack(*message)))
 
-    Args:
-        relay: Passes it on.
-        system: Of the station.
-        vehicle: System id of the vehicle.
-    """
 
-    def __init__(self, relay: LossyRelay, system: int = 255, vehicle: int = 1) -> None:
-        self._relay = relay
-        self._sender = mavlink.MAVLink(None, srcSystem=system, srcComponent=190)
-        self._vehicle = vehicle
-        self._plan: Sequence[Mapping[str, Any]] = ()  # items of the last upload
-        self._kind = _MISSION  # their MAV_MISSION_TYPE
-        self._stored: Callable[[], object] = lambda: None  # called at their MISSION_ACK
+def upload(
+    relay: LossyRelay, items: Sequence[Mapping[str, Any]], stored: Callable[[], object]
+) -> None:
+    """Begin to put a mission on board: the vehicle asks for its items until it has `stored` it."""
+    station = station_at(relay)
 
-    def beat(self) -> None:
-        """A station's HEARTBEAT."""
-        self._send(self._sender.heartbeat_encode(6, 8, 0, 0, 4))
-
-    def choose(self, mode: str) -> None:
-        """DO_SET_MODE."""
-        number = MODES[mode]
-        self._command(_SET_MODE, 1, number >> 16 & 0xFF, number >> 24)
-
-    def disarm(self, *, forced: bool) -> None:
-        """As it is: refused in the air, unless it is forced."""
-        self._command(_ARM, 0, _FORCED if forced else 0.0)
-
-    def change_speed(self, speed_m_s: float) -> None:
-        """DO_CHANGE_SPEED over ground."""
-        self._command(_SPEED, 1, speed_m_s, -1)
-
-    def move_home(self, place: Pair, altitude_amsl_m: float) -> None:
-        """DO_SET_HOME to a place."""
-        latitude, longitude = (round(degrees * 1e7) for degrees in place)
-        target = (self._vehicle, 1, 0, _SET_HOME, 0, 0, 0, 0, 0, 0)
-        self._send(self._sender.command_int_encode(*target, latitude, longitude, altitude_amsl_m))
-
-    def sticks(self, pitch: int, throttle: int = 500) -> None:
-        """MANUAL_CONTROL, -1000 to 1000; throttle 0 to 1000."""
-        self._send(self._sender.manual_control_encode(self._vehicle, pitch, 0, throttle, 0, 0))
-
-    def set_parameter(self, name: str, value: float) -> None:
-        """PARAM_SET of a real number."""
-        self._send(self._sender.param_set_encode(self._vehicle, 1, name.encode(), value, _REAL32))
-
-    def clear(self, kind: int) -> None:
-        """Take mission (0) or fence (1) off board."""
-        self._send(self._sender.mission_clear_all_encode(self._vehicle, 1, kind))
-
-    def upload(
-        self,
-        items: Sequence[Mapping[str, Any]],
-        kind: int = _MISSION,
-        stored: Callable[[], object] = lambda: None,
-    ) -> None:
-        """Begin to put a plan on board: the vehicle asks for its items until it has `stored` it."""
-        self._plan, self._kind, self._stored = items, kind, stored
-        self._relay.answers = self._answer
-        self._send(self._sender.mission_count_encode(self._vehicle, 1, len(items), kind))
-
-    def _answer(self, message: WireMessage) -> None:
-        if message.name == "MISSION_ACK" and message.target == self._sender.srcSystem:
-            self._stored()
-        asked = message.name in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}
-        if not asked or message.target != self._sender.srcSystem:
+    def answer(message: WireMessage) -> None:
+        if message.target != _SYSTEM:
             return
-        seq = int(message.fields["seq"])
-        if seq < len(self._plan):
-            item = self._plan[seq]
-            values = [item[name] for name in ("frame", "command", "current", "autocontinue")]
-            values += [item[name] for name in ("param1", "param2", "param3", "param4")]
-            values += [item[name] for name in ("x", "y", "z")]
-            target = (self._vehicle, 1, seq)
-            self._send(self._sender.mission_item_int_encode(*target, *values, self._kind))
+        if message.name == "MISSION_ACK":
+            stored()
+        elif message.name in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
+            seq = int(message.fields["seq"])
+            if seq < len(items):
+                fields = {name: items[seq][name] for name in _ITEM}
+                station.say("MISSION_ITEM_INT", seq=seq, **fields)
 
-    def _command(self, command: int, *parameters: float) -> None:
-        values = [*parameters, *[0.0] * (7 - len(parameters))]
-        self._send(self._sender.command_long_encode(self._vehicle, 1, command, 0, *values))
-
-    def _send(self, message: Any) -> None:
-        self._relay.inject(bytes(message.pack(self._sender)))
+    relay.answers = answer
+    station.say("MISSION_COUNT", count=len(items))
 
 
 def items_of(messages: Sequence[WireMessage], kind: int) -> list[dict[str, Any]]:

@@ -7,12 +7,13 @@ from queue import SimpleQueue
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.processes import ProcessPause
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes
-from sitl.rehearsal.programs.station import Station
+from sitl.rehearsal.programs.station import station_at, upload
 
 LIMIT_S = 60.0
 POSITION, BATTERY = 33, 1
@@ -61,7 +62,7 @@ def test_it_passes_both_ways_and_writes_down_what_passes(ends):
         land = packed(lambda s: s.command_long_encode(1, 1, 21, 0, *[0] * 7), component=191)
         companion.sendto(land, relayed)
         assert vehicle.recvfrom(4096)[0] == land
-        Station(relay).choose("LAND")
+        station_at(relay).choose(FlightMode.AUTO_LAND)
         assert vehicle.recvfrom(4096)[0][:1] == b"\xfd"
         vehicle.sendto(truth(26.7, 2.0), ("127.0.0.1", relay.truth_port))
         seen = relay.recording
@@ -139,7 +140,7 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
         vehicle.sendto(heartbeat(armed=True), ("127.0.0.1", relay.api_port))
         companion.recvfrom(4096)
         stored = SimpleQueue()
-        Station(relay).upload([item], stored=lambda: stored.put(1))
+        upload(relay, [item], lambda: stored.put(1))
         vehicle.recvfrom(4096)
         ask = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
         vehicle.sendto(ask, ("127.0.0.1", relay.api_port))
