@@ -6,16 +6,16 @@ acts at once: `set_link` returns when no further byte will pass in either direct
 way stalls, as TCP does without a carrier; if the cut lasts, the connections are closed. When the
 link comes back, whatever waits goes on and new connections work at once.
 
-One thread with a selector serves all pairs. Nothing is buffered without bounds: a relay reads from
-one side only what the other side has taken.
+One thread with an event loop serves all pairs. Nothing is buffered without bounds: a relay reads
+from one side only what the other side has taken.
 """
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import errno
-import selectors
 import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -24,12 +24,15 @@ from typing import Self
 
 from air_router.errors import AirRouterError
 from mocha_link.team.team import Team
-from sitl.team.relayed_flow import Flow, RadioLink, RelayedSocket, close_socket
 
 CLOSE_AFTER_S = 2.0
 """Wall seconds that a cut may last before the connections over it are closed."""
 
+CHUNK_BYTES = 64 * 1024
+
 _RATE_TICK_S = 0.01  # how often a limited link looks for new credit
+_RATE_BURST_S = 0.05  # a limited link may send this much of its rate at once
+_RESET = struct.pack("ii", 1, 0)  # SO_LINGER that closes with a reset: the peer learns of it
 
 Endpoint = tuple[str, int]
 
@@ -62,11 +65,64 @@ def relayed_pairs(team: Team) -> tuple[RelayedPair, ...]:
     )
 
 
-@dataclass(slots=True, eq=False)
-class _Listener:
-    socket: socket.socket
-    pair: RelayedPair
-    link: RadioLink
+class _RadioLink:
+    """The radio between two robots: both directions, all their connections.
+
+    Args:
+        rate_bytes_s: What it carries in both directions together; None: no limit.
+        now_s: The clock of that rate.
+
+    Attributes:
+        up: Set while it carries anything.
+        connections: Those over it.
+        hang_up: Closes them if the cut lasts; None: it is up, or never was.
+    """
+
+    def __init__(self, rate_bytes_s: float | None, now_s: Callable[[], float]) -> None:
+        self._rate_bytes_s = rate_bytes_s
+        self._now_s = now_s
+        self._credit_bytes = 0.0  # what a limited link may carry before it earns more
+        self._earned_until_s = 0.0  # of `now_s`
+        self.up = asyncio.Event()
+        self.connections: set[asyncio.Task[None]] = set()
+        self.hang_up: asyncio.TimerHandle | None = None
+
+    def restart_credit(self) -> None:
+        """Earn from now on only."""
+        self._earned_until_s = self._now_s()
+
+    async def pump(self, source: socket.socket, sink: socket.socket) -> None:
+        """Carry bytes from one side to the other until the source has said all."""
+        loop = asyncio.get_running_loop()
+        while data := await loop.sock_recv(source, await self._allowance()):
+            self._credit_bytes -= len(data)
+            while data:
+                await self.up.wait()  # nothing else may come between this and the sending
+                try:
+                    data = data[sink.send(data) :]
+                except BlockingIOError:
+                    await _writable(sink)
+        await self.up.wait()
+        sink.shutdown(socket.SHUT_WR)
+
+    async def _allowance(self) -> int:
+        """How many bytes may be read, once there are some."""
+        await self.up.wait()
+        if self._rate_bytes_s is None:
+            return CHUNK_BYTES
+        while (credit := self._credit(self._rate_bytes_s)) < 1:
+            await asyncio.sleep(_RATE_TICK_S)
+            await self.up.wait()
+        return min(CHUNK_BYTES, credit)
+
+    def _credit(self, rate_bytes_s: float) -> int:
+        """Credit for the time that has passed; a little may be saved up."""
+        now_s = self._now_s()
+        earned = max(0.0, now_s - self._earned_until_s) * rate_bytes_s
+        self._earned_until_s = now_s
+        most = max(1.0, rate_bytes_s * _RATE_BURST_S)
+        self._credit_bytes = min(self._credit_bytes + earned, most)
+        return int(self._credit_bytes)
 
 
 class Relay:
@@ -91,27 +147,19 @@ class Relay:
         now_s: Callable[[], float] = time.monotonic,
         close_after_s: float = CLOSE_AFTER_S,
     ) -> None:
-        self._limited = rate_bytes_s is not None  # else no link needs credit
-        self._now_s = now_s
         self._close_after_s = close_after_s
-        self._selector = selectors.DefaultSelector()
-        self._links: dict[frozenset[str], RadioLink] = {}  # one for both directions
-        self._listeners: list[_Listener] = []  # one for each pair, to the end
-        self._lock = threading.Lock()  # of links, listeners, flows
-        self._closing = False  # under `_lock`, like all that the thread shares
-        self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_in.setblocking(False)
-        self._wake_out.setblocking(False)
-        self._selector.register(self._wake_out, selectors.EVENT_READ)
-        self._thread = threading.Thread(target=self._run, name="relay", daemon=True)
-        try:
-            for pair in pairs:
-                key = frozenset((pair.client, pair.server))
-                link = self._links.setdefault(key, RadioLink(rate_bytes_s))
-                self._listeners.append(_Listener(_listen(pair), pair, link))
-        except BaseException:
-            self._release()
-            raise
+        self._links: dict[frozenset[str], _RadioLink] = {}  # one for both directions
+        self._lock = threading.Lock()  # of `_closed`
+        self._closed = False  # the loop takes nothing more
+        with contextlib.ExitStack() as stack:
+            listeners = [(stack.enter_context(_listen(pair)), pair) for pair in pairs]
+            self._sockets = stack.pop_all()  # that listen
+        self._loop = asyncio.new_event_loop()
+        for listener, pair in listeners:
+            key = frozenset((pair.client, pair.server))
+            link = self._links.setdefault(key, _RadioLink(rate_bytes_s, now_s))
+            self._loop.create_task(self._accept(listener, pair, link))
+        self._thread = threading.Thread(target=self._loop.run_forever, name="relay", daemon=True)
         self._thread.start()
 
     def set_link(self, a: str, b: str, *, up: bool) -> None:
@@ -121,31 +169,20 @@ class Relay:
         """
         link = self._links.get(frozenset((a, b)))
         with self._lock:
-            if link is None or self._closing or link.up == up:
-                return
-            link.up = up
-            link.down_since_s = time.monotonic()
-            link.restart_credit(self._now_s())
-            for listener in self._listeners:
-                if listener.link is not link:
-                    continue
-                if up:
-                    self._selector.register(listener.socket, selectors.EVENT_READ, listener)
-                else:
-                    self._selector.unregister(listener.socket)
-            for flow in link.flows:
-                self._watch(flow)
-        self._wake()
+            if link is not None and not self._closed and link.up.is_set() != up:
+                self._do(self._restore if up else self._cut, link)
 
     def close(self) -> None:
         """Stop the thread and close every socket."""
         with self._lock:
-            if self._closing:
+            if self._closed:
                 return
-            self._closing = True
-        self._wake()
+            self._closed = True
+        asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
-        self._release()
+        self._loop.close()
+        self._sockets.close()
 
     def __enter__(self) -> Self:
         return self
@@ -153,112 +190,69 @@ class Relay:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _wake(self) -> None:
-        with contextlib.suppress(OSError):  # full: it is awake; closed: no thread to wake
-            self._wake_in.send(b"\0")
+    def _do(self, what: Callable[[_RadioLink], None], link: _RadioLink) -> None:
+        """Have the thread do something, and wait until it has."""
+        done = threading.Event()
+        self._loop.call_soon_threadsafe(what, link)
+        self._loop.call_soon_threadsafe(done.set)
+        done.wait()
 
-    def _run(self) -> None:
-        timeout_s: float | None = 0.0
+    def _restore(self, link: _RadioLink) -> None:
+        if link.hang_up is not None:
+            link.hang_up.cancel()
+        link.restart_credit()
+        link.up.set()
+
+    def _cut(self, link: _RadioLink) -> None:
+        def hang_up() -> None:
+            for connection in link.connections:
+                connection.cancel()
+
+        link.up.clear()
+        link.hang_up = self._loop.call_later(self._close_after_s, hang_up)
+
+    async def _end(self) -> None:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _accept(self, listener: socket.socket, pair: RelayedPair, link: _RadioLink) -> None:
         while True:
-            ready = self._selector.select(timeout_s)
-            with self._lock:
-                if self._closing:
-                    return
-                for key, mask in ready:
-                    if isinstance(key.data, _Listener):
-                        self._accept(key.data)
-                    elif isinstance(key.data, RelayedSocket):
-                        self._serve(key.data, mask)
-                    else:
-                        self._wake_out.recv(4096)
-                timeout_s = self._tick()
+            with contextlib.suppress(OSError):  # the client gave up before we came
+                accepted, _ = await self._loop.sock_accept(listener)
+                connection = self._loop.create_task(self._carry(accepted, pair, link))
+                link.connections.add(connection)
+                connection.add_done_callback(link.connections.discard)
 
-    def _tick(self) -> float | None:
-        """Close what was cut for too long, earn credit; returns when to look again."""
-        now_s = time.monotonic()
-        again_s: list[float] = []
-        for link in self._links.values():
-            if not link.up:
-                left_s = link.down_since_s + self._close_after_s - now_s
-                if left_s <= 0:
-                    self._hang_up(link)
-                    link.down_since_s = now_s  # dials may still queue up in the kernel
-                    left_s = self._close_after_s
-                again_s.append(left_s)
-            elif self._limited and link.flows:
-                link.earn_credit(self._now_s())
-                for flow in link.flows:
-                    self._watch(flow)
-                again_s.append(_RATE_TICK_S)
-        return min(again_s, default=None)
-
-    def _hang_up(self, link: RadioLink) -> None:
-        for flow in tuple(link.flows):
-            self._drop(flow)
-        for listener in self._listeners:
-            if listener.link is link:
-                _refuse(listener.socket)
-
-    def _accept(self, listener: _Listener) -> None:
-        if not listener.link.up:
-            return  # cut since the selector saw it
-        try:
-            accepted, _ = listener.socket.accept()
-        except OSError:
-            return  # the client gave up before we came
+    async def _carry(self, accepted: socket.socket, pair: RelayedPair, link: _RadioLink) -> None:
+        """One connection from its dialling to its end; broken, both ends learn of it at once."""
         dialling = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        for end in (accepted, dialling):
-            end.setblocking(False)
-            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        flow = Flow(accepted, dialling, listener.link)
-        listener.link.flows.add(flow)
-        if dialling.connect_ex(listener.pair.served) in (0, errno.EINPROGRESS):
-            self._watch(flow)
-        else:
-            self._drop(flow)
+        with accepted, dialling:
+            for end in (accepted, dialling):
+                end.setblocking(False)
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+            with contextlib.suppress(OSError, ExceptionGroup, TimeoutError):
+                async with asyncio.timeout(self._close_after_s):
+                    await link.up.wait()
+                await self._loop.sock_connect(dialling, pair.served)
+                async with asyncio.TaskGroup() as pumps:
+                    pumps.create_task(link.pump(accepted, dialling))
+                    pumps.create_task(link.pump(dialling, accepted))
+                for end in (accepted, dialling):  # all was said: no reset
+                    end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
-    def _serve(self, side: RelayedSocket, mask: int) -> None:
-        flow = side.flow
-        if flow not in flow.link.flows or not flow.link.up:
-            return  # gone or cut since the selector saw it
-        if not flow.serve(side, mask):
-            self._drop(flow)
-        elif flow.ended:
-            self._drop(flow, reset=False)
-        else:
-            self._watch(flow)
 
-    def _watch(self, flow: Flow) -> None:
-        """Tell the selector what each side is waiting for."""
-        for side in flow.sides:
-            wanted = flow.wanted(side)
-            if wanted == side.watched:
-                continue
-            if not side.watched:
-                self._selector.register(side.socket, wanted, side)
-            elif not wanted:
-                self._selector.unregister(side.socket)
-            else:
-                self._selector.modify(side.socket, wanted, side)
-            side.watched = wanted
-
-    def _drop(self, flow: Flow, *, reset: bool = True) -> None:
-        flow.link.flows.discard(flow)
-        for side in flow.sides:
-            if side.watched:
-                self._selector.unregister(side.socket)
-                side.watched = 0
-        flow.close(reset=reset)
-
-    def _release(self) -> None:
-        for link in self._links.values():
-            for flow in tuple(link.flows):
-                self._drop(flow)
-        for listener in self._listeners:
-            listener.socket.close()
-        self._selector.close()
-        self._wake_in.close()
-        self._wake_out.close()
+async def _writable(sink: socket.socket) -> None:
+    """Wait until a socket takes bytes again."""
+    loop = asyncio.get_running_loop()
+    ready = asyncio.Event()
+    loop.add_writer(sink, ready.set)
+    try:
+        await ready.wait()
+    finally:
+        loop.remove_writer(sink)
 
 
 def _listen(pair: RelayedPair) -> socket.socket:
@@ -269,27 +263,13 @@ def _listen(pair: RelayedPair) -> socket.socket:
             f"{where} itself; give it a 'listen' that differs from its 'address' in the team file "
             "(for instance listen: 127.0.0.4, address: 127.0.1.4), or use --free-ports"
         )
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.setblocking(False)
-        listener.bind(pair.dialled)
-        listener.listen()
+        listener = socket.create_server(pair.dialled)
     except OSError as error:
-        listener.close()
         raise RelayError(
             f"the relay from {pair.client} to {pair.server} cannot listen on {where}: "
             f"{error.strerror}; end the other simulation, change base_port or address in the "
             "team file, or use --free-ports"
         ) from None
+    listener.setblocking(False)
     return listener
-
-
-def _refuse(listener: socket.socket) -> None:
-    """Reset the connections that the kernel took in while the link was cut."""
-    while True:
-        try:
-            waiting, _ = listener.accept()
-        except OSError:
-            return
-        close_socket(waiting, reset=True)
