@@ -22,7 +22,8 @@ from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
 from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.mavlink.udp_link import Address
-from sitl.process.pace_link import FollowedPace, PaceServer, WorldPace
+from sitl.process.pace import Pace
+from sitl.process.pace_link import FollowedPace, PaceServer
 from sitl.process.stop_signal import stop_signal
 from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.wind import WindSettings
@@ -185,13 +186,13 @@ def _simulate(arguments: argparse.Namespace) -> None:
         print_json(ended)
 
 
-def _pace(arguments: argparse.Namespace) -> WorldPace:
+def _pace(arguments: argparse.Namespace) -> Pace:
     """Which processes the clock waits for."""
     if arguments.pace is not None:
         return PaceServer(arguments.pace, arguments.pace_for)
     if arguments.pace_from is not None:
         return FollowedPace(arguments.pace_from, f"vehicle {arguments.instance + 1}")
-    return WorldPace()
+    return Pace()
 
 
 def _home_of(path: Path | None, uav: str | None) -> Place:

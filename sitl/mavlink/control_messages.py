@@ -40,7 +40,7 @@ class ControlMessages(MessageBuilder):
 
     def _target(self) -> tuple[float, float, float]:
         """North, east and altitude that are flown to; NaN where there are none."""
-        setpoint = self._autopilot.setpoint
+        setpoint = self._situation.setpoint
         if setpoint.kind is SetpointKind.IDLE:
             return _NAN, _NAN, _NAN
         if setpoint.direct is not None:
@@ -56,16 +56,13 @@ class ControlMessages(MessageBuilder):
         return {
             "time_boot_ms": self.boot_ms,
             "coordinate_frame": _LOCAL_NED,
-            "type_mask": 0,
             "x": north,
             "y": east,
             "z": self._autopilot.place.altitude_m - altitude_m,
             "vx": velocity_north,
             "vy": velocity_east,
             "vz": -velocity_up,
-            **dict.fromkeys(("afx", "afy", "afz"), 0.0),
             "yaw": self._situation.heading_rad,
-            "yaw_rate": 0.0,
         }
 
     def _global_target(self) -> Fields | None:
@@ -76,13 +73,10 @@ class ControlMessages(MessageBuilder):
         return {
             "time_boot_ms": self.boot_ms,
             "coordinate_frame": _GLOBAL_INT,
-            "type_mask": 0,
             "lat_int": latitude,
             "lon_int": longitude,
             "alt": altitude_m,
-            **dict.fromkeys(("vx", "vy", "vz", "afx", "afy", "afz"), 0.0),
             "yaw": self._situation.heading_rad,
-            "yaw_rate": 0.0,
         }
 
     def _servos(self) -> Fields:
@@ -90,7 +84,6 @@ class ControlMessages(MessageBuilder):
         pulse = _HOVER_US if turning and not self._situation.landed else _IDLE_US
         return {
             "time_usec": self.boot_us & 0xFFFFFFFF,
-            "port": 0,
             **{f"servo{number}_raw": pulse if number <= 4 else 0 for number in range(1, 17)},
         }
 
@@ -109,14 +102,11 @@ class ControlMessages(MessageBuilder):
             "vx": north * cosine + east * sine,
             "vy": east * cosine - north * sine,
             "vz": -up,
-            "rollspeed": 0.0,
-            "pitchspeed": 0.0,
             "yawspeed": self._autopilot.airframe.yaw_rate_rad_s,
             "pose_covariance": _NO_COVARIANCE,
             "velocity_covariance": _NO_COVARIANCE,
             "reset_counter": self._autopilot.errors.resets & 0xFF,
             "estimator_type": 8,
-            "quality": 0,
         }
 
     def _imu(self) -> Fields:
@@ -134,9 +124,7 @@ class ControlMessages(MessageBuilder):
             "ymag": 0.01 + noise(0.001),
             "zmag": 0.42,
             "abs_pressure": 1013.25 * (1 - 2.25577e-5 * self._situation.altitude_m) ** 5.25588,
-            "diff_pressure": 0.0,
             "pressure_alt": self._situation.altitude_m + noise(0.1),
             "temperature": 15.0,
             "fields_updated": _ALL_IMU_FIELDS,
-            "id": 0,
         }

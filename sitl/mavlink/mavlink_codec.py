@@ -9,7 +9,7 @@ from __future__ import annotations
 import binascii
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -24,19 +24,23 @@ _EVENT: Final = ("id", "event_time_boot_ms", "sequence", "destination_component"
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """How one message is packed: its id, CRC seed, and fields in their order on the wire."""
+    """How one message is packed: its id, CRC seed, fields in their order, zeros of arrays."""
 
     name: str
     id: int
     crc_extra: int
     layout: struct.Struct
     fields: tuple[str, ...]
+    arrays: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def payload(self, values: Mapping[str, Any]) -> bytes:
-        """The fields as bytes; arrays are given as tuples. Trailing zeros are left out."""
+        """The fields as bytes; arrays are given as tuples. What is not given is 0.
+
+        Trailing zeros are left out.
+        """
         flat: list[Any] = []
         for name in self.fields:
-            value = values[name]
+            value = values[name] if name in values else self.arrays.get(name, 0)
             if isinstance(value, tuple):
                 flat.extend(value)
             else:
@@ -79,6 +83,13 @@ def _definitions() -> dict[str, Definition]:
             message.crc_extra,
             message.unpacker,
             tuple(message.ordered_fieldnames),
+            {
+                name: (0,) * length
+                for name, length in zip(
+                    message.ordered_fieldnames, message.array_lengths, strict=True
+                )
+                if length
+            },
         )
         for message in mavlink.mavlink_map.values()
     }
@@ -159,10 +170,10 @@ class MessagePacker:
         """A frame; fields that are not given are zero, a MAV_CMD may be given by its name."""
         kind = mavlink.mavlink_map[DEFINITIONS[name].id]
         values = []
-        for field, of in zip(kind.fieldnames, kind.fieldtypes, strict=True):
-            length = kind.array_lengths[kind.ordered_fieldnames.index(field)]
+        for each, of in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+            length = kind.array_lengths[kind.ordered_fieldnames.index(each)]
             empty: Any = b"" if of == "char" else [0] * length if length else 0
-            value = fields.get(field, empty) or empty
+            value = fields.get(each, empty) or empty
             if isinstance(value, str):
                 value = value.encode() if of == "char" else command_number(value)
             elif not isinstance(value, list | tuple | bytes):

@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 from sitl.mavlink.mavlink_codec import Receiver, Sender, message_name
@@ -88,8 +89,8 @@ class MavlinkLink:
             "PARAM_REQUEST_LIST": self._on_param_list,
             "PARAM_SET": self._on_param_set,
             "STATUSTEXT": self._on_text,
-            "SET_POSITION_TARGET_LOCAL_NED": self._on_local_setpoint,
-            "SET_POSITION_TARGET_GLOBAL_INT": self._on_global_setpoint,
+            "SET_POSITION_TARGET_LOCAL_NED": partial(self._on_setpoint, local_setpoint),
+            "SET_POSITION_TARGET_GLOBAL_INT": partial(self._on_setpoint, global_setpoint),
             "MANUAL_CONTROL": self._on_manual_control,
         }
 
@@ -244,13 +245,7 @@ class MavlinkLink:
             "%d/%d says: %s", message.get_srcSystem(), message.get_srcComponent(), message.text
         )
 
-    def _on_local_setpoint(self, message: Any) -> None:
-        self._on_setpoint(message, local_setpoint)
-
-    def _on_global_setpoint(self, message: Any) -> None:
-        self._on_setpoint(message, global_setpoint)
-
-    def _on_setpoint(self, message: Any, read: Callable[[Any, Situation], Direct]) -> None:
+    def _on_setpoint(self, read: Callable[[Any, Situation], Direct], message: Any) -> None:
         targets = (message.target_system, message.target_component)
         if targets[0] not in (0, self.system_id) or targets[1] not in (0, _AUTOPILOT):
             return
@@ -330,8 +325,6 @@ class MavlinkLink:
         fields = {
             "command": command,
             "result": result,
-            "progress": 0,
-            "result_param2": 0,
             "target_system": receiver[0],
             "target_component": receiver[1],
         }

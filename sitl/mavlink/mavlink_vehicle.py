@@ -132,8 +132,6 @@ class MavlinkVehicle:
                 "id": notice.event_id,
                 "event_time_boot_ms": status.boot_ms,
                 "sequence": sequence & 0xFFFF,
-                "destination_component": 0,
-                "destination_system": 0,
                 "log_levels": notice.log_levels,
                 "arguments": notice.arguments[:_ARGUMENTS],
             },

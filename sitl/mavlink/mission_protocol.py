@@ -25,6 +25,11 @@ RETRY_S: Final = 0.25
 TIMEOUT_S: Final = 5.0
 _MISSION_PLANNER: Final = 190
 
+_AS_FLOAT: Final = {  # which of the two kinds of items a message speaks of
+    **dict.fromkeys(("MISSION_REQUEST", "MISSION_ITEM"), True),
+    **dict.fromkeys(("MISSION_REQUEST_INT", "MISSION_ITEM_INT"), False),
+}
+
 Reply = Outgoing | Notice
 
 
@@ -63,11 +68,11 @@ class MissionProtocol:
             "MISSION_ACK": self._on_ack,
             "MISSION_SET_CURRENT": self._on_set_current,
             "MISSION_REQUEST_LIST": self._on_request_list,
-            "MISSION_REQUEST": self._on_float_request,
-            "MISSION_REQUEST_INT": self._on_int_request,
+            "MISSION_REQUEST": self._on_request,
+            "MISSION_REQUEST_INT": self._on_request,
             "MISSION_COUNT": self._on_count,
-            "MISSION_ITEM": self._on_float_item,
-            "MISSION_ITEM_INT": self._on_int_item,
+            "MISSION_ITEM": self._on_item,
+            "MISSION_ITEM_INT": self._on_item,
             "MISSION_CLEAR_ALL": self._on_clear_all,
         }
 
@@ -90,8 +95,10 @@ class MissionProtocol:
         mine = message.target_system == self._system_id
         if not mine or message.target_component not in self._components:
             return []
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        return self._handlers[message.get_type()](message, sender, now_s)
+        sender, name = (message.get_srcSystem(), message.get_srcComponent()), message.get_type()
+        if name in _AS_FLOAT:
+            self._as_float = _AS_FLOAT[name]
+        return self._handlers[name](message, sender, now_s)
 
     def tick(self, now_s: float) -> list[Reply]:
         """Repeat a request that was not answered, or give up; call it every step."""
@@ -119,22 +126,9 @@ class MissionProtocol:
         self._state, self._type, self._partner = _State.SENDING, message.mission_type, sender
         self._sequence, self._count = 0, len(self._stored(self._type))
         self._received_s = now_s
-        return [
-            self._outgoing(
-                "MISSION_COUNT",
-                sender,
-                count=self._count,
-                opaque_id=self._identifier(self._type),
-            )
-        ]
-
-    def _on_float_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        self._as_float = True
-        return self._on_request(message, sender, now_s)
-
-    def _on_int_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        self._as_float = False
-        return self._on_request(message, sender, now_s)
+        kind = self._type
+        identifier = self._plan.identifier(MissionType(kind)) if kind in CAPACITY else 0
+        return [self._outgoing("MISSION_COUNT", sender, count=self._count, opaque_id=identifier)]
 
     def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if sender != self._partner:
@@ -206,7 +200,7 @@ class MissionProtocol:
             return [self._ack(MissionResult.ERROR, sender)]
         self._partner, self._type = sender, message.mission_type
         self._checksum = 0
-        if message.count > self._capacity():
+        if message.count > (CAPACITY[MissionType(self._type)] if self._type in CAPACITY else 0):
             return [self._ack(MissionResult.NO_SPACE)]
         if message.count == 0:
             if self._type in CAPACITY:
@@ -217,14 +211,6 @@ class MissionProtocol:
         self._sequence, self._count = 0, message.count
         self._items, self._marked = [], None
         return []
-
-    def _on_float_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        self._as_float = True
-        return self._on_item(message, sender, now_s)
-
-    def _on_int_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        self._as_float = False
-        return self._on_item(message, sender, now_s)
 
     def _on_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if sender != self._partner:
@@ -317,13 +303,6 @@ class MissionProtocol:
     def _stored(self, mission_type: int) -> tuple[MissionItem, ...]:
         known = mission_type in CAPACITY
         return self._plan.items(MissionType(mission_type)) if known else ()
-
-    def _identifier(self, mission_type: int) -> int:
-        known = mission_type in CAPACITY
-        return self._plan.identifier(MissionType(mission_type)) if known else 0
-
-    def _capacity(self) -> int:
-        return CAPACITY[MissionType(self._type)] if self._type in CAPACITY else 0
 
 
 def _say(text: str, event: str) -> Notice:

@@ -89,18 +89,17 @@ class PositionMessages(MessageBuilder):
             "h_acc": 900 if fix else 100000,
             "v_acc": 1780 if fix else 100000,
             "vel_acc": 400,
-            "hdg_acc": 0,
-            "yaw": 0,
         }
 
     def _attitude(self) -> Fields:
         roll, pitch, yaw = self._autopilot.airframe.attitude_rad()
         return {
             "time_boot_ms": self.boot_ms,
+            "yawspeed": self._autopilot.airframe.yaw_rate_rad_s,
             "roll": roll,
             "pitch": pitch,
             "yaw": yaw,
-        } | self._turn()
+        }
 
     def _attitude_quaternion(self) -> Fields:
         q1, q2, q3, q4 = quaternion(*self._autopilot.airframe.attitude_rad())
@@ -110,12 +109,8 @@ class PositionMessages(MessageBuilder):
             "q2": q2,
             "q3": q3,
             "q4": q4,
-            "repr_offset_q": (0.0, 0.0, 0.0, 0.0),
-        } | self._turn()
-
-    def _turn(self) -> Fields:
-        yaw_rate = self._autopilot.airframe.yaw_rate_rad_s
-        return {"rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": yaw_rate}
+            "yawspeed": self._autopilot.airframe.yaw_rate_rad_s,
+        }
 
     def _local_position(self) -> Fields:
         situation = self._situation
@@ -180,12 +175,8 @@ class PositionMessages(MessageBuilder):
             "time_usec": self.boot_us,
             "wind_x": autopilot.wind.north_m_s,
             "wind_y": autopilot.wind.east_m_s,
-            "wind_z": 0.0,
             "var_horiz": 0.2,
-            "var_vert": 0.0,
             "wind_alt": self._situation.altitude_m,
-            "horiz_accuracy": 0.0,
-            "vert_accuracy": 0.0,
         }
 
     def _home(self) -> Fields | None:
@@ -201,9 +192,6 @@ class PositionMessages(MessageBuilder):
             "y": situation.home[1],
             "z": self._autopilot.place.altitude_m - situation.home_altitude_m,
             "q": (1.0, 0.0, 0.0, 0.0),
-            "approach_x": 0.0,
-            "approach_y": 0.0,
-            "approach_z": 0.0,
             "time_usec": self.boot_us,
         }
 
@@ -224,10 +212,9 @@ class PositionMessages(MessageBuilder):
             "vz": _int16(-airframe.velocity_up_m_s * 100),
             "ind_airspeed": speed,
             "true_airspeed": speed,
-            "xacc": 0,
-            "yacc": 0,
             "zacc": -1000,
-        } | self._turn()
+            "yawspeed": airframe.yaw_rate_rad_s,
+        }
 
     def _estimated_degrees_e7(self) -> tuple[int, int]:
         situation = self._situation

@@ -93,10 +93,6 @@ class StatusMessages(MessageBuilder):
             "voltage_battery": int(battery.voltage_v * 1e3),
             "current_battery": -100,
             "battery_remaining": math.ceil(battery.remaining * 100),
-            **dict.fromkeys(("drop_rate_comm", "errors_comm"), 0),
-            **{f"errors_count{number}": 0 for number in range(1, 5)},
-            "onboard_control_sensors_present_extended": 0,
-            "onboard_control_sensors_enabled_extended": 0,
             "onboard_control_sensors_health_extended": 1,
         }
 
@@ -106,14 +102,12 @@ class StatusMessages(MessageBuilder):
 
     def _timesync(self) -> Fields:
         return {
-            "tc1": 0,
             "ts1": self.boot_us * 1000,
         }
 
     def _battery(self) -> Fields:
         battery = self._autopilot.battery
         return {
-            "id": 0,
             "battery_function": 1,
             "type": 1,
             "temperature": 32767,
@@ -122,11 +116,7 @@ class StatusMessages(MessageBuilder):
             "current_consumed": -1,
             "energy_consumed": -1,
             "battery_remaining": math.ceil(battery.remaining * 100),
-            "time_remaining": 0,
             "charge_state": battery.warning + 1,
-            "voltages_ext": (0, 0, 0, 0),
-            "mode": 0,
-            "fault_bitmask": 0,
         }
 
     def _estimator(self) -> Fields:
@@ -174,10 +164,7 @@ class StatusMessages(MessageBuilder):
         flies = situation.armed and situation.took_off_s is not None
         return {
             "time_boot_ms": self.boot_ms,
-            "arming_time_utc": 0,  # only its take-off is looked at
             "takeoff_time_utc": round((situation.took_off_s or 0.0) * 1e6) if flies else 0,
-            "flight_uuid": 0,
-            "landing_time": 0,
         }
 
     def _version(self) -> Fields:
@@ -186,14 +173,6 @@ class StatusMessages(MessageBuilder):
             "capabilities": _CAPABILITIES,
             "flight_sw_version": self._version_number,
             "middleware_sw_version": self._version_number,
-            "os_sw_version": 0,
             "board_version": 1,
-            **dict.fromkeys(
-                ("flight_custom_version", "middleware_custom_version", "os_custom_version"),
-                (0,) * 8,
-            ),
-            "vendor_id": 0,
-            "product_id": 0,
             "uid": 0x5157000000000000 | int(identifier) & 0xFF,
-            "uid2": (0,) * 18,
         }

@@ -7,10 +7,13 @@ companion, other vehicles) says up to which moment it has worked; the world wait
 from __future__ import annotations
 
 import math
+import socket
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
 from air_router.vehicle.pace import ALLOWANCE_S
+from mocha_link.node.lifetime import Closeable
 
 PATIENCE_S: Final = 2.0
 """Wall-clock seconds that the world stands still for one process; a vehicle that is silent for
@@ -57,8 +60,8 @@ class _Record:
     waited_s: float = 0.0
 
 
-class Pace:
-    """Whom the world's clock waits for.
+class Pace(Closeable):
+    """Whom the world's clock waits for; this one has no connections: it waits for no process.
 
     Times are the vehicle's simulated seconds, and wall-clock seconds of any steady clock.
 
@@ -76,6 +79,18 @@ class Pace:
         self._records: dict[str, _Record] = {}  # by name; also of those that left
         self._began: tuple[float, float] | None = None  # simulated and wall time when all took part
         self._now: tuple[float, float] | None = None  # the same, at the last `limit`
+
+    @property
+    def sockets(self) -> Collection[socket.socket]:
+        """What to `select` on."""
+        return ()
+
+    def attend(self, ready: Collection[object]) -> bool:  # noqa: ARG002 - there are no sockets
+        """Read what has come; whether the world may go farther than before."""
+        return False
+
+    def close(self) -> None:
+        """Free what is open; from now on no process is waited for."""
 
     def joined(self, key: object) -> None:
         """A process has connected; `key` stands for its connection."""

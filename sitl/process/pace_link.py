@@ -11,7 +11,6 @@ from collections.abc import Collection
 from typing import Any, Final
 
 from air_router.vehicle.pace import ALLOWANCE_S, PaceSource, line
-from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.udp_link import Address, PortInUseError
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 
@@ -22,34 +21,7 @@ _LONGEST: Final = 1000  # bytes of a line; a peer that sends more is not one of 
 _AGAIN_S: Final = 0.1  # between two attempts to connect
 
 
-class WorldPace(Closeable):
-    """How a vehicle's clock may go on: this one waits for no other process."""
-
-    def __init__(self, expected: int = 0) -> None:
-        self._pace = Pace(expected)
-
-    @property
-    def sockets(self) -> Collection[socket.socket]:
-        """What to `select` on."""
-        return ()
-
-    def attend(self, ready: Collection[object]) -> bool:  # noqa: ARG002 - there are no sockets
-        """Read what has come; whether the world may go farther than before."""
-        return False
-
-    def limit(self, time_s: float, wall_s: float) -> Limit:
-        """How far the vehicle may go, being at `time_s` of its clock."""
-        return self._pace.limit(time_s, wall_s)
-
-    def told(self, speed: float) -> dict[str, Any]:
-        """What the result says; see `Pace.told`."""
-        return self._pace.told(speed)
-
-    def close(self) -> None:
-        """Free what is open; from now on no process is waited for."""
-
-
-class PaceServer(WorldPace):
+class PaceServer(Pace):
     """Where the processes of a world connect; see `air_router.vehicle.pace` for what they say.
 
     A vehicle that follows says `follows` as well, and is told the limit.
@@ -83,11 +55,11 @@ class PaceServer(WorldPace):
 
     @property
     def sockets(self) -> Collection[socket.socket]:
-        """See `WorldPace.sockets`."""
+        """See `Pace.sockets`."""
         return (self._listener, *self._unread)
 
     def attend(self, ready: Collection[object]) -> bool:
-        """See `WorldPace.attend`."""
+        """See `Pace.attend`."""
         if self._listener in ready:
             self._accept()
         come = [client for client in self._unread if client in ready]
@@ -96,7 +68,7 @@ class PaceServer(WorldPace):
         return bool(come)
 
     def limit(self, time_s: float, wall_s: float) -> Limit:
-        """See `WorldPace.limit`; tells it to those who follow."""
+        """See `Pace.limit`; tells it to those who follow."""
         limit = super().limit(time_s, wall_s)
         if self._followers:
             self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.most_speed))
@@ -116,7 +88,7 @@ class PaceServer(WorldPace):
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unread[client] = b""
-        self._pace.joined(client)
+        self.joined(client)
 
     def _read(self, client: socket.socket) -> None:
         try:
@@ -141,14 +113,14 @@ class PaceServer(WorldPace):
         name, time_s = str(fields["name"]), float(fields["reached_s"])
         if not math.isfinite(time_s):
             raise ValueError("no time")
-        self._pace.reached(client, name, time_s, time.monotonic())
+        self.reached(client, name, time_s, time.monotonic())
         if fields.get("follows"):
             self._followers.add(client)
 
     def _drop(self, client: socket.socket) -> None:
         del self._unread[client]
         self._followers.discard(client)
-        self._pace.left(client)
+        self.left(client)
         client.close()
 
     def _tell(self, limit: Limit) -> None:
@@ -165,7 +137,7 @@ class PaceServer(WorldPace):
                 self._drop(client)
 
 
-class FollowedPace(WorldPace):
+class FollowedPace(Pace):
     """Of a vehicle that follows the clock of another one; without that it runs on by itself.
 
     Args:
@@ -187,11 +159,11 @@ class FollowedPace(WorldPace):
 
     @property
     def sockets(self) -> Collection[socket.socket]:
-        """See `WorldPace.sockets`."""
+        """See `Pace.sockets`."""
         return () if self._socket is None else (self._socket,)
 
     def attend(self, ready: Collection[object]) -> bool:
-        """See `WorldPace.attend`."""
+        """See `Pace.attend`."""
         if self._socket is None or self._socket not in ready:
             return False
         try:
@@ -211,7 +183,7 @@ class FollowedPace(WorldPace):
         return bool(whole)
 
     def limit(self, time_s: float, wall_s: float) -> Limit:
-        """See `WorldPace.limit`; tells the other one how far we are."""
+        """See `Pace.limit`; tells the other one how far we are."""
         free = super().limit(time_s, wall_s)
         if self._ended:
             return free

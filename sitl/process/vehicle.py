@@ -14,7 +14,7 @@ from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.mavlink_link import MavlinkLink
 from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.mavlink.udp_link import Address, UdpLink
-from sitl.process.pace_link import WorldPace
+from sitl.process.pace import Pace
 
 _log = logging.getLogger(__name__)
 
@@ -68,11 +68,9 @@ class VehicleProcess(Closeable):
         PortInUseError: one of the ports is taken.
     """
 
-    def __init__(
-        self, settings: VehicleSettings, ports: Ports, pace: WorldPace | None = None
-    ) -> None:
+    def __init__(self, settings: VehicleSettings, ports: Ports, pace: Pace | None = None) -> None:
         self._speed = settings.speed  # times real time, at most
-        self._pace = pace or WorldPace()  # without one it waits for no process
+        self._pace = pace or Pace()  # without one it waits for no process
         self._vehicle = MavlinkVehicle(settings)
         self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
         try:

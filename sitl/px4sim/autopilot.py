@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from sitl.px4sim.ground_contact import GroundContact
-from sitl.px4sim.modes.auto_modes import go_to, stop_ahead
+from sitl.px4sim.modes.auto_modes import go_to
 from sitl.px4sim.modes.direct_modes import Sticks
 from sitl.px4sim.modes.flight_modes import FlightModes
 from sitl.px4sim.modes.mission_flight import MissionFlight
@@ -73,15 +73,14 @@ class Autopilot:
         self.situation = Situation(
             MapProjection(place.latitude_deg, place.longitude_deg),
             parameters,
-            self._ask_mode,
+            self.request_mode,
             place.altitude_m,
             altitude_m=place.altitude_m,
             home_altitude_m=place.altitude_m,
         )
         # PX4's nav_state, nav_state_user_intention, and what disarming puts back into the latter.
         self.mode = self.intended = self._after_disarming = FlightMode.AUTO_LOITER
-        self._flying_mode: FlightMode | None = None  # in the last step
-        self.setpoint = Setpoint()
+        self.flying_mode: FlightMode | None = None  # in the last step; None: it was disarmed
         self.terminated = False  # for good: it never arms again (flight termination)
         self.report_asked = False  # by RUN_PREARM_CHECKS; `HealthReport` takes it back
         self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
@@ -102,11 +101,6 @@ class Autopilot:
         return self.situation.armed
 
     @property
-    def flying_mode(self) -> FlightMode | None:
-        """The mode that is flown; None while disarmed."""
-        return self._flying_mode
-
-    @property
     def can_arm(self) -> bool:
         """Whether PX4's health and arming checks pass in the present mode."""
         blocked = self.modes.blocks_arming(self.mode, self.situation)
@@ -124,7 +118,7 @@ class Autopilot:
     @property
     def landing(self) -> bool:
         """Whether EXTENDED_SYS_STATE says "landing"."""
-        return not self.situation.landed and self.setpoint.kind is SetpointKind.LAND
+        return not self.situation.landed and self.situation.setpoint.kind is SetpointKind.LAND
 
     def take_notices(self) -> list[Notice]:
         """What was said since the last call."""
@@ -155,49 +149,20 @@ class Autopilot:
         yaw_rad: float | None = None,
         speed_m_s: float | None = None,
     ) -> None:
-        """Go to a point in Hold mode, which is asked for separately.
-
-        Without a point it goes on to where it was going, at the altitude and heading that are
-        given; without anything it stops.
-        """
+        """Go to a point in Hold mode, which is asked for separately; see `HoldFlight.move_to`."""
         if not self.armed:
             return
         situation = self.situation
-        if point is None:
-            nothing = altitude_m is None and yaw_rad is None
-            north, east = self._stop() if nothing else self._kept()
-        else:
-            north, east = point
         goal = point or (situation.north_m, situation.east_m)
-        if not self.guard.allows(*goal) or not self.guard.near_home(*goal, situation):
+        if self.guard.allows(*goal, situation):
+            self.modes.hold.move_to(point, altitude_m, yaw_rad, speed_m_s, situation)
+        else:
             situation.say(
                 "Reposition is outside geofence",
                 "navigator_reposition_outside_geofence",
                 Severity.CRITICAL,
                 Severity.ERROR,
             )
-            return
-        target_m = situation.altitude_m if altitude_m is None else altitude_m
-        target = replace(go_to(north, east, target_m, situation), yaw_rad=yaw_rad)
-        self.modes.hold.reposition(target, speed_m_s)
-
-    def _stop(self) -> tuple[float, float]:
-        """Where it comes to a stop, north and east; in a take-off that is here."""
-        situation = self.situation
-        if self.setpoint.kind is SetpointKind.TAKEOFF:
-            return situation.north_m, situation.east_m
-        ahead = stop_ahead(situation)
-        return ahead.north_m, ahead.east_m
-
-    def _kept(self) -> tuple[float, float]:
-        """Where it is going, north and east; here if that is no place."""
-        if self.setpoint.kind is SetpointKind.POSITION:
-            return self.setpoint.north_m, self.setpoint.east_m
-        return self.situation.north_m, self.situation.east_m
-
-    def take_off(self, altitude_m: float) -> None:
-        """Set the height of the next take-off, AMSL; NaN: MIS_TAKEOFF_ALT above here."""
-        self.modes.takeoff.request(altitude_m)
 
     def move_sticks(self, sticks: Sticks) -> None:
         """A pilot's sticks are there; moved, they take an automatic mode over (COM_RC_OVERRIDE)."""
@@ -238,10 +203,6 @@ class Autopilot:
         self._set_home_here()
         situation.say(f"Armed by {reason.words}", "commander_armed_by", arguments=bytes((reason,)))
         return True
-
-    def arm_for_mission(self) -> bool:
-        """What MISSION_START does."""
-        return self.request_mode(FlightMode.AUTO_MISSION) and self.arm(ArmingReason.MISSION_START)
 
     def disarm(self, reason: ArmingReason = ArmingReason.COMMAND, *, forced: bool = False) -> bool:
         """Stop the motors; in flight only if forced, and then it falls."""
@@ -287,36 +248,15 @@ class Autopilot:
         self._end_step()
 
     def _renew(self, step_s: float) -> None:
-        situation, airframe, errors = self.situation, self.airframe, self.errors
-        situation.time_s += step_s
-        errors.step(step_s, in_air=not situation.landed)
-        self.positioning.step(step_s, errors, situation)
-        situation.north_m = airframe.north_m + errors.north_m
-        situation.east_m = airframe.east_m + errors.east_m
-        situation.altitude_m = self.place.altitude_m + airframe.up_m + errors.altitude_m
-        situation.velocity_m_s = (
-            airframe.velocity_north_m_s,
-            airframe.velocity_east_m_s,
-            airframe.velocity_up_m_s,
-        )
-        situation.heading_rad = airframe.yaw_rad
+        situation, errors = self.situation, self.errors
+        self.positioning.step(step_s, errors, self.airframe, situation)
         situation.home_altitude_m = self._home_base_m + errors.home_altitude_m
         if situation.home is None and self.time_s >= HOME_AFTER_S:
             self._set_home_here()
 
     def _watch(self, step_s: float) -> None:
-        parameters, situation = self.parameters, self.situation
-        self.battery.step(
-            step_s,
-            armed=self.armed,
-            drain_s=parameters["SIM_BAT_DRAIN"],
-            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
-            thresholds=(
-                parameters["BAT_LOW_THR"],
-                parameters["BAT_CRIT_THR"],
-                parameters["BAT_EMERGEN_THR"],
-            ),
-        )
+        situation = self.situation
+        self.battery.follow(step_s, self.parameters, armed=self.armed)
         sticks = self.modes.pilot.present(situation)
         causes = self.watchdog.sticks(self.intended, situation, present=sticks)
         for action, cause in (*causes, *self.watchdog.step(self.battery, situation)):
@@ -339,31 +279,27 @@ class Autopilot:
             self.terminated, self.mode = True, FlightMode.TERMINATION
         flying_mode = self.mode if self.armed else None
         flight = self.modes.flight(self.mode) if self.armed else None
-        if flying_mode is not self._flying_mode:
-            if self._flying_mode is FlightMode.AUTO_MISSION:
+        if flying_mode is not self.flying_mode:
+            if self.flying_mode is FlightMode.AUTO_MISSION:
                 self.mission.deactivate()
-            self._flying_mode = flying_mode
+            self.flying_mode = flying_mode
             if flight is not None:
-                flight.activate(situation, self.setpoint)
+                situation.speed_m_s = None
+                flight.activate(situation)
             if self.mode in (FlightMode.AUTO_TAKEOFF, FlightMode.AUTO_LAND) and self.armed:
                 self.mission.result.finished = False
-        self.setpoint = Setpoint() if flight is None else flight.update(situation)
+        situation.setpoint = Setpoint() if flight is None else flight.update(situation)
         self._complete_mode()
         self._move(step_s)
 
     def _complete_mode(self) -> None:
         """A take-off or a mission that has ended goes over into Hold."""
-        if self._flying_mode is FlightMode.AUTO_TAKEOFF and self.modes.takeoff.done:
-            self.mission.result.finished = True
-            self.request_mode(FlightMode.AUTO_LOITER, forced=True)
-        elif self._flying_mode is FlightMode.AUTO_LAND and self.situation.landed:
-            self.mission.result.finished = True
-        elif (
-            self._flying_mode is FlightMode.AUTO_MISSION
-            and self.mission.result.finished
-            and self.intended is FlightMode.AUTO_MISSION
-            and not self.situation.landed
-        ):
+        flown, result, landed = self.flying_mode, self.mission.result, self.situation.landed
+        took_off = flown is FlightMode.AUTO_TAKEOFF and self.modes.takeoff.done
+        if took_off or (flown is FlightMode.AUTO_LAND and landed):
+            result.finished = True
+        flies_mission = flown is self.intended is FlightMode.AUTO_MISSION and not landed
+        if took_off or (flies_mission and result.finished):
             self.request_mode(FlightMode.AUTO_LOITER, forced=True)
 
     def _move(self, step_s: float) -> None:
@@ -374,8 +310,8 @@ class Autopilot:
         if not self.armed or self.terminated:
             airframe.step(step_s, None, push)
             return
-        wanted = self._ground.hold_down(self.setpoint, situation) or wanted_velocity(
-            self.setpoint,
+        wanted = self._ground.hold_down(situation) or wanted_velocity(
+            situation.setpoint,
             (situation.north_m, situation.east_m, situation.altitude_m),
             situation.ground_altitude_m,
             situation.cruise_m_s,
@@ -404,9 +340,6 @@ class Autopilot:
         )
         if reason is not None:
             self.disarm(reason)
-
-    def _ask_mode(self, mode: FlightMode) -> None:
-        self.request_mode(mode)
 
     def _set_home_here(self) -> None:
         situation = self.situation

@@ -10,6 +10,7 @@ from enum import IntEnum
 from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.safety.failsafe import ArmingReason
 from sitl.px4sim.state.notice import Severity
 from sitl.px4sim.state.px4_modes import (
     FlightMode,
@@ -123,7 +124,7 @@ class Commands:
         return result
 
     def _take_off(self, request: CommandRequest) -> CommandResult:
-        self._autopilot.take_off(request.params[6])
+        self._autopilot.modes.takeoff.request(request.params[6])
         return self._mode(FlightMode.AUTO_TAKEOFF)
 
     def _orbit(self, request: CommandRequest) -> CommandResult:
@@ -194,9 +195,9 @@ class Commands:
             return CommandResult.DENIED
         if first >= 0:
             autopilot.plan.set_current(int(first))
-        if autopilot.arm_for_mission():
-            return CommandResult.ACCEPTED
-        return CommandResult.TEMPORARILY_REJECTED
+        started = autopilot.request_mode(FlightMode.AUTO_MISSION)
+        started = started and autopilot.arm(ArmingReason.MISSION_START)
+        return CommandResult.ACCEPTED if started else CommandResult.TEMPORARILY_REJECTED
 
     def _set_item(self, request: CommandRequest) -> CommandResult:
         number = request.params[0]

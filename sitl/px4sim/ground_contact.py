@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
-from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
+from sitl.px4sim.motion.guidance import SetpointKind
 from sitl.px4sim.state.situation import Situation
 
 _LIFT_OFF_M: Final = 0.05
@@ -32,9 +32,9 @@ class GroundContact:
         """The motors start."""
         self.armed_s, self._ramp_s, self.landed_s = now_s, None, None
 
-    def hold_down(self, setpoint: Setpoint, situation: Situation) -> MotionDemand | None:
+    def hold_down(self, situation: Situation) -> MotionDemand | None:
         """What the vehicle does while it is not free to fly yet; None once it is."""
-        if situation.landed and setpoint.kind in _STAY:
+        if situation.landed and situation.setpoint.kind in _STAY:
             self._ramp_s = None
             return MotionDemand(up_m_s=-0.5)
         if self._ramp_s is None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.estimator import EstimateErrors
 from sitl.px4sim.state.situation import Situation
 
@@ -33,8 +34,27 @@ class Positioning:
         self.accuracy_m = _ACCURACY_M
         self.fused = True
 
-    def step(self, step_s: float, errors: EstimateErrors, situation: Situation) -> None:
-        """Look at the receiver; renews `situation.position_valid` and the estimate's errors."""
+    def step(
+        self, step_s: float, errors: EstimateErrors, airframe: Multirotor, situation: Situation
+    ) -> None:
+        """Let time pass; renews what the autopilot believes of place, velocity and heading."""
+        situation.time_s += step_s
+        errors.step(step_s, in_air=not situation.landed)
+        self._look_at_receiver(step_s, errors, situation)
+        situation.north_m = airframe.north_m + errors.north_m
+        situation.east_m = airframe.east_m + errors.east_m
+        # The local frame's height is that of the ground where the vehicle was started.
+        situation.altitude_m = situation.ground_altitude_m + airframe.up_m + errors.altitude_m
+        situation.velocity_m_s = (
+            airframe.velocity_north_m_s,
+            airframe.velocity_east_m_s,
+            airframe.velocity_up_m_s,
+        )
+        situation.heading_rad = airframe.yaw_rad
+
+    def _look_at_receiver(
+        self, step_s: float, errors: EstimateErrors, situation: Situation
+    ) -> None:
         now_s = situation.time_s
         if situation.parameters["SIM_GPS_USED"] < FEWEST_SATELLITES:
             self._lost_s = now_s if self._lost_s is None else self._lost_s

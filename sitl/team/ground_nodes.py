@@ -11,18 +11,19 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Self
+from typing import Final
 from urllib.parse import urlsplit
 
 from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock
 from mocha_link.links.metrics import LinkEvent, LinkMetrics, MessageStored
+from mocha_link.node.lifetime import Closeable
 from mocha_link.node.node import Message, Node
 from mocha_link.team.team import Team
 from sitl.world.world import Publication, Reading
 
 
-class RadioReadings:
+class RadioReadings(Closeable):
     """Sends readings to each robot's `radio` endpoint; robots without one get none."""
 
     def __init__(self, team: Team) -> None:
@@ -47,12 +48,6 @@ class RadioReadings:
     def close(self) -> None:
         """Free the socket."""
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _endpoint(url: str) -> tuple[str, int]:
@@ -104,7 +99,7 @@ class MapKeeper:
             self.history.append((now_s, known_cells))
 
 
-class GroundNodes:
+class GroundNodes(Closeable):
     """One gossip node per ground robot, each with its own sockets and thread.
 
     Args:
@@ -162,12 +157,6 @@ class GroundNodes:
         if self.nodes:
             with ThreadPoolExecutor(len(self.nodes)) as pool:
                 list(pool.map(lambda node: node.close(), self.nodes.values()))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _note(self, name: str, event: LinkEvent) -> None:
         """On the node's thread, so quick: maps are looked at later."""

@@ -20,9 +20,9 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Self
 
 from air_router.errors import AirRouterError
+from mocha_link.node.lifetime import Closeable
 from mocha_link.team.team import Team
 
 CLOSE_AFTER_S = 2.0
@@ -125,7 +125,7 @@ class _RadioLink:
         return int(self._credit_bytes)
 
 
-class Relay:
+class Relay(Closeable):
     """All relays of a team; links are down until `set_link` says otherwise.
 
     Args:
@@ -183,12 +183,6 @@ class Relay:
         self._thread.join()
         self._loop.close()
         self._sockets.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _do(self, what: Callable[[_RadioLink], None], link: _RadioLink) -> None:
         """Have the thread do something, and wait until it has."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from typing import Any, Self
+from typing import Any
 
 from air_router.controller.model.events import RobotPose
 from air_router.gossip.ros_messages import MAP_FRAME, Datum, readers_of, stamp
@@ -20,6 +20,7 @@ from air_router.messages import (
 )
 from air_router.mission.found_by import FIX, POSE, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from mocha_link.node.lifetime import Closeable
 from mocha_link.node.node import Node
 from mocha_link.ros.typed import Types
 from mocha_link.service.service import ServiceServer
@@ -29,7 +30,7 @@ from sitl.world.world import Publication
 _log = logging.getLogger(__name__)
 
 
-class Rovers:
+class Rovers(Closeable):
     """The nodes of such robots, served to programs; a robot is where its program says.
 
     Args:
@@ -77,12 +78,6 @@ class Rovers:
     def close(self) -> None:
         """Serve no more."""
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class RosMessages:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import zmq
 
@@ -22,6 +22,7 @@ from air_router.gossip.mapper import RESOLUTION_M
 from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
 from geo.frame import FrameError
+from mocha_link.node.lifetime import Closeable
 from mocha_link.team.team import Team
 from sitl.mavlink.truth import TruthReceiver, VehicleState
 from sitl.team.clock import SimClock
@@ -139,7 +140,7 @@ def make_world(
     return World(settings, robots, topics)
 
 
-class TeamSimulation:
+class TeamSimulation(Closeable):
     """Carries out what a `World` says, with real sockets. A context manager.
 
     Args:
@@ -299,12 +300,6 @@ class TeamSimulation:
     def close(self) -> None:
         """Stop nodes, relays and sockets."""
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _apply(self, step: Step) -> None:
         for change in step.links:

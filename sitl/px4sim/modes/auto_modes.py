@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
+from abc import ABC, abstractmethod
+from dataclasses import replace
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final
 
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, braking_distance
 from sitl.px4sim.state.notice import Severity
@@ -14,17 +16,18 @@ from sitl.px4sim.state.situation import Situation
 _SLOW_M_S: Final = 0.05
 
 
-class Flight(Protocol):
+class Flight(ABC):
     """How one flight mode flies."""
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
-        """The mode is entered; `last` is what was flown to before."""
+    def activate(self, situation: Situation) -> None:  # noqa: B027 - most modes need nothing
+        """The mode is entered; `situation.setpoint` is what was flown to before."""
 
+    @abstractmethod
     def update(self, situation: Situation) -> Setpoint:
         """What to fly to now."""
 
 
-class HoldFlight:
+class HoldFlight(Flight):
     """AUTO.LOITER: stop, and stay or go where DO_REPOSITION says."""
 
     def __init__(self) -> None:
@@ -36,13 +39,33 @@ class HoldFlight:
         """Go to a point; taken up with the next step, in this mode or on entering it."""
         self._reposition, self._speed_m_s = target, speed_m_s
 
+    def move_to(
+        self,
+        point: tuple[float, float] | None,
+        altitude_m: float | None,
+        yaw_rad: float | None,
+        speed_m_s: float | None,
+        situation: Situation,
+    ) -> None:
+        """DO_REPOSITION: north and east in metres, altitude AMSL; None is not given.
+
+        Without a point it goes on to where it was going, at the altitude and heading that are
+        given; without anything it stops.
+        """
+        if point is None:
+            nothing = altitude_m is None and yaw_rad is None
+            point = _stop(situation) if nothing else _kept(situation)
+        target_m = situation.altitude_m if altitude_m is None else altitude_m
+        target = replace(go_to(*point, target_m, situation), yaw_rad=yaw_rad)
+        self.reposition(target, speed_m_s)
+
     def forget(self) -> None:
         """Drop a target that was not taken up."""
         self._reposition = None
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:
         """See `Flight`; after a take-off the vehicle stays where that was to end."""
-        situation.speed_m_s = None
+        last = situation.setpoint
         if self._reposition is not None:
             return
         if situation.landed:
@@ -63,7 +86,7 @@ class HoldFlight:
         return self._target
 
 
-class TakeoffFlight:
+class TakeoffFlight(Flight):
     """AUTO.TAKEOFF: straight up, then done."""
 
     def __init__(self) -> None:
@@ -77,10 +100,8 @@ class TakeoffFlight:
         self._wanted_m = altitude_amsl_m if math.isfinite(altitude_amsl_m) else None
         self._requested = True
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        del last
-        situation.speed_m_s = None
         self._begin(situation)
 
     def update(self, situation: Situation) -> Setpoint:
@@ -119,16 +140,14 @@ class TakeoffFlight:
         self._wanted_m, self._requested, self.done = None, False, False
 
 
-class LandFlight:
+class LandFlight(Flight):
     """AUTO.LAND: down where it is."""
 
     def __init__(self) -> None:
         self._target = Setpoint()
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        del last
-        situation.speed_m_s = None
         ahead = stop_ahead(situation)
         self._target = Setpoint(SetpointKind.LAND, ahead.north_m, ahead.east_m)
 
@@ -143,7 +162,7 @@ class _ReturnPhase(Enum):
     LAND = "land"
 
 
-class ReturnFlight:
+class ReturnFlight(Flight):
     """AUTO.RTL: climb, go home (or to a nearer rally point), land there."""
 
     def __init__(self) -> None:
@@ -154,10 +173,8 @@ class ReturnFlight:
         self._altitude_m = 0.0  # to return at, AMSL
         self.rally_points: tuple[tuple[float, float], ...] = ()  # north, east, of the plan
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        del last
-        situation.speed_m_s = None
         here = (situation.north_m, situation.east_m)
         home = situation.home or here
         self._goal = min((home, *self.rally_points), key=lambda point: math.dist(point, here))
@@ -224,6 +241,22 @@ def go_to(north_m: float, east_m: float, altitude_m: float, situation: Situation
         yaw_rad=situation.heading_rad,
         acceptance_m=situation.acceptance_m,
     )
+
+
+def _stop(situation: Situation) -> tuple[float, float]:
+    """Where it comes to a stop, north and east; in a take-off that is here."""
+    if situation.setpoint.kind is SetpointKind.TAKEOFF:
+        return situation.north_m, situation.east_m
+    ahead = stop_ahead(situation)
+    return ahead.north_m, ahead.east_m
+
+
+def _kept(situation: Situation) -> tuple[float, float]:
+    """Where it is going, north and east; here if that is no place."""
+    setpoint = situation.setpoint
+    if setpoint.kind is SetpointKind.POSITION:
+        return setpoint.north_m, setpoint.east_m
+    return situation.north_m, situation.east_m
 
 
 def stop_ahead(situation: Situation) -> Setpoint:

@@ -1,8 +1,4 @@
-"""Modes that fly by what is asked for directly: Offboard, Orbit, and those of a pilot's sticks.
-
-Position and Altitude follow PX4's; Stabilized, Manual and Acro are flown alike here, as a vehicle
-that keeps level: throttle is climb, the other sticks tilt.
-"""
+"""Modes that fly by what is asked for directly: Offboard, Orbit, Position and Altitude."""
 
 from __future__ import annotations
 
@@ -10,12 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from sitl.px4sim.modes.auto_modes import Flight
 from sitl.px4sim.motion.guidance import Direct, Setpoint, SetpointKind
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation
 
 
-class OffboardFlight:
+class OffboardFlight(Flight):
     """Flies the last setpoint that came in."""
 
     def __init__(self) -> None:
@@ -30,11 +27,6 @@ class OffboardFlight:
         """Whether setpoints are coming: the last one is not older than COM_OF_LOSS_T."""
         patience_s = situation.parameters.limited("COM_OF_LOSS_T", 0.0, 60.0)
         return situation.time_s - self._heard_s <= patience_s + _SLACK_S
-
-    def activate(self, situation: Situation, last: Setpoint) -> None:
-        """See `Flight`."""
-        del last
-        situation.speed_m_s = None
 
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
@@ -52,7 +44,7 @@ _GAIN: Final = 0.5
 _MOST_M_S2: Final = 2.0
 
 
-class OrbitFlight:
+class OrbitFlight(Flight):
     """Flies a circle with even speed, looking at its centre."""
 
     def __init__(self) -> None:
@@ -74,9 +66,8 @@ class OrbitFlight:
         speed = abs(speed_m_s) if math.isfinite(speed_m_s) and speed_m_s else _SPEED_M_S
         self._speed_m_s = min(speed, math.sqrt(_MOST_M_S2 * abs(self._radius_m)))
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        del last
         self._centre = self._centre or (situation.north_m, situation.east_m)
         if self._altitude_m is None:
             self._altitude_m = situation.altitude_m
@@ -154,7 +145,7 @@ class Pilot:
         return moved > threshold
 
 
-class StickFlight:
+class StickFlight(Flight):
     """A mode that flies by sticks.
 
     Args:
@@ -168,10 +159,8 @@ class StickFlight:
         self._place: tuple[float, float] | None = None  # north, east, held while the sticks rest
         self._altitude_m: float | None = None  # AMSL, held while the throttle rests
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
+    def activate(self, situation: Situation) -> None:  # noqa: ARG002 - see `Flight`
         """See `Flight`."""
-        del last
-        situation.speed_m_s = None
         self._place = self._altitude_m = None
 
     def update(self, situation: Situation) -> Setpoint:
@@ -204,7 +193,7 @@ class StickFlight:
 
     def _vertical(self, sticks: Sticks, situation: Situation) -> tuple[float | None, float | None]:
         up = shaped(sticks.throttle)
-        if up == 0.0 and self._mode in _KEEP_HEIGHT:
+        if up == 0.0:
             if self._altitude_m is None and abs(situation.velocity_m_s[2]) < _SLOW_M_S:
                 self._altitude_m = situation.altitude_m
             return self._altitude_m, 0.0
@@ -223,4 +212,3 @@ def shaped(value: float) -> float:
 
 
 _NO_STICKS: Final = 4  # COM_RC_IN_MODE
-_KEEP_HEIGHT: Final = frozenset({FlightMode.POSCTL, FlightMode.ALTCTL})

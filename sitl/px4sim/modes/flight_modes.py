@@ -39,7 +39,6 @@ _NEED_POSITION: Final = frozenset(
 _STICK_FALLBACKS: Final[Mapping[int, Action]] = {
     0: Action.FALLBACK_POSITION,
     1: Action.FALLBACK_ALTITUDE,
-    2: Action.FALLBACK_STABILIZED,
 }
 
 

@@ -12,7 +12,7 @@ import struct
 from dataclasses import dataclass, replace
 from typing import Final
 
-from sitl.px4sim.modes.auto_modes import go_to
+from sitl.px4sim.modes.auto_modes import Flight, go_to
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
 from sitl.px4sim.plan.mission_items import FRAME_RELATIVE, Command, ItemOrder, MissionItem, positive
 from sitl.px4sim.state.px4_modes import FlightMode
@@ -45,7 +45,7 @@ class MissionResult:
     total: int = 0
 
 
-class MissionFlight:
+class MissionFlight(Flight):
     """Executes the stored mission.
 
     Attributes:
@@ -107,10 +107,8 @@ class MissionFlight:
         """Fly the current item anew: the plan was replaced in flight."""
         self._begin(situation)
 
-    def activate(self, situation: Situation, last: Setpoint) -> None:
-        """Enter Mission mode."""
-        del last
-        situation.speed_m_s = None
+    def activate(self, situation: Situation) -> None:
+        """See `Flight`."""
         if self._disarmed_since and self._activated and self._order.at_last:
             self._order.index = 0
         self._activated, self._disarmed_since = True, False
@@ -130,7 +128,7 @@ class MissionFlight:
         self._disarmed_since = True
 
     def update(self, situation: Situation) -> Setpoint:
-        """What to fly to now."""
+        """See `Flight`."""
         if self._flying and self._is_reached(situation):
             self._on_reached(situation)
         if self._flying:

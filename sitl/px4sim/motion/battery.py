@@ -5,6 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final
 
+from sitl.px4sim.state.parameters import Parameters
+
 _EMPTY_V: Final = 14.4
 _FULL_V: Final = 16.2
 
@@ -55,6 +57,20 @@ class Battery:
         self.remaining = max(drained, min(max(least, 0.0), self.remaining))
         level = BatteryWarning(sum(self.remaining < threshold for threshold in thresholds))
         self.warning = max(self.warning, level)
+
+    def follow(self, step_s: float, parameters: Parameters, *, armed: bool) -> None:
+        """The same by the vehicle's parameters."""
+        self.step(
+            step_s,
+            armed=armed,
+            drain_s=parameters["SIM_BAT_DRAIN"],
+            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
+            thresholds=(
+                parameters["BAT_LOW_THR"],
+                parameters["BAT_CRIT_THR"],
+                parameters["BAT_EMERGEN_THR"],
+            ),
+        )
 
     @property
     def voltage_v(self) -> float:

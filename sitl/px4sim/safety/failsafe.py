@@ -27,7 +27,6 @@ class Action(IntEnum):
     WARN = 1
     FALLBACK_POSITION = 2
     FALLBACK_ALTITUDE = 3
-    FALLBACK_STABILIZED = 4
     HOLD = 5
     RTL = 6
     LAND = 7
@@ -60,7 +59,6 @@ class Cause(IntEnum):
 _MODES: Final = {
     Action.FALLBACK_POSITION: FlightMode.POSCTL,
     Action.FALLBACK_ALTITUDE: FlightMode.ALTCTL,
-    Action.FALLBACK_STABILIZED: FlightMode.STABILIZED,
     Action.HOLD: FlightMode.AUTO_LOITER,
     Action.RTL: FlightMode.AUTO_RTL,
     Action.LAND: FlightMode.AUTO_LAND,

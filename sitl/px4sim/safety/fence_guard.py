@@ -73,34 +73,23 @@ class FenceGuard:
         if action is Action.NONE or situation.time_s - self._checked_s < _CHECK_S:
             return Action.NONE
         self._checked_s = situation.time_s
-        before = self.violated
-        self.violated = not (
-            self.fence.allows(situation.north_m, situation.east_m) and self._near_home(situation)
-        )
+        before, self.violated = self.violated, self._breached(situation)
         if before or not self.violated or not situation.armed:
             return Action.NONE
         situation.say("Geofence: approaching or outside geofence", severity=Severity.CRITICAL)
         return action
 
-    def allows(self, north_m: float, east_m: float) -> bool:
-        """Whether a point may be gone to."""
-        return self.fence.allows(north_m, east_m)
-
-    def near_home(self, north_m: float, east_m: float, situation: Situation) -> bool:
-        """Whether a point is not further from home than GF_MAX_HOR_DIST."""
+    def allows(self, north_m: float, east_m: float, situation: Situation) -> bool:
+        """Whether a point may be gone to: GF_MAX_HOR_DIST is kept, too."""
         furthest_m, home = situation.parameters["GF_MAX_HOR_DIST"], situation.home
-        return home is None or furthest_m <= 0 or math.dist(home, (north_m, east_m)) < furthest_m
+        near = home is None or furthest_m <= 0 or math.dist(home, (north_m, east_m)) < furthest_m
+        return near and self.fence.allows(north_m, east_m)
 
-    def _near_home(self, situation: Situation) -> bool:
-        parameters, home = situation.parameters, situation.home
-        furthest_m, highest_m = parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"]
-        if home is None:
-            return True
-        distance_m = math.dist(home, (situation.north_m, situation.east_m))
+    def _breached(self, situation: Situation) -> bool:
         height_m = situation.altitude_m - situation.home_altitude_m
-        too_far = 0 < furthest_m <= distance_m
-        too_high = 0 < highest_m <= height_m
-        return not too_far and not too_high
+        highest_m = situation.parameters["GF_MAX_VER_DIST"]
+        too_high = situation.home is not None and 0 < highest_m <= height_m
+        return too_high or not self.allows(situation.north_m, situation.east_m, situation)
 
     def _load(self, areas: tuple[FenceArea, ...], situation: Situation) -> None:
         def report(conflict: FenceConflict) -> None:

@@ -17,11 +17,12 @@ class UnsupportedAutoModeError(Exception):
 class FlightMode(Enum):
     """A mode: PX4's main and sub mode, its name in PX4's texts, and flags of HEARTBEAT.base_mode.
 
+    Without those that nothing here flies: Manual, Acro, Stabilized.
+
     The values are those of px4_custom_mode.h; in HEARTBEAT.custom_mode the main mode is in bits
     16..23 and the submode in bits 24..31.
     """
 
-    MANUAL = (1, 0, "Manual", 0x41)
     ALTCTL = (2, 0, "Altitude", 0x51)
     POSCTL = (3, 0, "Position", 0x51)
     ORBIT = (3, 1, "Orbit", 0x1D)
@@ -30,9 +31,7 @@ class FlightMode(Enum):
     AUTO_MISSION = (4, 4, "Mission", 0x1D)
     AUTO_RTL = (4, 5, "Return", 0x1D)
     AUTO_LAND = (4, 6, "Land", 0x1D)
-    ACRO = (5, 0, "Acro", 0x41)
     OFFBOARD = (6, 0, "Offboard", 0x11)
-    STABILIZED = (7, 0, "Stabilized", 0x51)
     TERMINATION = (10, 0, "Termination", 0x01)
 
     __hash__ = object.__hash__  # looked up some hundred times a simulated second
@@ -56,15 +55,7 @@ class FlightMode(Enum):
 _PREVENT_ARMING: Final = frozenset(
     {FlightMode.AUTO_RTL, FlightMode.AUTO_LAND, FlightMode.TERMINATION}
 )
-_STICKS: Final = frozenset(
-    {
-        FlightMode.MANUAL,
-        FlightMode.ALTCTL,
-        FlightMode.POSCTL,
-        FlightMode.ACRO,
-        FlightMode.STABILIZED,
-    }
-)
+_STICKS: Final = frozenset({FlightMode.ALTCTL, FlightMode.POSCTL})
 _BY_NUMBER: Final = {(mode.value[0], mode.value[1]): mode for mode in FlightMode}
 _BY_MAIN: Final = {
     main: mode

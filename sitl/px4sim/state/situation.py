@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sitl.px4sim.motion.guidance import MaxSpeeds, Pace
+from sitl.px4sim.motion.guidance import MaxSpeeds, Pace, Setpoint
 from sitl.px4sim.motion.projection import MapProjection
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.parameters import Parameters
@@ -43,12 +43,13 @@ class Situation:
         home_altitude_m: AMSL; wanders in flight.
         ground_altitude_m: AMSL, of the flat ground.
         speed_m_s: Cruise speed that was asked for in this mode; None: MPC_XY_CRUISE.
+        setpoint: What is flown to.
         notices: Said and not yet sent.
     """
 
     projection: MapProjection
     parameters: Parameters
-    ask_mode: Callable[[FlightMode], None]
+    ask_mode: Callable[[FlightMode], object]
     ground_altitude_m: float
     time_s: float = 0.0
     north_m: float = 0.0
@@ -63,6 +64,7 @@ class Situation:
     home: tuple[float, float] | None = None
     home_altitude_m: float = 0.0
     speed_m_s: float | None = None
+    setpoint: Setpoint = field(default_factory=Setpoint)
     notices: list[Notice] = field(default_factory=list)
 
     @property

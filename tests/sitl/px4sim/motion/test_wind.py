@@ -57,7 +57,7 @@ def test_a_hovering_vehicle_is_moved_by_gusts_only(gusts, least_m, most_m):
     autopilot = vehicle.autopilot
     while not autopilot.can_arm:
         vehicle.step()
-    autopilot.take_off(HOME.altitude_m + 15)
+    autopilot.modes.takeoff.request(HOME.altitude_m + 15)
     autopilot.request_mode(FlightMode.AUTO_TAKEOFF)
     assert autopilot.arm()
     away_m = []
