@@ -256,7 +256,7 @@ class Autopilot:
 
     def _watch(self, step_s: float) -> None:
         situation = self.situation
-        self.battery.follow(step_s, self.parameters, armed=self.armed)
+        self.battery.follow(step_s, self.parameters.__getitem__, armed=self.armed)
         sticks = self.modes.pilot.present(situation)
         causes = self.watchdog.sticks(self.intended, situation, present=sticks)
         for action, cause in (*causes, *self.watchdog.step(self.battery, situation)):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
-
-from sitl.px4sim.state.parameters import Parameters
 
 _EMPTY_V: Final = 14.4
 _FULL_V: Final = 16.2
@@ -58,17 +57,17 @@ class Battery:
         level = BatteryWarning(sum(self.remaining < threshold for threshold in thresholds))
         self.warning = max(self.warning, level)
 
-    def follow(self, step_s: float, parameters: Parameters, *, armed: bool) -> None:
-        """The same by the vehicle's parameters."""
+    def follow(self, step_s: float, parameter: Callable[[str], float], *, armed: bool) -> None:
+        """The same by the vehicle's parameters, which are asked for by name."""
         self.step(
             step_s,
             armed=armed,
-            drain_s=parameters["SIM_BAT_DRAIN"],
-            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
+            drain_s=parameter("SIM_BAT_DRAIN"),
+            least=parameter("SIM_BAT_MIN_PCT") / 100.0,
             thresholds=(
-                parameters["BAT_LOW_THR"],
-                parameters["BAT_CRIT_THR"],
-                parameters["BAT_EMERGEN_THR"],
+                parameter("BAT_LOW_THR"),
+                parameter("BAT_CRIT_THR"),
+                parameter("BAT_EMERGEN_THR"),
             ),
         )
 
