@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
 from typing import Protocol
@@ -31,8 +31,11 @@ from mocha_link.errors import needs_extra
 class Page(Served, Protocol):
     """Shows a flight while it lasts."""
 
-    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
-        """Take in what happened, and what was decided on it."""
+    def event(self, event: Event, now_s: float) -> None:
+        """Take in what happened."""
+
+    def action(self, action: Action, now_s: float) -> None:
+        """Take in what was decided."""
 
 
 class SharedPage(Served, Protocol):
@@ -45,7 +48,10 @@ class SharedPage(Served, Protocol):
 class NoPage:
     """The page of a flight that is not shown."""
 
-    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+    def event(self, event: Event, now_s: float) -> None:
+        """No page is open."""
+
+    def action(self, action: Action, now_s: float) -> None:
         """No page is open."""
 
     def serving(self, say: Say) -> AbstractAsyncContextManager[object]:

@@ -34,6 +34,10 @@ PulledBy = Literal["contact", "node"]
 `node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
 last pull, and what a peer stores in between is pushed."""
 
+PolicyKind = SeekPolicy | Literal["oracle"]
+"""A policy that flies; or `oracle`, a yardstick that cannot: a `rendezvous` that is told every
+`ORACLE_S` where all ground robots are, and how much each is worth."""
+
 PlacedBy = Literal["town", "seed"]
 """Whether places are those of the town's file, or others in every run."""
 
@@ -197,7 +201,9 @@ class RunSettings:
         protocol: What the nodes speak.
         pulls: Who begins a pull.
         duration_s: Simulated time of the run.
-        policy: Whom the UAVs seek, a choice of the mission file (`seek`).
+        policy: Whom the UAVs seek.
+        values: How much each ground robot's service counts in the mean of all, over again from the
+            first; empty: all alike. Of the policies only `oracle` knows them.
         passive: The UAVs never seek a robot: they go round the waypoints, and talk to whom they
             pass.
         timers: Of the UAVs' mission.
@@ -216,7 +222,7 @@ class RunSettings:
     town: Path
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
-    ugvs: Annotated[int, Field(ge=0, le=200)] = 3
+    ugvs: Annotated[int, Field(ge=0, le=500)] = 3
     explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"
@@ -230,7 +236,8 @@ class RunSettings:
     protocol: ProtocolKind = "original"
     pulls: PulledBy = "contact"
     duration_s: Positive = 1800.0
-    policy: SeekPolicy = DEFAULT_SEEK_POLICY
+    policy: PolicyKind = DEFAULT_SEEK_POLICY
+    values: tuple[Positive, ...] = ()
     passive: bool = False
     timers: Timers = SIMULATION_TIMERS
     uav_speed_m_s: Positive = 5.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.seeking import POLICIES, SeekContext
+from air_router.controller.targets.seeking import POLICIES, Policy, SeekContext
 from air_router.controller.targets.target_list import SearchPlace, TargetList
 from air_router.routing.departure import names_of
 from air_router.routing.return_planner import Way
@@ -50,6 +50,7 @@ class Search:
 
     Attributes:
         targets: The robots, and what is known of each.
+        policy: Whom to seek, and where; the mission's.
         foresees: A robot is sought where it will be, so that news of its path matters too.
     """
 
@@ -62,8 +63,8 @@ class Search:
         explore: bool = True,
     ) -> None:
         self.targets = TargetList(seek)
-        self._policy = POLICIES[context.mission.seek_policy]  # whom to seek, and where
-        self.foresees = self._policy.foresees
+        self.policy: Policy = POLICIES[context.mission.seek_policy]
+        self.foresees = self.policy.foresees
         self._context = context
         self._exploration = exploration
         timers = context.mission.timers
@@ -79,12 +80,12 @@ class Search:
 
     def search_points(self, now_s: float) -> Iterator[SearchPoint]:
         """The robots in the order in which they are to be tried."""
-        for place in self._policy.order(self.targets, self._seek_context(now_s)):
+        for place in self.policy.order(self.targets, self._seek_context(now_s)):
             yield self._beside(place)
 
     def search_point(self, robot: str, now_s: float) -> SearchPoint:
         """Where one of the robots would be sought now."""
-        return self._beside(self._policy.place(robot, self.targets, self._seek_context(now_s)))
+        return self._beside(self.policy.place(robot, self.targets, self._seek_context(now_s)))
 
     def _seek_context(self, now_s: float) -> SeekContext:
         exploration = self._exploration

@@ -125,9 +125,15 @@ class Freshest:
     carrier has to travel, as in Tripathi, Talak and Modiano (Age optimal information
     gathering and dissemination on graphs, INFOCOM 2019), is the division by the time. The
     formula has no parameter: with all times doubled the order is the same.
+
+    Args:
+        values: How much a robot's age counts, by its name; 1 if it is not named.
     """
 
     foresees = False
+
+    def __init__(self, values: Mapping[str, float] = MappingProxyType({})) -> None:
+        self._values = values  # by robot
 
     def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
         """As `Policy.order`; of equals the one whose turn it is."""
@@ -157,7 +163,7 @@ class Freshest:
         round_s = context.round_s
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
-        benefit = ages_s * chance / (meeting.flight_s + round_s)
+        benefit = ages_s * self._values.get(robot, 1.0) * chance / (meeting.flight_s + round_s)
         return _Candidate(meeting.place, age_s, meeting.flight_s, benefit)
 
     def _meeting(self, robot: str, targets: TargetList, context: SeekContext) -> MeetingPoint:

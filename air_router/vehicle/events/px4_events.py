@@ -80,8 +80,7 @@ class Px4Event:
         name = self.name
         if name is None or name not in WORDS:
             return f"event {self.number:#010x} of PX4, explained in the ground station"
-        known = WORDS[name]
-        words, layout = (known, "") if isinstance(known, str) else known
+        words, layout = WORDS[name]
         skipped = _CHECK_HEAD.size if self.is_check else 0
         values = _unpacked(layout, self.arguments[skipped:])
         return words.format(*values) if values is not None else name.replace("_", " ")

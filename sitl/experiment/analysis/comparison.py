@@ -20,6 +20,7 @@ MEASURES: Final = {
     "map_age_peak_s": "map peak, s",
     "claims_age_mean_s": "claims age, s",
     "wait_mean_s": "wait, s",
+    "service_age_mean_s": "service age, s",
 }
 
 
@@ -71,10 +72,11 @@ def as_rows(runs: Runs, comparisons: Sequence[Comparison]) -> list[list[str]]:
     A difference with its interval, which holds together with those of the other rows, and how large
     one is that so many pairs tell from 0.
     """
-    rows = [["row", "against", "pairs", *MEASURES.values()]]
+    measures = {key: told for key, told in MEASURES.items() if runs.has(key)}
+    rows = [["row", "against", "pairs", *measures.values()]]
     for one in comparisons:
         cells = [one.row, one.base, str(one.pairs)]
-        for measure in MEASURES:
+        for measure in measures:
             effect, tests = runs.effect(one.weights, measure), len(comparisons)
             value, low, high = effect.interval(tests)
             told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: "

@@ -28,9 +28,13 @@ class Runs:
         """The seed numbers with which each of some rows has a run."""
         return sorted(set.intersection(*(set(self._measures.get(row.label, ())) for row in rows)))
 
+    def has(self, measure: str) -> bool:
+        """Whether every run has a measure: those of earlier versions have fewer."""
+        return all(measure in run for own in self._measures.values() for run in own.values())
+
     def values(self, row: Row, measure: str, numbers: Sequence[int]) -> Numbers:
         """A measure of a row's runs; nan where a run has none. Raises UsageError."""
-        own = self._measures[row.label]
+        own = self._measures.get(row.label, {})
         try:
             found = [own[number][measure] for number in numbers]
         except KeyError:

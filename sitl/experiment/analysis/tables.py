@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from sitl.experiment.analysis.effects import Runs
 from sitl.experiment.analysis.paper import PaperRow, paper_row
 from sitl.experiment.analysis.statistics import (
     Interval,
@@ -61,8 +62,8 @@ class Column(NamedTuple):
 
     def estimate(self, runs: Sequence[Mapping[str, Any]]) -> Interval:
         """The number of some runs, by their measures."""
-        runs = [run for run in runs if self.per or run[self.measure] is not None]
-        values = np.array([run[self.measure] or 0.0 for run in runs], dtype=np.float64)
+        runs = [run for run in runs if self.per or run.get(self.measure) is not None]
+        values = np.array([run.get(self.measure) or 0.0 for run in runs], dtype=np.float64)
         if self.per is None:
             return interval(values)
         counts = np.array([run[self.per] for run in runs], dtype=np.float64)
@@ -92,7 +93,13 @@ COLUMNS: Final = (
     Column("claims_age_s", "claims age s", 0, "claims_age_mean_s"),
     Column("claims_peak_s", "claims peak s", 0, "claims_age_peak_s"),
     Column("sent_mb", "sent MB", 2, "sent_MB"),
+    Column("bound_gap", "goals over time below the bound, points", 1, "goal_bound_gap_percent"),
+    Column("service_age_s", "service age s", 0, "service_age_mean_s"),
 )
+_OF_ORACLE: Final = Column("of_oracle", "% of the oracle's service", 0, "service_age_mean_s")
+"""The oracle's age as a share of a row's, from runs of the same seeds."""
+
+_NONE: Final = Interval(math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +125,22 @@ class Line:
 
 def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
     """The rows of an experiment that have runs."""
-    found = []
+    found, samples = [], Runs(experiment, records)
+    oracles = {
+        experiment.seed(row, 0): row
+        for row in experiment.rows
+        if row.settings.get("policy") == "oracle"
+    }
     for row in experiment.rows:
         own = [record["measures"] for record in records if record["row"] == row.label]
         if own:
             settings = flat(row.settings)
+            values = {column.key: column.estimate(own) for column in COLUMNS}
+            if oracle := oracles.get(experiment.seed(row, 0)):
+                numbers = samples.numbers(oracle, row)
+                ages_s = (samples.values(r, _OF_ORACLE.measure, numbers) for r in (oracle, row))
+                shares = interval(*ages_s, statistic=ratio)
+                values[_OF_ORACLE.key] = Interval(*(100 * share for share in shares))
             wall_s = sum(run["wall_s"] for run in own)
             simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in own)
             found.append(
@@ -130,7 +148,7 @@ def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
                     label=row.label,
                     settings=settings,
                     runs=len(own),
-                    values={column.key: column.estimate(own) for column in COLUMNS},
+                    values=values,
                     speed_up=simulated_s / max(wall_s, 1e-9),
                     paper=paper_row(*(value_of(settings, key) for key in _HEADS)),
                 )
@@ -156,7 +174,9 @@ def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
     if not columns or len(columns) > _MOST_SETTINGS:
         columns = {"row": lambda line: line.label}
     columns["runs"] = lambda line: str(line.runs)
-    for column in COLUMNS:
+    for column in (*COLUMNS, _OF_ORACLE):
+        if all(math.isnan(line.values.get(column.key, _NONE).value) for line in found):
+            continue
         columns[column.head] = partial(_shown, column)
         if paper and column.paper:
             columns[f"paper: {column.head}"] = partial(_papers, column)
@@ -212,7 +232,7 @@ def _plain(key: str, line: Line) -> str:
 
 
 def _shown(column: Column, line: Line) -> str:
-    estimate = line.values[column.key]
+    estimate = line.values.get(column.key, _NONE)
     if math.isnan(estimate.value):
         return "none"
     value, low, high = (f"{number:.{column.digits}f}" for number in estimate)

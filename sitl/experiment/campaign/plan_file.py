@@ -61,6 +61,7 @@ _SETTINGS: Final = _kinds(RunSettings, "keep_log") | {
     "town": str,
     "mission": str,
     "base_goals": list[str],
+    "values": list[Positive],
     "explorer": _model("Explorer", _kinds(ExplorerSettings)),
     "paper": _model("Paper", _kinds(PaperModel)),
     "path_loss": _model("PathLoss", _kinds(PathLossModel)),
@@ -156,8 +157,8 @@ class _Reading:
 
     def _problems(self) -> Iterator[Problem]:
         model = self.model
-        if (model.cross is None) == (model.rows is None):
-            message = "write either 'rows' (a list) or 'cross' (lists of values to combine)"
+        if (model.rows or model.cross) is None:
+            message = "write 'rows' (a list), 'cross' (lists of values to combine), or both"
             yield self.document.problem(("rows",), message, "one-rows-key")
         known = set(_SETTINGS)
         for index, name in enumerate(model.paired):
@@ -181,15 +182,15 @@ class _Reading:
                         yield self.document.problem(keys, "no row has all of this", "unknown-word")
 
     def _variants(self) -> Iterator[tuple[str | None, dict[str, Any]]]:
-        if self.model.rows is not None:
-            for row in self.model.rows:
-                values = _plain(row)
-                yield values.pop("label", None), values
-        elif self.model.cross is not None:
-            values_of = _plain(self.model.cross)
-            axes = {key: values_of[key] for key in self.document.data["cross"]}
+        crossed = _plain(self.model.cross)
+        axes = {key: crossed[key] for key in self.document.data.get("cross") or {}}
+        for row in self.model.rows or [_Row()]:
+            own = _plain(row)
+            label = own.pop("label", None)
             for values in itertools.product(*axes.values()):
-                yield None, dict(zip(axes, values, strict=True))
+                combined = dict(zip(axes, values, strict=True))
+                named = [label, *(_named(*each) for each in combined.items())]
+                yield label and ", ".join(named), {**own, **combined}
 
     def _file_problems(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
         told = set()
@@ -222,8 +223,10 @@ class _Reading:
 
     def _keys(self, index: int, key: str) -> tuple[str | int, ...]:
         data = self.document.data
-        if self.model.rows is not None and key in {*data["rows"][index], "label"}:
-            return ("rows", index, key)
+        if self.model.rows is not None:
+            place = index * len(self.model.rows) // len(list(self._variants()))
+            if key in {*data["rows"][place], "label"}:
+                return ("rows", place, key)
         section = "cross" if key in (data.get("cross") or {}) else "settings"
         return (section, key)
 
@@ -255,8 +258,8 @@ def content_hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
-def _plain(model: BaseModel) -> dict[str, Any]:
-    return model.model_dump(exclude_unset=True)
+def _plain(model: BaseModel | None) -> dict[str, Any]:
+    return model.model_dump(exclude_unset=True) if model else {}
 
 
 def _merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

@@ -83,8 +83,8 @@ def run_settings(task: Task) -> RunSettings:
     parts = {key: make(**values.pop(key, {})) for key, make in _PARTS.items()}
     if trace is not None:
         parts["trace"] = TraceModel(**{**trace, "path": paths["trace"]})
-    if "base_goals" in values:
-        values["base_goals"] = tuple(values["base_goals"])
+    for key in {"base_goals", "values"} & values.keys():
+        values[key] = tuple(values[key])
     if "timers" in values:
         values["timers"] = Timers(**{**_timers(), **values["timers"]})
     return RunSettings(town=paths["town"], mission=paths.get("mission"), **parts, **values)

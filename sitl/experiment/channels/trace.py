@@ -19,12 +19,12 @@ was; before the first line no robot hears another.
 from __future__ import annotations
 
 import csv
-import json
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.node.gossip import TIMEOUT_S
@@ -33,8 +33,6 @@ from sitl.experiment.settings import TraceModel
 
 MOST_LINES: Final = 2_000_000
 MOST_TOLD: Final = 20
-_FIELDS: Final = ("t_s", "a", "b", "up", "rssi_dbm", "rate_bytes_s")
-_YES_NO: Final = {"1": True, "true": True, "0": False, "false": False}
 
 
 class TraceError(AirRouterError):
@@ -51,7 +49,7 @@ class Entry:
     a: int
     b: int
     up: bool
-    rate_bytes_s: float
+    rate_bytes_s: float | None  # None: as before
 
 
 class TraceChannel:
@@ -83,7 +81,8 @@ class TraceChannel:
             entry = self._entries[self._next]
             self._next += 1
             pair = entry.a, entry.b
-            self._rates[pair] = entry.rate_bytes_s
+            if entry.rate_bytes_s is not None:
+                self._rates[pair] = entry.rate_bytes_s
             if entry.up:
                 self._up.add(pair)
             else:
@@ -92,7 +91,7 @@ class TraceChannel:
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002 - a port's
         """Round trips, and the bytes at the recorded rate."""
-        rate_bytes_s = self._rates[min(link), max(link)]
+        rate_bytes_s = self._rates.get((min(link), max(link)), self._model.rate_bytes_s)
         return load.round_trips * self._model.round_trip_s + load.size / rate_bytes_s
 
     def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
@@ -110,6 +109,19 @@ class TraceChannel:
         return None
 
 
+class _Line(BaseModel):
+    """What a line of a trace may say."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    t_s: Annotated[FiniteFloat, Field(ge=0)]
+    a: str
+    b: str
+    up: bool | None = None
+    rssi_dbm: FiniteFloat | None = None
+    rate_bytes_s: FiniteFloat | None = None
+
+
 def read_trace(model: TraceModel, names: Sequence[str]) -> list[Entry]:
     """The lines of a trace, in the order of time.
 
@@ -117,17 +129,21 @@ def read_trace(model: TraceModel, names: Sequence[str]) -> list[Entry]:
         TraceError: with every problem of the file.
     """
     path = model.path
-    numbers = {name: number for number, name in enumerate(names)}
     problems: list[str] = []
     entries: list[Entry] = []
-    reader = _Reader(model, numbers)
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            for line, row in _rows(path, file):
+            for number, row in _rows(path, file):
                 try:
-                    entries.append(reader.entry(row))
+                    entries.append(_entry(row, model, names, entries))
+                except ValidationError as error:
+                    wrong = error.errors()[0]
+                    where = ".".join(map(str, wrong["loc"]))
+                    problems.append(
+                        f"{path}:{number}: {where}: {str(wrong['input'])[:40]!r}: {wrong['msg']}"
+                    )
                 except ValueError as error:
-                    problems.append(f"{path}:{line}: {error}")
+                    problems.append(f"{path}:{number}: {error}")
                 if len(entries) + len(problems) > MOST_LINES:
                     problems.append(f"{path}: more than {MOST_LINES} lines; cut it into parts")
                     break
@@ -139,86 +155,33 @@ def read_trace(model: TraceModel, names: Sequence[str]) -> list[Entry]:
     return entries
 
 
-def _rows(path: Path, file: Iterable[str]) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Every line's number and fields."""
+def _rows(path: Path, file: Iterable[str]) -> Iterator[tuple[int, dict[str, Any] | str]]:
+    """Every line's number, and its fields or its JSON."""
     if path.suffix.lower() == ".csv":
         table = csv.DictReader(file)
         for row in table:
-            yield table.line_num, row
+            yield table.line_num, {key: value for key, value in row.items() if value != ""}
         return
-    for number, text in enumerate(file, start=1):
-        if text.strip():
-            yield number, _Json(text)
+    yield from ((number, text) for number, text in enumerate(file, start=1) if text.strip())
 
 
-class _Json(dict[str, Any]):
-    """The object of a line; one that is none has the field that says so."""
-
-    def __init__(self, text: str) -> None:
-        try:
-            data = json.loads(text)
-        except ValueError as error:
-            data = {"": f"no JSON: {error}"}
-        super().__init__(data if isinstance(data, dict) else {"": "not a JSON object"})
-
-
-class _Reader:
-    """Makes entries of rows. Raises ValueError with what is wrong, and what to do."""
-
-    def __init__(self, model: TraceModel, numbers: Mapping[str, int]) -> None:
-        self._model = model
-        self._numbers = numbers
-        self._rates: dict[tuple[int, int], float] = {}  # bytes/s, for rows without a rate
-        self._last_s = 0.0  # of the row before
-
-    def entry(self, row: Mapping[Any, Any]) -> Entry:
-        """The entry of a row."""
-        unknown = [key for key in row if key not in _FIELDS]
-        if unknown:
-            why = row.get("") or f"no field {unknown[0]!r}; use {', '.join(_FIELDS)}"
-            raise ValueError(why)
-        time_s = _number(row, "t_s")
-        if time_s is None or time_s < self._last_s:
-            raise ValueError(f"t_s must rise; it is {time_s}, after {self._last_s:g}")
-        a, b = sorted((self._robot(row, "a"), self._robot(row, "b")))
-        if a == b:
-            raise ValueError("a and b are the same robot")
-        rate_bytes_s = _number(row, "rate_bytes_s")
-        if rate_bytes_s is None:
-            rate_bytes_s = self._rates.get((a, b), self._model.rate_bytes_s)
-        if rate_bytes_s <= 0:
-            raise ValueError(f"rate_bytes_s of {rate_bytes_s:g}; say up: 0 of a link that is down")
-        up = self._up(row)
-        self._last_s, self._rates[a, b] = time_s, rate_bytes_s
-        return Entry(time_s, a, b, up, rate_bytes_s)
-
-    def _robot(self, row: Mapping[Any, Any], key: str) -> int:
-        name = row.get(key)
-        if not isinstance(name, str) or name not in self._numbers:
-            raise ValueError(f"{key}: no robot {name!r}; use {', '.join(self._numbers)}")
-        return self._numbers[name]
-
-    def _up(self, row: Mapping[Any, Any]) -> bool:
-        said = row.get("up")
-        if said is None or said == "":
-            rssi_dbm = _number(row, "rssi_dbm")
-            if rssi_dbm is None:
-                raise ValueError("neither up nor rssi_dbm; say one of them")
-            return rssi_dbm >= self._model.trigger_dbm
-        answer = _YES_NO.get(str(said).lower())
-        if answer is None:
-            raise ValueError(f"up: {said!r}; write 1 or 0")
-        return answer
-
-
-def _number(row: Mapping[Any, Any], key: str) -> float | None:
-    said = row.get(key)
-    if said is None or said == "":
-        return None
-    try:
-        value = float(said)
-    except (TypeError, ValueError):
-        value = math.nan
-    if isinstance(said, bool) or not math.isfinite(value):
-        raise ValueError(f"{key}: {said!r} is no number")
-    return value
+def _entry(
+    row: dict[str, Any] | str, model: TraceModel, names: Sequence[str], before: Sequence[Entry]
+) -> Entry:
+    """The entry of a line. Raises ValueError with what is wrong, and what to do."""
+    said = _Line.model_validate_json(row) if isinstance(row, str) else _Line.model_validate(row)
+    last_s = before[-1].time_s if before else 0.0
+    if said.t_s < last_s:
+        raise ValueError(f"t_s must rise; it is {said.t_s:g}, after {last_s:g}")
+    for name in (said.a, said.b):
+        if name not in names:
+            raise ValueError(f"no robot {name!r}; use {', '.join(names)}")
+    a, b = sorted(map(names.index, (said.a, said.b)))
+    if a == b:
+        raise ValueError("a and b are the same robot")
+    if said.up is None and said.rssi_dbm is None:
+        raise ValueError("neither up nor rssi_dbm; say one of them")
+    if said.rate_bytes_s is not None and said.rate_bytes_s <= 0:
+        raise ValueError(f"rate_bytes_s of {said.rate_bytes_s:g}; say up: 0 of a link that is down")
+    up = (said.rssi_dbm or 0.0) >= model.trigger_dbm if said.up is None else said.up
+    return Entry(said.t_s, a, b, up, said.rate_bytes_s)

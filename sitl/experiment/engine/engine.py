@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import cycle, islice
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,7 @@ from sitl.experiment.channels.channel import Channel, PaperChannel
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel
 from sitl.experiment.engine.ages import Ages
+from sitl.experiment.engine.bound import goal_bound_share
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
 from sitl.experiment.engine.statistics import AirtimeStats, Samples
@@ -44,6 +46,9 @@ from sitl.experiment.towns.town_generator import drawn_starts, scatter
 
 GROUND_S: Final = 1.0
 """Ground robots drive and think in steps of this."""
+
+ORACLE_S: Final = 2.0
+"""An oracle tells so often where robots are."""
 
 GROUND_ANTENNA_M: Final = 0.5
 
@@ -97,6 +102,7 @@ class Run:
             self._locate(uav)
         for name, robot in self.robots.items():
             self._places[self._numbers[name], :2] = robot.position
+        self._starts = [robot.position for robot in self.robots.values()]
         self._travelled_m = np.zeros(len(self.names))  # over ground, by number
         channel = channel_of(settings, self.town, self.names, seed)
         self.airtime = AirtimeStats(self.log.sent)
@@ -118,7 +124,11 @@ class Run:
             robots=self.names,
             kinds=self.fleet.kinds,
             travelled_m=tuple(self._travelled_m.tolist()),
+            values=tuple(islice(cycle(settings.values or (1.0,)), settings.ugvs)),
             goals_total=len(self.town.goals),
+            goal_bound_share=goal_bound_share(
+                *(self.town, self._starts, settings.explorer, settings.duration_s)
+            ),
             goal_places=tuple((goal.id, goal.position) for goal in self.town.goals),
             goals=tuple(sorted(self._goals.values(), key=lambda v: (v.time_s, v.goal))),
             transmissions=self.airtime.transmissions(),
@@ -227,6 +237,9 @@ class Run:
                 robot.step(now_s)
                 self._places[self._numbers[name], :2] = robot.position
                 self._count_goals(name, robot)
+                if self._settings.policy == "oracle" and now_s % ORACLE_S < GROUND_S:
+                    for uav in self.uavs:
+                        uav.see(name, robot.position)
         self._travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
         self.ages.look()
         self.channel_sim.settle()

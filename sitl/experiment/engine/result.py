@@ -51,7 +51,9 @@ class RunResult:
         robots: Names, sorted; arrays below have them in this order.
         kinds: What each is: "uav", "ugv" or "base".
         travelled_m: How far each has come.
+        values: How much the service of each ground robot counts.
         goals_total: How many goals the town has.
+        goal_bound_share: At most this share of the goals can be reached, in the mean over time.
         goal_places: Id and place of each, in metres east and north.
         goals: Those that were reached, in order of time.
         transmissions: TRANSMISSION rows in order of their end.
@@ -75,7 +77,9 @@ class RunResult:
     robots: tuple[str, ...]
     kinds: tuple[str, ...]
     travelled_m: tuple[float, ...]
+    values: tuple[float, ...]
     goals_total: int
+    goal_bound_share: float
     goal_places: tuple[tuple[str, Point], ...]
     goals: tuple[GoalVisit, ...]
     transmissions: npt.NDArray[np.void]
@@ -157,6 +161,8 @@ def measured(result: RunResult, duration_s: float) -> dict[str, float | int | No
         "goals_found_percent": 100 * result.goals_share,
         "time_to_goal_mean_min": None if time_s is None else time_s / 60,
         "goal_rate_area_percent": _area_percent(result, duration_s),
+        "goal_bound_gap_percent": 100 * result.goal_bound_share - _area_percent(result, duration_s),
+        "service_age_mean_s": _service_age_s(result, duration_s),
         "waits": len(waits_s),
         "wait_mean_s": _or_none(waits_s, np.mean),
         "wait_sd_s": _or_none(waits_s, np.std),
@@ -236,6 +242,18 @@ def _ages(result: RunResult, duration_s: float) -> dict[str, float | None]:
             ages_s = [age for own in held if (age := age_s(own, duration_s)) is not None]
             found[f"{name}_age_{what}_s"] = _or_none(np.array(ages_s), np.mean)
     return found
+
+
+def _service_age_s(result: RunResult, duration_s: float) -> float | None:
+    """The mean age of poses at UAVs and of UAVs' maps, robots weighted by their values."""
+    ground = [name for name, kind in zip(result.robots, result.kinds, strict=True) if kind == "ugv"]
+    values = dict(zip(ground, result.values, strict=True))
+    ages_s, weights = [], []
+    for (topic, maker, user), held in result.held.items():
+        if topic in {"pose", "map"}:
+            ages_s.append(mean_age_s(held, duration_s))
+            weights.append(values[maker if topic == "pose" else user])
+    return float(np.average(ages_s, weights=weights)) if ages_s else None
 
 
 def _age_curves(result: RunResult, topic: str, by: int, times_s: Numbers) -> list[Any]:

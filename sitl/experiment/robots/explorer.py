@@ -43,7 +43,7 @@ _PACE: Final = tuple(PACE.get(terrain, 0.5) for terrain in Terrain)
 _INSIDE_M: Final = 0.5
 """Ways to a goal end so far within the distance at which it counts as reached."""
 
-_NO_VEHICLE_M: Final = 8.0
+NO_VEHICLE_M: Final = 8.0
 """A place that is farther than this from every vehicle is a false goal: visited, but not found."""
 
 _HEARD: Final = frozenset(
@@ -204,7 +204,7 @@ class GroundRobot:
         self.book.visit()
         self._post.claims = list(self.book.claims)
         near = min(self.town.goals, key=lambda other: math.dist(goal, other.position), default=None)
-        if near is None or math.dist(goal, near.position) > _NO_VEHICLE_M:
+        if near is None or math.dist(goal, near.position) > NO_VEHICLE_M:
             return
         if all(near.id != visit.goal for visit in self.visited):
             self.visited.append(Visit(near.id, time_s))

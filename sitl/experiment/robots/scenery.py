@@ -55,7 +55,7 @@ def scenery_of(settings: RunSettings) -> Scenery:
         settings.timers,
         settings.uav_speed_m_s,
         settings.uav_altitude_m,
-        settings.policy,
+        "rendezvous" if settings.policy == "oracle" else settings.policy,
         passive=settings.passive,
     )
 

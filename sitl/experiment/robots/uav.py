@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import Final
 
 import numpy as np
@@ -33,6 +33,7 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
 )
+from air_router.controller.targets.seeking import Rendezvous
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     MAP_TOPIC,
@@ -164,6 +165,7 @@ class Uav:
         self._picture_s = picture_s  # between two pictures
         self._map_every_s = settings.map_interval_s  # least time between maps for peers that ask
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
+        self._seen = False  # robots are, by an oracle
         self._sought: str | None = None  # the team was told last; None: it seeks none
 
     @property
@@ -198,8 +200,16 @@ class Uav:
             )
         except (MessageError, FrameError) as error:
             raise AssertionError(f"a robot of ours says nonsense: {error}") from error
-        if news is not None:
+        if isinstance(news, RobotPose) and self._seen and news.peer == news.robot:
+            # Stamped now: what is older than what was seen would be no news.
+            self.see(news.robot, news.position, news.peer)
+        elif news is not None:
             self._tell(_rounded(news))
+
+    def see(self, robot: str, position: Point, peer: str = "oracle") -> None:
+        """An oracle tells where a robot is; `peer`: or the robot itself, and so it is found."""
+        self._seen = True
+        self._tell(RobotPose(robot, _millimetres(position), EPOCH_S + self._queue.now_s, peer))
 
     def say(self) -> list[tuple[str, bytes]]:
         """What it has to say to a peer that asks now."""
@@ -278,6 +288,10 @@ def controllers_of(fleet: Fleet, scenery: Scenery, settings: RunSettings) -> dic
         for number, name in enumerate(fleet.uavs)
     ]
     controllers = {setup.name: setup.controller(scenery.router, scenery.plan) for setup in setups}
+    if settings.policy == "oracle":
+        values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
+        for controller in controllers.values():
+            controller.search.policy = Rendezvous(values)
     if settings.passive:
         waypoints = scenery.mission.waypoints * _rounds(scenery.mission, settings.duration_s)
         for controller in controllers.values():

@@ -129,6 +129,39 @@ def test_a_world_that_is_the_same_for_all_denies_what_it_can():
     assert [claim.verdict for claim in found][3:] == ["fails", "fails"]
 
 
+def test_a_row_is_held_against_its_oracle_run_by_run(tmp_path):
+    path = tmp_path / "yard.yaml"
+    path.write_text(
+        "name: yard\ntitle: x\ncross: {policy: [round_robin, oracle], radius_m: [5, 30]}\n",
+        encoding="utf-8",
+    )
+    experiment, _ = load_experiment(str(path))
+
+    def measures(row, number):
+        oracle, near = row["policy"] == "oracle", row["radius_m"] == 5
+        age_s = (30.0 + number) * (1 if oracle else 4 if near else 2)
+        blank = dict.fromkeys(
+            (
+                "wall_s",
+                "speed_up",
+                "goals_found",
+                "waits",
+                "wait_sd_s",
+                "data_waits",
+                "header_waits",
+            ),
+            1.0,
+        )
+        return {**blank, "service_age_mean_s": age_s, "goal_bound_gap_percent": None}
+
+    found = tables.lines(experiment, made(experiment, 5, measures))
+    shares = [line.values["of_oracle"] for line in found]
+    assert [share.value for share in shares] == pytest.approx([25.0, 50.0, 100.0, 100.0])
+    assert shares[0][1:] == pytest.approx((25.0, 25.0))  # as much in every pair of runs
+    heads = tables.as_rows(experiment, found)[0]
+    assert heads[-3:] == ["service age s", "% of the oracle's service", "x real time"]
+
+
 def test_intervals_of_a_claims_parts_hold_together():
     experiment, records = table(lambda _: 80.0, lambda _: 1.0)
     (both,) = (claim for claim in experiment.claims if claim.number == 4)

@@ -100,6 +100,18 @@ def test_rows_are_called_after_what_they_differ_in(tmp_path):
     ]
 
 
+def test_every_row_is_crossed(tmp_path):
+    text = PAIRED + "rows:\n  - {label: near, ugvs: 2}\n  - {values: [2, 1]}\n"
+    experiment = load(tmp_path, text)
+    rows = experiment.rows
+    assert [row.label for row in rows][::3][:2] == [
+        "near, round robin, 5 m",
+        "near, freshest, 30 m",
+    ]
+    assert [row.settings["ugvs"] for row in rows] == [2] * 4 + [3] * 4
+    assert run_settings(experiment.task(rows[4], 0)).values == (2.0, 1.0)
+
+
 def test_settings_reach_the_engine(tmp_path):
     experiment = load(tmp_path, PAIRED.replace("ugvs: 3", "ugvs: 3, timers: {init_s: 99}"))
     settings = run_settings(experiment.task(experiment.rows[3], 0))

@@ -259,10 +259,8 @@ def record(pennovation, tmp_path):
     with Recorder(tmp_path, "m", unix_s=lambda: UNIX_S) as recorder:
         recorder.begin(FlightSetup(pennovation, ("io",), name="titan"))
         for t, value in things():
-            if type(value).__module__.endswith("actions"):
-                recorder.actions((value,), t)
-            else:
-                recorder.event(value, t)
+            take = recorder.action if type(value).__module__.endswith("actions") else recorder.event
+            take(value, t)
     return recorder.path
 
 

@@ -159,7 +159,7 @@ class TestTrace:
         told = str(caught.value).splitlines()
         assert [line.split(":")[1] for line in told] == ["2", "3", "4", "5", "6", "7", "9"]
         for word, line in zip(
-            ("same robot", "europa", "perhaps", "neither", "down", "no number", "rise"),
+            ("same robot", "europa", "perhaps", "neither", "down", "valid number", "rise"),
             told,
             strict=True,
         ):

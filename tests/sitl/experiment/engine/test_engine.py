@@ -160,6 +160,46 @@ def test_comm_ends_by_its_exchange_where_nodes_pull_and_by_its_timer_where_conta
     assert min(by_timer) >= SMALL.timers.communicate_s
 
 
+def test_an_oracle_finds_whom_it_seeks_and_seeks_the_worthy():
+    searching = dataclasses.replace(
+        SMALL, uavs=1, duration_s=500.0, radius_m=10.0, protocol="ours", starts="seed"
+    )
+    searching = dataclasses.replace(searching, base_station=False, keep_log=False)
+
+    def found(result):
+        states = [state for _, _, state in result.states]
+        return states.count("COMM"), states.count("SEARCH")
+
+    blind = run(searching, SEED)
+    oracle = run(dataclasses.replace(searching, policy="oracle"), SEED)
+    comms, searches = found(oracle)
+    assert comms >= searches - 1 > 0
+    assert found(blind)[0] < found(blind)[1] - 1
+    ages_s = [measured(result, 500.0)["service_age_mean_s"] for result in (oracle, blind)]
+    assert ages_s[0] < ages_s[1]
+    worthy = run(dataclasses.replace(searching, policy="oracle", values=(1.0, 1.0, 99.0)), SEED)
+    first, third = (
+        [mean_age_s(r.held["pose", f"ugv0{n}", "uav01"], 500.0) for r in (oracle, worthy)]
+        for n in (1, 3)
+    )
+    assert third[1] < third[0]
+    assert first[1] > first[0]
+    weighted = 2 * measured(worthy, 500.0)["service_age_mean_s"]
+    assert weighted == pytest.approx(
+        sum(
+            value
+            * (
+                mean_age_s(worthy.held["pose", name, "uav01"], 500.0)
+                + mean_age_s(worthy.held["map", "uav01", name], 500.0)
+            )
+            for name, value in zip(worthy.robots[1:], (1, 1, 99), strict=True)
+        )
+        / 101
+    )
+    gap = measured(worthy, 500.0)["goal_bound_gap_percent"]
+    assert gap > 0
+
+
 def test_an_empty_battery_brings_a_uav_home_and_down():
     settings = dataclasses.replace(SMALL, uavs=1, ugvs=1, battery=3.0, airframe="px4")
     home = run(settings, SEED)
