@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.settings import PaperModel
 
 Places = npt.NDArray[np.float64]
@@ -84,6 +85,34 @@ class Channel(Protocol):
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
         """Which of those that wait may begin beside those under way; None: none may."""
+
+
+class SpatialReuse:
+    """What channels have in common on which robots that do not hear each other send at once.
+
+    Args:
+        pull_every_s: As `Channel` says.
+        count: How many robots there are.
+    """
+
+    patience_s = TIMEOUT_S
+    frame_by_frame = True
+
+    def __init__(self, pull_every_s: float | None, count: int) -> None:
+        self.pull_every_s = pull_every_s  # None: only when a contact begins
+        self._hears: list[set[int]] = [{number} for number in range(count)]  # and itself
+
+    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
+        """Who has waited longest."""
+        return (ready_s, *link)
+
+    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
+        """The first that disturbs no transmission and is not disturbed."""
+        deaf = {number for link in busy for each in link for number in self._hears[each]}
+        for place, (asking, answering) in enumerate(waiting):
+            if asking not in deaf and answering not in deaf:
+                return place
+        return None
 
 
 class PaperChannel:

@@ -6,15 +6,14 @@ apart do not disturb each other. `sitl.world.radio` has the model of the power i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 
 from geo.grid import Terrain
-from mocha_link.node.gossip import TIMEOUT_S
-from sitl.experiment.channels.channel import Change, Link, Load, Places
+from sitl.experiment.channels.channel import Change, Link, Load, Places, SpatialReuse
 from sitl.experiment.settings import PathLossModel
 from sitl.experiment.towns.town import Town
 from sitl.world.radio import Antenna, RadioModel
@@ -29,7 +28,7 @@ _LOOK_S: Final = 1.0
 _SAMPLE_M: Final = 1.0
 
 
-class PathLossChannel:
+class PathLossChannel(SpatialReuse):
     """Who hears whom in a town, and how well.
 
     Args:
@@ -39,11 +38,8 @@ class PathLossChannel:
         seed: Makes the fading.
     """
 
-    patience_s = TIMEOUT_S
-    frame_by_frame = True
-
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
-        self.pull_every_s = model.pull_every_s  # None: only when a contact begins
+        super().__init__(model.pull_every_s, len(names))
         self._model = model
         self._names = names
         self._raster = town.raster  # buildings that block a radio
@@ -59,7 +55,6 @@ class PathLossChannel:
         )
         self._farthest_m = self._radio.longest_range_m()  # farther pairs are not looked at
         self._rssi_dbm: dict[tuple[int, int], float] = {}  # at the last look; a < b
-        self._hears: list[set[int]] = [{number} for number in range(len(names))]  # and itself
         self._up: set[tuple[int, int]] = set()  # in contact, a < b
         self._look_at_s = 0.0  # simulated time of the next look
 
@@ -85,18 +80,6 @@ class PathLossChannel:
         share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
         rate = model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
         return load.round_trips * model.round_trip_s + load.size / rate
-
-    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
-        """Who has waited longest."""
-        return (ready_s, *link)
-
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
-        """The first that disturbs no transmission and is not disturbed."""
-        deaf = {number for link in busy for each in link for number in self._hears[each]}
-        for place, (asking, answering) in enumerate(waiting):
-            if asking not in deaf and answering not in deaf:
-                return place
-        return None
 
     def _measure(self, now_s: float, places: Places) -> None:
         away_m = np.sqrt(((places[:, None] - places) ** 2).sum(axis=2))

@@ -27,8 +27,7 @@ from typing import Annotated, Any, Final
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from air_router.errors import AirRouterError, ExitCode
-from mocha_link.node.gossip import TIMEOUT_S
-from sitl.experiment.channels.channel import Change, Link, Load, Places
+from sitl.experiment.channels.channel import Change, Link, Load, Places, SpatialReuse
 from sitl.experiment.settings import TraceModel
 
 MOST_LINES: Final = 2_000_000
@@ -52,7 +51,7 @@ class Entry:
     rate_bytes_s: float | None  # None: as before
 
 
-class TraceChannel:
+class TraceChannel(SpatialReuse):
     """A recorded channel.
 
     Args:
@@ -63,11 +62,8 @@ class TraceChannel:
         TraceError: with every problem of the file.
     """
 
-    patience_s = TIMEOUT_S
-    frame_by_frame = True
-
     def __init__(self, model: TraceModel, names: Sequence[str]) -> None:
-        self.pull_every_s = model.pull_every_s  # None: only when a contact begins
+        super().__init__(model.pull_every_s, len(names))
         self._model = model
         self._entries = read_trace(model, names)  # in order of time
         self._next = 0  # entry that has not happened yet
@@ -87,26 +83,15 @@ class TraceChannel:
                 self._up.add(pair)
             else:
                 self._up.discard(pair)
+        for a, b in before ^ self._up:
+            self._hears[a] ^= {b}
+            self._hears[b] ^= {a}
         return [Change(*pair, pair in self._up) for pair in sorted(before ^ self._up)]
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002 - a port's
         """Round trips, and the bytes at the recorded rate."""
         rate_bytes_s = self._rates.get((min(link), max(link)), self._model.rate_bytes_s)
         return load.round_trips * self._model.round_trip_s + load.size / rate_bytes_s
-
-    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
-        """Who has waited longest."""
-        return (ready_s, *link)
-
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
-        """The first none of whose robots is, or hears, one of those that are under way."""
-        sending = {number for link in busy for number in link}
-        deaf = sending | {b for a, b in self._up if a in sending}
-        deaf |= {a for a, b in self._up if b in sending}
-        for place, (asking, answering) in enumerate(waiting):
-            if asking not in deaf and answering not in deaf:
-                return place
-        return None
 
 
 class _Line(BaseModel):
@@ -173,9 +158,9 @@ def _entry(
     last_s = before[-1].time_s if before else 0.0
     if said.t_s < last_s:
         raise ValueError(f"t_s must rise; it is {said.t_s:g}, after {last_s:g}")
-    for name in (said.a, said.b):
+    for key, name in (("a", said.a), ("b", said.b)):
         if name not in names:
-            raise ValueError(f"no robot {name!r}; use {', '.join(names)}")
+            raise ValueError(f"{key}: no robot {name!r}; use {', '.join(names)}")
     a, b = sorted(map(names.index, (said.a, said.b)))
     if a == b:
         raise ValueError("a and b are the same robot")

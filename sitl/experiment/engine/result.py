@@ -115,18 +115,6 @@ class RunResult:
         waits: npt.NDArray[np.float64] = rows["start_s"] - rows["ready_s"]
         return np.repeat(waits, np.maximum(rows["messages"], 1))
 
-    @property
-    def goals_share(self) -> float:
-        """Share of the goals that were reached."""
-        return len(self.goals) / self.goals_total if self.goals_total else 0.0
-
-    @property
-    def mean_time_to_goal_s(self) -> float | None:
-        """Mean time at which the goals that were reached were reached; None without any."""
-        if not self.goals:
-            return None
-        return sum(visit.time_s for visit in self.goals) / len(self.goals)
-
     def bytes_per_bin(self, bin_s: float, duration_s: float) -> npt.NDArray[np.float64]:
         """Bytes that arrived in each `bin_s` of the run: bandwidth over time."""
         edges = np.arange(0.0, duration_s + bin_s, bin_s)
@@ -153,13 +141,13 @@ def measured(result: RunResult, duration_s: float) -> dict[str, float | int | No
     rows = result.transmissions
     contacts_s = result.contacts["ended_s"] - result.contacts["began_s"]
     ended = result.exchanges_complete + result.exchanges_broken
-    time_s = result.mean_time_to_goal_s
+    times_s = np.array([visit.time_s for visit in result.goals])
     busy = np.sort(result.bytes_per_bin(BIN_S, duration_s))[::-1]
     return {
         "goals_total": result.goals_total,
         "goals_found": len(result.goals),
-        "goals_found_percent": 100 * result.goals_share,
-        "time_to_goal_mean_min": None if time_s is None else time_s / 60,
+        "goals_found_percent": _share_percent(len(times_s), result.goals_total) or 0.0,
+        "time_to_goal_mean_min": _or_none(times_s / 60, np.mean),
         "goal_rate_area_percent": _area_percent(result, duration_s),
         "goal_bound_gap_percent": 100 * result.goal_bound_share - _area_percent(result, duration_s),
         "service_age_mean_s": _service_age_s(result, duration_s),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from pydantic import BaseModel, Field
 
 from geo.airspace.zone import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
 from sitl.experiment.lattice import GRAIN_M, Bounds
 from sitl.experiment.settings import ExplorerSettings
 from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
@@ -170,47 +169,23 @@ def _points(pairs: Iterable[Sequence[float]]) -> tuple[Point, ...]:
     return tuple(Point(east_m, north_m) for east_m, north_m in pairs)
 
 
-_WIDTH = 98
-
-
 def town_text(town: Town) -> str:
     """A town as YAML; read again it is the same town."""
-    lines = [
-        f"name: {json.dumps(town.name)}",
-        f"frame: {{origin: {_pair(town.frame.origin)}}}",
-        f"home: {_pair(town.home)}",
-        "bounds: {" + ", ".join(f"{key}: {v!r}" for key, v in town.bounds._asdict().items()) + "}",
-        "outline:",
-        _town_write_points(town.outline, "  "),
-        "roads:",
-    ]
-    for road in town.roads:
-        lines += [f"  - width_m: {road.width_m!r}", _town_write_points(road.points, "    points: ")]
-    for key in ("vegetation", "buildings", "yards"):
-        rings = getattr(town, key)
-        lines.append(f"{key}:" if rings else f"{key}: []")
-        lines += [_town_write_points(ring, "  - ") for ring in rings]
-    lines.append("goals:" if town.goals else "goals: {}")
-    lines += [f"  {json.dumps(goal.id)}: {_pair(goal.position)}" for goal in town.goals]
-    lines += ["starts:", _town_write_points(town.starts, "  ")]
-    return "\n".join(lines) + "\n"
-
-
-def _town_write_points(points: Iterable[Point], indent: str) -> str:
-    """A list of pairs after an indent, in lines that are not too long."""
-    lines, line = [], indent + "["
-    for number, point in enumerate(points):
-        pair = _pair(point)
-        if number:
-            line += ","
-            if len(line) + len(pair) > _WIDTH:
-                lines.append(line)
-                line = " " * (len(indent) + 1) + pair
-                continue
-            line += " "
-        line += pair
-    return "\n".join([*lines, line + "]"])
-
-
-def _pair(pair: Sequence[float]) -> str:
-    return "[" + ", ".join(repr(float(value)) for value in pair) + "]"
+    rings = {
+        key: [list(map(list, ring)) for ring in getattr(town, key)]
+        for key in ("vegetation", "buildings", "yards")
+    }
+    data = {
+        "name": town.name,
+        "frame": {"origin": list(town.frame.origin)},
+        "home": list(town.home),
+        "bounds": town.bounds._asdict(),
+        "outline": list(map(list, town.outline)),
+        "roads": [
+            {"width_m": road.width_m, "points": list(map(list, road.points))} for road in town.roads
+        ],
+        **rings,
+        "goals": {goal.id: list(goal.position) for goal in town.goals},
+        "starts": list(map(list, town.starts)),
+    }
+    return as_yaml(data, short_in_line=True)
