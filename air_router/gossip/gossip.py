@@ -11,7 +11,7 @@ from typing import Final
 
 from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.events import Event
+from air_router.controller.model.events import Event, PeerFault
 from air_router.controller.model.requests import GoTo
 from air_router.gossip.mapper import Mapper
 from air_router.gossip.ros_messages import OCCUPANCY, occupancy_writer, readers_of
@@ -32,6 +32,7 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.frame import FrameError, LocalFrame
 from mocha_link import Message, MetricsServer, Node, Team
 from mocha_link.links.metrics import Direction, LinkEvent, LinkMetrics, MessageStored, SyncEnded
+from mocha_link.sanitize import sanitize
 
 _log = logging.getLogger(__name__)
 
@@ -94,7 +95,7 @@ class Gossip:
         self._grid_topics = [topic.name for topic in topics if topic.type == OCCUPANCY]
         # makes such a message
         self._grid_of = occupancy_writer(team, name) if self._grid_topics else None
-        self._unreadable: set[tuple[str, str]] = set()  # robot and topic, logged once
+        self._unreadable: set[tuple[str, str]] = set()  # robot and topic, told once
         # topic with its position
         self._found_by = {peer: pose_topic(team, peer) for peer in team.robot(name).peers}
         self._met: Counter[str] = Counter()  # syncs ended, by robot
@@ -222,11 +223,12 @@ class Gossip:
         if self._met[peer] != SILENT_SYNCS or topic is None:
             return
         if self.node.latest(peer, topic.name) is None:
-            _log.warning(
-                "%s was synced with %d times and has said nothing on %s (%s), by which it would be "
-                "found; see whether its program or bridge runs (docs/robot.md)",
-                *(peer, SILENT_SYNCS, topic.name, topic.type),
+            words = (
+                f"{peer} was synced with {SILENT_SYNCS} times and has said nothing on {topic.name} "
+                f"({topic.type}), by which it would be found; see whether its program or bridge "
+                "runs (docs/robot.md)"
             )
+            self._deliver(PeerFault(words))
 
     def _hand_on_goals(self) -> None:
         """Ways are planned to no more goals than for other requests; of one sender the newest."""
@@ -248,12 +250,12 @@ class Gossip:
                 said_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
+            words = (
+                f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
+                f"{error}; correct its publisher, or its type or 'ros' in the team file "
+                "(docs/robot.md)"
+            )
             told = (message.robot, message.topic) in self._unreadable
             self._unreadable.add((message.robot, message.topic))
-            _log.log(
-                logging.DEBUG if told else logging.WARNING,
-                "%s of %s cannot be read and is left alone, told once: %s; correct its publisher, "
-                "or its type or 'ros' in the team file (docs/robot.md)",
-                *(message.topic, message.robot, error),
-            )
-        return None
+            _log.debug(words)
+            return None if told else PeerFault(sanitize(words))

@@ -60,6 +60,13 @@ class RobotSought:
 
 
 @dataclass(frozen=True, slots=True)
+class PeerFault:
+    """A robot's messages are of no use to the mission, and the operator can change that."""
+
+    words: str  # whose, what is wrong, and what to do
+
+
+@dataclass(frozen=True, slots=True)
 class CommandConfirmed:
     """The vehicle does what this action asked of it."""
 
@@ -115,6 +122,7 @@ Event = (
     | RobotPose
     | RobotPath
     | RobotSought
+    | PeerFault
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed

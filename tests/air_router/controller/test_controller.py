@@ -6,12 +6,13 @@ import random
 import pytest
 
 from air_router.controller.model.actions import (
+    Announce,
     FlyToNode,
     FlyToPoint,
     HoldHere,
     PublishMap,
 )
-from air_router.controller.model.events import RobotPose
+from air_router.controller.model.events import PeerFault, RobotPose
 from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.controller.targets.search_points import Search
@@ -350,3 +351,11 @@ def test_whatever_goes_wrong_nothing_raises_no_pilot_is_overridden_and_no_zone_i
         flight.step()
     assert flight.controller.state is State.PASSIVE
     assert len(flight.motions) == commanded
+
+
+def test_a_robot_that_cannot_be_read_is_told_of_and_changes_nothing(pretend):
+    flight = pretend()
+    flight.take_off()
+    before = len(flight.actions)
+    flight.give(PeerFault("/pose of io cannot be read"))
+    assert flight.actions[before:] == [Announce("/pose of io cannot be read")]

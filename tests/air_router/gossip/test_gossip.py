@@ -12,7 +12,7 @@ from shapely import Point as ShapelyPoint
 
 from air_router.control.budget import COSTLY_PER_S, Budget
 from air_router.controller.model.actions import CommandAck, Refusal
-from air_router.controller.model.events import RobotPath, RobotPose
+from air_router.controller.model.events import PeerFault, RobotPath, RobotPose
 from air_router.controller.model.requests import ComeHome, GoTo
 from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
@@ -150,31 +150,33 @@ def test_nothing_is_said_later_than_it_is_heard(pennovation):
     "data",
     [b"", b"{}", b"\xff\x00", b'{"stamp_s": 1, "latitude_deg": 95, "longitude_deg": 0}'],
 )
-def test_junk_is_no_news(gossip, data):
-    assert gossip._news(heard("/pose", data), "io") is None
-    assert gossip._news(heard("/path", data), "io") is None
+def test_junk_is_no_news_of_the_robot(gossip, data):
+    assert isinstance(gossip._news(heard("/pose", data), "io"), PeerFault)
+    assert isinstance(gossip._news(heard("/path", data), "io"), PeerFault)
 
 
-def test_what_cannot_be_read_is_told_once_for_each_topic(gossip, caplog):
+def test_what_cannot_be_read_is_told_once_for_each_topic(gossip):
+    told = []
     for _ in range(3):
-        gossip._news(heard("/pose", b"{}"), "io")
-        gossip._news(heard("/path", b"{}"), "europa")
-    told = [record for record in caplog.records if record.levelname == "WARNING"]
-    assert [record.getMessage().partition(" cannot")[0] for record in told] == [
+        told.append(gossip._news(heard("/pose", b"{}"), "io"))
+        told.append(gossip._news(heard("/path", b"{}"), "europa"))
+    assert told[2:] == [None] * 4
+    assert [fault.words.partition(" cannot")[0] for fault in told[:2]] == [
         "/pose of io",
         "/path of io",
     ]
 
 
-def test_a_robot_that_is_met_and_says_nothing_is_told_once(gossip, monkeypatch, caplog):
+def test_a_robot_that_is_met_and_says_nothing_is_told_once(gossip, monkeypatch):
     """Not one that does, and not one that is met but a few times."""
-    gossip._deliver = lambda _: None
+    delivered = []
+    gossip._deliver = delivered.append
     monkeypatch.setattr(gossip.node, "latest", lambda robot, _: robot == "europa" or None)
     for peer, times in (("io", 12), ("europa", 12), ("callisto", 4)):
         for _ in range(times):
             gossip._translate(SyncEnded(peer, 1.0, Direction.IN, 0, 10, 0.1))
             gossip._translate(SyncEnded(peer, 1.0, Direction.OUT, 0, 10, 0.1))
-    (told,) = [record.getMessage() for record in caplog.records]
+    (told,) = [event.words for event in delivered if isinstance(event, PeerFault)]
     assert told.startswith("io was synced with 5 times and has said nothing on /pose (json/Pose)")
 
 
@@ -192,9 +194,9 @@ def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(gossip, pe
 
 def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
     far = pose(pennovation.frame, Point(0.0, FARTHEST_M + 10.0))
-    assert gossip._news(heard("/pose", far.encode()), "io") is None
+    assert isinstance(gossip._news(heard("/pose", far.encode()), "io"), PeerFault)
     way = path(pennovation.frame, (Point(0.0, 0.0), Point(0.0, FARTHEST_M + 10.0)))
-    assert gossip._news(heard("/path", way), "io") is None
+    assert isinstance(gossip._news(heard("/path", way), "io"), PeerFault)
     antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
     assert gossip._news(heard("/pose", antipode), "io") is None
 
