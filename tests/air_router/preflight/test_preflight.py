@@ -57,18 +57,48 @@ def router(pennovation):
     return Router(WaypointGraph(pennovation))
 
 
-@pytest.mark.parametrize(
-    ("version", "verdict"),
-    [
-        ("1.17.0", GOOD),
-        ("1.18.0", GOOD),
-        ("1.16.1", LOOK),
-        ("1.13.3", BAD),
-        ("of unknown version", LOOK),
+NOW_S = 1.8e9
+OFF = Inspection(unix_s=NOW_S + 60.0)
+FAR_OFF = Inspection(unix_s=NOW_S + 3600.0)
+LINES = {
+    GOOD: [
+        *(preflight.vehicle(info(version)) for version in ("1.17.0", "1.18.0")),
+        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 14, 0.8), (6, None, None))),
+        preflight.clock(Inspection(unix_s=NOW_S + 1.0), NOW_S),
+        preflight.disk(10**10),
+        preflight.peers({"io": True, "europa": True}),
     ],
+    LOOK: [
+        *(preflight.vehicle(info(version)) for version in ("1.16.1", "of unknown version")),
+        preflight.gps(None),
+        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 8, 1.0), (3, 14, 5.0))),
+        *(preflight.clock(found, NOW_S) for found in (OFF, FAR_OFF, Inspection())),
+        preflight.clock(OFF, NOW_S, hours=True),
+        *map(preflight.disk, (None, 2 * 10**8)),
+        preflight.peers({}),
+    ],
+    BAD: [
+        preflight.vehicle(info("1.13.3")),
+        *(preflight.gps(GpsFix(*fix)) for fix in ((1, 0), (2, 5), (3, 5))),
+        preflight.clock(Inspection(), 1000.0),
+        preflight.clock(FAR_OFF, NOW_S, hours=True),  # zones apply at certain hours
+        preflight.disk(10**6),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "line"),
+    [(verdict, line) for verdict, lines in LINES.items() for line in lines],
+    ids=str,
 )
-def test_versions(version, verdict):
-    assert preflight.vehicle(info(version)).verdict is verdict
+def test_how_a_line_of_the_card_stands(verdict, line):
+    assert line.verdict is verdict
+
+
+def test_peers_that_do_not_answer_are_named():
+    away = preflight.peers({"io": True, "europa": False})
+    assert (away.verdict, away.found) == (LOOK, "europa: no node answers now")
 
 
 def test_a_vehicle_that_flies_or_is_armed_is_left_alone():
@@ -125,39 +155,6 @@ def test_health_says_why_not():
     assert preflight.health(Inspection())[0].verdict is GOOD
 
 
-@pytest.mark.parametrize(
-    ("fix", "verdict"),
-    [
-        (None, LOOK),
-        (GpsFix(1, 0), BAD),
-        (GpsFix(2, 5), BAD),
-        (GpsFix(3, 5), BAD),
-        (GpsFix(3, 8, 1.0), LOOK),
-        (GpsFix(3, 14, 5.0), LOOK),
-        (GpsFix(3, 14, 0.8), GOOD),
-        (GpsFix(6, None, None), GOOD),
-    ],
-)
-def test_gps(fix, verdict):
-    assert preflight.gps(fix).verdict is verdict
-
-
-def test_clocks():
-    now_s = 1.8e9
-    assert preflight.clock(Inspection(unix_s=now_s + 1.0), now_s).verdict is GOOD
-    assert preflight.clock(Inspection(unix_s=now_s + 60.0), now_s).verdict is LOOK
-    assert preflight.clock(Inspection(), now_s).verdict is LOOK
-    assert preflight.clock(Inspection(), 1000.0).verdict is BAD
-
-
-def test_a_wrong_clock_grounds_missions_with_hours():
-    now_s = 1.8e9
-    off = Inspection(unix_s=now_s + 3600.0)
-    assert preflight.clock(off, now_s).verdict is LOOK
-    assert preflight.clock(off, now_s, hours=True).verdict is BAD
-    assert preflight.clock(Inspection(unix_s=now_s + 60.0), now_s, hours=True).verdict is LOOK
-
-
 def test_the_altitude_that_zones_were_reckoned_with(pennovation):
     def verdicts(home_amsl_m, zones):
         mission = dataclasses.replace(pennovation, home_altitude_amsl_m=home_amsl_m, zones=zones)
@@ -169,20 +166,6 @@ def test_the_altitude_that_zones_were_reckoned_with(pennovation):
     assert verdicts(6.0, banded) == [GOOD]
     assert verdicts(20.0, banded) == [LOOK]
     assert verdicts(60.0, banded) == [BAD]
-
-
-@pytest.mark.parametrize(
-    ("free", "verdict"), [(None, LOOK), (10**6, BAD), (2 * 10**8, LOOK), (10**10, GOOD)]
-)
-def test_disk(free, verdict):
-    assert preflight.disk(free).verdict is verdict
-
-
-def test_the_team():
-    assert preflight.peers({"io": True, "europa": True}).verdict is GOOD
-    away = preflight.peers({"io": True, "europa": False})
-    assert (away.verdict, away.found) == (LOOK, "europa: no node answers now")
-    assert preflight.peers({}).verdict is LOOK
 
 
 def test_parameters_as_wanted(pennovation):
