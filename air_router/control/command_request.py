@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Protocol
 
@@ -42,6 +42,18 @@ class CommandRequestError(AirRouterError, ValueError):
     exit_code = ExitCode.USAGE
 
 
+_PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = MappingProxyType(
+    {
+        "hold": HoldNow,
+        "explore": ExploreNow,
+        "home": ComeHome,
+        "land": LandNow,
+        "reload": Reload,
+    }
+)
+"""Requests that say nothing but who asks, by their verbs."""
+
+
 class CommandRequest(BaseModel, extra="forbid", strict=True):
     """A request as it comes.
 
@@ -67,18 +79,13 @@ class CommandRequest(BaseModel, extra="forbid", strict=True):
         Raises:
             CommandRequestError: a place cannot be told in the mission's frame.
         """
-        del frame, by
-        return None
+        del frame
+        plain = _PLAIN.get(self.request)
+        return None if plain is None else plain(by=self.who(by))
 
     def who(self, by: str) -> str:
         """Who asks, in letters that a terminal shows."""
         return sanitize(self.by or "").strip() or by
-
-
-class _Hold(CommandRequest):
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> HoldNow:
-        del frame
-        return HoldNow(by=self.who(by))
 
 
 class _Resume(CommandRequest):
@@ -97,30 +104,6 @@ class _Seek(CommandRequest):
         return SeekNow(sanitize(self.robot), by=self.who(by))
 
 
-class _Explore(CommandRequest):
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ExploreNow:
-        del frame
-        return ExploreNow(by=self.who(by))
-
-
-class _Home(CommandRequest):
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ComeHome:
-        del frame
-        return ComeHome(by=self.who(by))
-
-
-class _Land(CommandRequest):
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> LandNow:
-        del frame
-        return LandNow(by=self.who(by))
-
-
-class _Reload(CommandRequest):
-    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> Reload:
-        del frame
-        return Reload(by=self.who(by))
-
-
 class _GoTo(CommandRequest):
     points: Annotated[
         list[Annotated[tuple[Latitude, Longitude], Field(strict=False)]],
@@ -134,10 +117,6 @@ class _GoTo(CommandRequest):
         except FrameError as error:
             raise CommandRequestError(f"goto: {error}") from None
         return GoTo(points, self.hold_s, by=self.who(by))
-
-
-class _Status(CommandRequest):
-    pass
 
 
 class View(CommandRequest):
@@ -154,15 +133,15 @@ class View(CommandRequest):
 
 MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
     {
-        "hold": _Hold,
+        "hold": CommandRequest,
         "resume": _Resume,
         "seek": _Seek,
-        "explore": _Explore,
-        "home": _Home,
-        "land": _Land,
+        "explore": CommandRequest,
+        "home": CommandRequest,
+        "land": CommandRequest,
         "goto": _GoTo,
-        "reload": _Reload,
-        "status": _Status,
+        "reload": CommandRequest,
+        "status": CommandRequest,
         "view": View,
     }
 )

@@ -16,13 +16,13 @@ from air_router.files.mission_document import Area, MissionDocument, MissionPoin
 from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
 from air_router.files.yaml.mission_form import AreaForm
 from air_router.files.zones.reading import FileZone, MapCircle, MapOutline
-from air_router.files.zones.zone_files import add_zones, place_zone, read_zones
+from air_router.files.zones.zone_files import add_zones, placed, read_zones
 from air_router.mission.airspaces import FlightWindow, airspaces_of
 from air_router.mission.loading import read_draft, validate
 from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Outline, ZoneError
+from geo.airspace.zone import Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.document import Document, DocumentError, Problem
 
 _MISSION_KEYS = frozenset({"home", "waypoints", "no_fly_zones", "fence", "fences", "altitude_m"})
 _ABOUT_WAYPOINTS = ("waypoint-", "no-waypoints", "same-place")
@@ -197,17 +197,11 @@ def _yaml_area(path: Path) -> FileZone:
 
 def _shape(zones: Sequence[FileZone], frame: LocalFrame) -> BaseGeometry:
     """The areas in the frame, as one."""
-    problems, shapes = [], []
-    for zone in zones:
-        try:
-            shapes.append(place_zone(zone, frame).polygon)
-        except (ZoneError, FrameError) as error:
-            code = error.code if isinstance(error, ZoneError) else "not-on-earth"
-            message = f"'{zone.name}' cannot be an area: {error}; draw it again"
-            problems.append(zone.source.problem(zone.keys, message, code))
+    shapes = [placed(zone, frame, "") for zone in zones]
+    problems = [shape for shape in shapes if isinstance(shape, Problem)]
     if problems:
         raise MissionFileError(problems)
-    return shapely.union_all(shapes)
+    return shapely.union_all([s.polygon for s in shapes if not isinstance(s, Problem)])
 
 
 def _fenced(airspace: Airspace, shape: BaseGeometry) -> Airspace:

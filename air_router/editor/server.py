@@ -75,17 +75,7 @@ class EditorServer:
         try:
             self._requests.put_nowait((outbox, text))
         except asyncio.QueueFull:
-            outbox.post(
-                "busy",
-                as_json(
-                    {
-                        "type": "refused",
-                        "id": None,
-                        "kind": "busy",
-                        "why": "too much at a time; slow down",
-                    }
-                ),
-            )
+            outbox.post("busy", as_json(_refused(None, "busy", "too much at a time; slow down")))
 
     async def _work(self, worker: ThreadPoolExecutor) -> None:
         """Apply requests, one after the other."""
@@ -132,13 +122,13 @@ class EditorServer:
         except (AirRouterError, DocumentError) as error:
             kinds = (kind for cause, kind in _REFUSALS.items() if isinstance(error, cause))
             kind = next(kinds, "edit")
-            return {"type": "refused", "id": number, "kind": kind, "why": str(error)}
+            return _refused(number, kind, str(error))
         except (ValueError, RecursionError):
-            return {"type": "refused", "id": number, "kind": "edit", "why": "not a request"}
+            return _refused(number, "edit", "not a request")
         except Exception:  # noqa: BLE001 - a fault of ours must not cost the user's work
             _LOG.exception("a request of the page failed: %s", text[:500])
             why = "this failed, the mission is as it was; see the program's log"
-            return {"type": "refused", "id": number, "kind": "fault", "why": why}
+            return _refused(number, "fault", why)
 
     def _do(self, request: dict[str, Any]) -> dict[str, Any]:
         session = self._session
@@ -170,3 +160,7 @@ class EditorServer:
             case _:
                 raise EditError("the page asks for something that is not known; load it again")
         return {}
+
+
+def _refused(number: int | None, kind: str, why: str) -> dict[str, Any]:
+    return {"type": "refused", "id": number, "kind": kind, "why": why}

@@ -10,6 +10,7 @@ from typing import Any
 from air_router.editor.analysis import MissionAnalysis
 from air_router.editor.features import Handle, Pair, Region
 from air_router.editor.text_editor import TextEditor
+from air_router.editor.yaml_editor import SECTIONS
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
@@ -20,6 +21,7 @@ from geo.frame import LocalFrame
 from mocha_link.team.document import DocumentError, Problem
 from mocha_link.team.team import Team
 
+_NUMBERS = ("altitude_m", "speed_m_s", "duration_s", "endurance_s", "battery_reserve")
 _MOST_EDGES = 20_000
 _MOST_CACHED = 4_000
 
@@ -140,14 +142,8 @@ class _Marks:
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
         """A problem, with the keys of what is wrong on the map and the places to zoom to."""
-        keys = next(
-            (
-                problem.keys[:count]
-                for count in range(len(problem.keys), 0, -1)
-                if problem.keys[:count] in self._places
-            ),
-            None,
-        )
+        parts = (problem.keys[:count] for count in range(len(problem.keys), 0, -1))
+        keys = next((part for part in parts if part in self._places), None)
         return {
             "code": problem.code,
             "message": problem.message,
@@ -245,18 +241,13 @@ def _graph(analysis: MissionAnalysis) -> dict[str, Any]:
     graph = analysis.graph
     if graph is None:
         return {"edges": [], "detours": [], "cut": False}
-    detours = list(graph.detours)
+    detours = list(graph.detours)[:_MOST_EDGES]
+    ways = ([graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in detours)
     straight = [[a, b] for a, b in graph.edges if not graph.via(a, b)]
     frame = graph.mission.frame
     return {
         "edges": straight[:_MOST_EDGES],
-        "detours": [
-            [
-                degrees(frame, point)
-                for point in (graph.position(a), *graph.via(a, b), graph.position(b))
-            ]
-            for a, b in detours[:_MOST_EDGES]
-        ],
+        "detours": [[degrees(frame, point) for point in way] for way in ways],
         "cut": len(straight) > _MOST_EDGES,
     }
 
@@ -281,18 +272,10 @@ def _settings(editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
     return {
         "name": document.name,
         "settable": editor.settable,
-        "altitude_m": document.altitude_m,
-        "speed_m_s": document.speed_m_s,
-        "duration_s": document.duration_s,
-        "endurance_s": document.endurance_s,
-        "battery_reserve": document.battery_reserve,
+        **{name: getattr(document, name) for name in _NUMBERS},
         **asdict(document.timers),
-        "clearance_m": document.planner.clearance_m,
-        "tracking_margin_m": document.planner.tracking_margin_m,
-        "max_edge_m": document.planner.max_edge_m,
-        "team": None
-        if document.team is None
-        else relpath(document.team, document.source.path.parent),
+        **{name: getattr(document.planner, name) for name in SECTIONS["planner"]},
+        "team": document.team and relpath(document.team, document.source.path.parent),
         "uav": document.uav,
         "robots": _robots(document),
         "length_m": round(length_m),

@@ -13,11 +13,13 @@ from air_router.files.text.rendering import METRE_DECIMALS, metres
 from air_router.files.text.source import Splice, TextSource
 from mocha_link.team.document import Document
 
-_SECTIONS: dict[str, tuple[str, ...]] = {
+SECTIONS: dict[str, tuple[str, ...]] = {
     "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
     "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s"),
 }
-_SECTION_OF = {name: section for section, names in _SECTIONS.items() for name in names}
+"""The settings of the page that stand in sections of the file."""
+
+_SECTION_OF = {name: section for section, names in SECTIONS.items() for name in names}
 _WORDS = ("name", "team", "uav")
 
 

@@ -7,6 +7,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -26,37 +27,17 @@ _GREETING: Final = b"\xff"
 """How every ZeroMQ connection begins."""
 
 
+@dataclass(frozen=True, slots=True)
 class PreflightSurvey:
-    """What is looked at before a flight.
+    """What is looked at before a flight."""
 
-    Args:
-        mission: To be flown.
-        router: Of the mission.
-        team: To talk to; None to leave it out.
-        uav: Our name in the team.
-        log_dir: Where the log goes.
-        unix: This computer's clock.
-        rate: Tells how many seconds of the vehicle pass in one of ours.
-    """
-
-    def __init__(  # noqa: PLR0913 - what there is to look at
-        self,
-        mission: Mission,
-        router: Router,
-        *,
-        team: Team | None = None,
-        uav: str = "",
-        log_dir: Path | None = None,
-        unix: Callable[[], float] = time.time,
-        rate: Callable[[], float] = lambda: 1.0,
-    ) -> None:
-        self._mission = mission
-        self._router = router
-        self._team = team
-        self._uav = uav
-        self._log_dir = log_dir
-        self._unix = unix
-        self._rate = rate
+    mission: Mission  # to be flown
+    router: Router  # of the mission
+    team: Team | None = None  # to talk to; None to leave it out
+    uav: str = ""  # our name in the team
+    log_dir: Path | None = None  # where the log goes
+    unix: Callable[[], float] = time.time  # this computer's clock
+    rate: Callable[[], float] = lambda: 1.0  # seconds of the vehicle in one of ours
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
@@ -72,22 +53,22 @@ class PreflightSurvey:
             reachable = await team
         finally:
             team.cancel()
-        mission = self._mission
+        mission = self.mission
         checks: list[Check] = [
             *first,
-            preflight.place(mission, self._router, info, telemetry),
+            preflight.place(mission, self.router, info, telemetry),
             *preflight.altitude(mission, info, telemetry),
             *preflight.health(inspection),
             preflight.gps(inspection.gps),
             preflight.wind(inspection.wind_m_s),
-            battery(mission, self._router, inspection.battery, inspection.voltage_v),
-            *parameters(mission, inspection.parameters, rate=self._rate()),
+            battery(mission, self.router, inspection.battery, inspection.voltage_v),
+            *parameters(mission, inspection.parameters, rate=self.rate()),
             straight_return(mission),
             *preflight.notes(mission),
             preflight.clock(
-                inspection, self._unix(), hours=any(zone.validity for zone in mission.zones)
+                inspection, self.unix(), hours=any(zone.validity for zone in mission.zones)
             ),
-            preflight.disk(_free_bytes(self._log_dir)),
+            preflight.disk(_free_bytes(self.log_dir)),
         ]
         if reachable is not None:
             checks.append(preflight.peers(reachable))
@@ -96,24 +77,24 @@ class PreflightSurvey:
     async def card_in_the_air(self, vehicle: Vehicle) -> Card:
         """Look at what still matters once it flies; nothing on board is changed."""
         inspection = await vehicle.inspect(NAMES)
-        mission = self._mission
+        mission = self.mission
         return Card(
             (
                 preflight.gps(inspection.gps),
-                battery(mission, self._router, inspection.battery, inspection.voltage_v),
+                battery(mission, self.router, inspection.battery, inspection.voltage_v),
                 *parameters(mission, inspection.parameters),
                 straight_return(mission),
-                preflight.disk(_free_bytes(self._log_dir)),
+                preflight.disk(_free_bytes(self.log_dir)),
             )
         )
 
     async def _reachable(self) -> dict[str, bool] | None:
         """Whose node answers now; None without a team."""
-        team = self._team
+        team = self.team
         if team is None:
             return None
-        names = team.robot(self._uav).peers
-        places = [(team.robot(n).address, team.robot(n).port_for(self._uav)) for n in names]
+        names = team.robot(self.uav).peers
+        places = [(team.robot(n).address, team.robot(n).port_for(self.uav)) for n in names]
         answers = await asyncio.gather(*(_answers(*place) for place in places))
         return dict(zip(names, answers, strict=True))
 

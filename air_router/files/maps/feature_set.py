@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from air_router.files.altitudes import Altitudes
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.zones.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
-from air_router.files.zones.zone_files import place_zone, unique_names
-from geo.airspace.zone import Circle, Ring, Shape, ZoneError
-from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from air_router.files.zones.zone_files import placed, unique_names
+from geo.airspace.zone import Circle, Ring, Shape
+from geo.frame import Geodetic, LocalFrame, Point
 from geo.validity import Validity
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
@@ -101,8 +101,8 @@ def feature_set_of_zones(
     names = unique_names(zone.name for zone in zones)
     areas: list[MapArea] = []
     for unique, zone in zip(names, zones, strict=True):
-        problem = _problem(zone)
-        problems += [problem] if problem else []
+        shape = placed(zone, _frame_near(zone))
+        problems += [shape] if isinstance(shape, Problem) else []
         areas.append(MapArea(unique, zone.shape, zone.clearance_m, zone.altitudes, zone.validity))
     return FeatureSet(name, zones=areas), problems
 
@@ -166,16 +166,6 @@ def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
     if isinstance(shape, Circle):
         return MapCircle(frame.to_geodetic(shape.centre), shape.radius_m)
     return outline_of([shape.ring, *shape.holes], frame)
-
-
-def _problem(zone: FileZone) -> Problem | None:
-    try:
-        place_zone(zone, _frame_near(zone))
-    except (ZoneError, FrameError) as error:
-        code = error.code if isinstance(error, ZoneError) else "not-on-earth"
-        message = f"no-fly zone '{zone.name}' cannot be an area: {error}; draw it again"
-        return zone.source.problem(zone.keys, message, code)
-    return None
 
 
 def _frame_near(zone: FileZone) -> LocalFrame:

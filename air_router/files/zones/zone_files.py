@@ -28,7 +28,7 @@ from air_router.files.zones.reading import FileZone, MapCircle, MapRing, ZoneRea
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
 from geo.degree_lines import STEP_M, dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import DocumentError
+from mocha_link.team.problem import DocumentError, Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
@@ -112,17 +112,17 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
         _place(draft, reading, near, keys)
 
 
-def place_zone(zone: FileZone, frame: LocalFrame) -> Shape:
-    """The zone's shape in a local frame.
-
-    Raises:
-        ZoneError: it bounds no area.
-        FrameError: it lies beyond the frame.
-    """
-    if isinstance(zone.shape, MapCircle):
-        return Circle(frame.to_local(*zone.shape.centre), zone.shape.radius_m)
-    ring, *holes = (_local_ring(ring, frame) for ring in (zone.shape.ring, *zone.shape.holes))
-    return Outline(ring, tuple(holes))
+def placed(zone: FileZone, frame: LocalFrame, what: str = "no-fly zone ") -> Shape | Problem:
+    """The zone's shape in a local frame, or why it has none there."""
+    try:
+        if isinstance(zone.shape, MapCircle):
+            return Circle(frame.to_local(*zone.shape.centre), zone.shape.radius_m)
+        ring, *holes = (_local_ring(ring, frame) for ring in (zone.shape.ring, *zone.shape.holes))
+        return Outline(ring, tuple(holes))
+    except (ZoneError, FrameError) as error:
+        code = error.code if isinstance(error, ZoneError) else "not-on-earth"
+        message = f"{what}'{zone.name}' cannot be an area: {error}; draw it again"
+        return zone.source.problem(zone.keys, message, code)
 
 
 def _local_ring(ring: MapRing, frame: LocalFrame) -> Ring:
@@ -164,19 +164,15 @@ def _place(
     frame, box = draft.frame, _Box(draft)
     if frame is None:
         return
-    placed: list[tuple[FileZone, Shape]] = []
+    kept: list[tuple[FileZone, Shape]] = []
     for zone in near:
-        try:
-            shape = place_zone(zone, frame)
-        except (ZoneError, FrameError) as error:
-            code = error.code if isinstance(error, ZoneError) else "not-on-earth"
-            message = f"no-fly zone '{zone.name}' cannot be an area: {error}; draw it again"
-            draft.problems.append(zone.source.problem(zone.keys, message, code))
-            continue
-        if box.distance_m(shape) <= box.reach_m:
-            placed.append((zone, shape))
-    names = unique_names((zone.name for zone, _ in placed), (area.name for area in draft.zones))
-    for name, (zone, shape) in zip(names, placed, strict=True):
+        shape = placed(zone, frame)
+        if isinstance(shape, Problem):
+            draft.problems.append(shape)
+        elif box.distance_m(shape) <= box.reach_m:
+            kept.append((zone, shape))
+    names = unique_names((zone.name for zone, _ in kept), (area.name for area in draft.zones))
+    for name, (zone, shape) in zip(names, kept, strict=True):
         draft.zones.append(
             Area(
                 name,
@@ -189,10 +185,10 @@ def _place(
                 place=FilePlace(zone.source.path, *zone.place),
             )
         )
-    left = len(reading.zones) - len(placed)
+    left = len(reading.zones) - len(kept)
     if left and not reading.problems:
         message = (
-            f"{reading.path.name}: {len(placed)} of {len(reading.zones)} zones are within "
+            f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
             f"{box.reach_m / 1000:g} km of the mission; the others are left out"
         )
         draft.note(keys, message, "zones-far")

@@ -93,10 +93,7 @@ def _draw(summary: FlightSummary, ulog: UlogTrack | None, canvas: _Canvas) -> st
         parts.append(_area(canvas, zone.shape, css, zone.name))
     for waypoint in mission.waypoints:
         x, y = canvas.at(waypoint.position)
-        parts.append(
-            f'<circle class="waypoint" cx="{x:.1f}" cy="{y:.1f}" r="2.5">'
-            f"<title>waypoint {waypoint.number}</title></circle>"
-        )
+        parts.append(_circle("waypoint", x, y, "2.5", f"waypoint {waypoint.number}"))
     dots, names = _robots(summary, canvas)
     parts += dots
     parts.append(_line(canvas, [(e, n) for _, e, n, _ in summary.track], "own"))
@@ -109,10 +106,7 @@ def _draw(summary: FlightSummary, ulog: UlogTrack | None, canvas: _Canvas) -> st
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at
         x, y = canvas.at(place)
-        parts.append(
-            f'<circle class="closest" cx="{x:.1f}" cy="{y:.1f}" r="8">'
-            f"<title>closest approach, about {away_m:.1f} m</title></circle>"
-        )
+        parts.append(_circle("closest", x, y, "8", f"closest approach, about {away_m:.1f} m"))
     parts.append(_scale(canvas))
     return picture(canvas.width, round(canvas.height), "the flown track", parts)
 
@@ -131,23 +125,24 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
         step = -(-len(spots) // _MOST_DOTS)
         for t, dot_x, dot_y in list(spots.values())[::step]:
             title = f"{name}, heard at {clock(t - summary.from_s)}"
-            dots.append(
-                f'<circle class="robot {css}" cx="{dot_x:.1f}" cy="{dot_y:.1f}" r="3">'
-                f"<title>{escape(title)}</title></circle>"
-            )
+            dots.append(_circle(f"robot {css}", dot_x, dot_y, "3", title))
         names.append(f'<text class="name" x="{x + 6:.1f}" y="{y + 4:.1f}">{escape(name)}</text>')
     return dots, names
 
 
 def _area(canvas: _Canvas, shape: Shape, css: str, name: str) -> str:
-    title = f"<title>{escape(name)}</title>"
     if isinstance(shape, Circle):
         x, y = canvas.at(shape.centre)
-        radius = shape.radius_m * canvas.scale
-        return f'<circle class="{css}" cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}">{title}</circle>'
+        return _circle(css, x, y, f"{shape.radius_m * canvas.scale:.1f}", name)
     rings: list[Sequence[Point]] = [shape.ring, *shape.holes]
     path = "".join(canvas.path(ring, "Z") for ring in rings)
+    title = f"<title>{escape(name)}</title>"
     return f'<path class="{css}" fill-rule="evenodd" d="{path}">{title}</path>'
+
+
+def _circle(css: str, x: float, y: float, radius: str, title: str) -> str:
+    at = f'cx="{x:.1f}" cy="{y:.1f}" r="{radius}"'
+    return f'<circle class="{css}" {at}><title>{escape(title)}</title></circle>'
 
 
 def _line(canvas: _Canvas, places: Sequence[tuple[float, float]], css: str) -> str:
