@@ -4,9 +4,8 @@ import asyncio
 
 import pytest
 
-from air_router.errors import PlanRefusedError
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4.px4 import TEXT_LIMIT, Px4Vehicle, chunks_of
+from air_router.vehicle.px4.px4 import TEXT_LIMIT, chunks_of
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_order import choose, stop
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
@@ -57,22 +56,3 @@ def test_a_text_is_cut_by_bytes_and_not_within_a_letter():
     assert "".join(chunks) == text
     assert max(len(chunk.encode()) for chunk in chunks) <= TEXT_LIMIT
     assert chunks_of("short") == ["short"]
-
-
-def test_a_link_that_is_gone_while_the_plan_is_renewed_is_no_crash(pennovation):
-    from mavsdk.plugins.mavlink_direct.mavlink_direct import (  # noqa: PLC0415
-        MavlinkDirectError,
-        MavlinkDirectResult,
-    )
-
-    class Gone:
-        def send_message(self, sent):
-            raise MavlinkDirectError(MavlinkDirectResult.CONNECTION_ERROR, "send_message()", sent)
-
-    async def script():
-        vehicle = Px4Vehicle(pennovation, "udpin://127.0.0.1:14540", VehicleClock())
-        vehicle._direct = Gone()
-        vehicle._clear_rally_points()
-
-    with pytest.raises(PlanRefusedError, match="CONNECTION_ERROR"):
-        asyncio.run(script())

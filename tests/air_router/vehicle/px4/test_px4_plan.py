@@ -4,6 +4,7 @@ import asyncio
 import dataclasses
 
 import pytest
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectError, MavlinkDirectResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
@@ -118,6 +119,17 @@ def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovati
     board.upload_rally_points_async = take_late
     asyncio.run(board.transfer().upload(plan))
     assert len(board.rally) == len(plan.rally) > 0
+
+
+def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovation):
+    def gone(sent):
+        raise MavlinkDirectError(MavlinkDirectResult.CONNECTION_ERROR, "send_message()", sent)
+
+    plan, board = FlightPlan.of(pennovation), Board()
+    board.rally = [px4_plan._to_raw(0, plan.rally[0], px4_plan.RALLY)]
+    board.send_message = gone
+    with pytest.raises(PlanRefusedError, match="CONNECTION_ERROR"):
+        asyncio.run(board.transfer().renew(dataclasses.replace(plan, rally=())))
 
 
 def changed(item, **changes):
