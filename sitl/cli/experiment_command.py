@@ -127,10 +127,10 @@ def run_with(
     seeds = arguments.seeds or experiment.seeds
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
     numbers = range(first, first + seeds)
-    after = "" if experiment.phase(first) == "exploration" else "-confirmation"
-    folder = arguments.out or Path("experiments") / f"{experiment.name}{after}"
+    name = experiment.called(experiment.phase(first))
+    folder = arguments.out or Path("experiments") / name
     if arguments.docs is not None:
-        _has_place(arguments.docs, experiment)
+        _has_place(arguments.docs, name)
     interrupted = False
     if arguments.only_evaluate:
         campaign = Campaign(experiment, rows, numbers, read_runs(folder), folder, StatusLine())
@@ -163,7 +163,7 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
         if (now.rows, now.rules) != (experiment.rows, experiment.rules):
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
     if arguments.verify is None:
-        folder = arguments.out or Path("experiments") / experiment.name
+        folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
         arguments.no_figures = True  # their curves are not archived
         _evaluate(experiment, records, folder, arguments, archive)
@@ -271,15 +271,16 @@ def _evaluate(
         if archive is not None:
             blocks["archive"] = document_part.archive_text(archive, arguments.docs, records)
         evidence = document_part.evidence_of(experiment, records)
-        document_part.fill(arguments.docs, experiment.name, blocks, figures, evidence)
+        name = experiment.called(records[0]["phase"])
+        document_part.fill(arguments.docs, name, blocks, figures, evidence)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
 
 
-def _has_place(document: Path, experiment: Experiment) -> None:
+def _has_place(document: Path, name: str) -> None:
     """Look before the runs whether there is something to fill afterwards."""
     from sitl.experiment.analysis.document_part import blocks_in  # noqa: PLC0415 - only with SciPy
 
-    blocks_in(document, experiment.name)
+    blocks_in(document, name)
 
 
 def _figures(experiment: Experiment, records: list[Record], folder: Path) -> list[Path]:

@@ -1,10 +1,10 @@
 """Puts an experiment's table, claims and figures into a document, between marks that stand there.
 
 A block of the document begins with `<!-- begin NAME WHAT -->` and ends with `<!-- end -->`; NAME is
-the experiment, WHAT one of facts, archive, table, claims, links. What is between is
-replaced, so the document can be made again from any runs. Figures go beside it, into
-`images/experiments`; tables, rows compared by seeds, and the numbers behind claims into
-`evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
+the experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, table,
+claims, links. What is between is replaced, so the document can be made again from any runs. Figures
+go beside it, into `images/experiments`; tables, rows compared by seeds, and the numbers behind
+claims into `evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
 """
 
 from __future__ import annotations
@@ -183,7 +183,8 @@ def differences(
     Raises:
         NoMarksError: the document has no block of the experiment.
     """
-    name, text = experiment.name, blocks_in(document, experiment.name)
+    name = experiment.called(records[0]["phase"])
+    text = blocks_in(document, name)
     blocks = blocks_of(experiment, records)
     blocks["archive"] = archive_text(archive, document, records)
     found = [

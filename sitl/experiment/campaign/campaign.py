@@ -20,7 +20,7 @@ from sitl.experiment.campaign.process_pool import (
     ProcessPool,
     Work,
 )
-from sitl.experiment.campaign.run_log import MixedRunsError, program, usable
+from sitl.experiment.campaign.run_log import MixedRunsError, usable
 from sitl.experiment.settings import value_of
 
 _BAR = 24
@@ -184,8 +184,6 @@ class Campaign:
             self.status.say(_told(progress))
 
     def _take(self, outcome: Outcome, progress: Progress, keep: Callable[[Record], None]) -> None:
-        if isinstance(outcome, Finished) and outcome.record["program"] != program():
-            outcome = _of_another_program(outcome)
         if isinstance(outcome, Finished):
             record, task = outcome.record, outcome.task
             keep(record)
@@ -206,15 +204,6 @@ class Campaign:
                 f"{outcome.task.name} lost its worker ({outcome.why}), "
                 f"{counted(outcome.tries, 'times')}; {what}"
             )
-
-
-def _of_another_program(outcome: Finished) -> Failed:
-    record = outcome.record
-    return Failed(
-        outcome.task,
-        f"made by another version of the program: {record['program']} on {record['machine']}, "
-        f"{program()} here; install the same one everywhere",
-    )
 
 
 def _told(progress: Progress) -> str:

@@ -14,6 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from geo.grid import Terrain
 from sitl.experiment.campaign.plan import Record
@@ -91,26 +93,23 @@ def judged(learn: Numbers, test: Numbers, *, buildings: bool) -> Prediction:
 
 
 def fitted(counts: Numbers, *, buildings: bool) -> Numbers:
-    """The weights of a logistic regression, by Newton's method, with a whisper of a penalty."""
+    """The weights of a logistic regression, with a whisper of a penalty."""
     features = _features(buildings=buildings)
     x = features.reshape(-1, features.shape[-1])
     cases, linked = counts[..., 0].ravel(), counts[..., 1].ravel()
-    weights = np.zeros(x.shape[1])
-    for _ in range(50):
-        chance = 1 / (1 + np.exp(-np.clip(x @ weights, -30, 30)))
-        slope = x.T @ (linked - cases * chance) - 1e-3 * weights
-        curve = (x.T * (cases * chance * (1 - chance))) @ x + 1e-3 * np.eye(x.shape[1])
-        step = np.linalg.solve(curve, slope)
-        weights += step
-        if np.abs(step).max() < 1e-9:
-            break
+
+    def loss(weights: Numbers) -> tuple[float, Numbers]:
+        z = x @ weights
+        value = (cases * np.logaddexp(0.0, z) - linked * z).sum() + 5e-4 * weights @ weights
+        return float(value), x.T @ (cases * expit(z) - linked) + 1e-3 * weights
+
+    weights: Numbers = minimize(loss, np.zeros(x.shape[1]), jac=True).x
     return weights
 
 
 def predicted(weights: Numbers, *, buildings: bool) -> Numbers:
     """The chance of a contact: [distance][building]."""
-    features = _features(buildings=buildings)
-    result: Numbers = 1 / (1 + np.exp(-np.clip(features @ weights, -30, 30)))
+    result: Numbers = expit(_features(buildings=buildings) @ weights)
     return result
 
 

@@ -122,6 +122,10 @@ class Experiment:
         """What the runs with a seed's number are for."""
         return "exploration" if number < self.confirmation_seed else "confirmation"
 
+    def called(self, phase: Phase) -> str:
+        """The name of its runs of a phase, for folders and documents."""
+        return self.name if phase == "exploration" else f"{self.name}-{phase}"
+
     def tasks(self, numbers: Iterable[int]) -> Iterator[Task]:
         """All runs: every row once, then every row again, so that a part is a fair part."""
         for number in numbers:

@@ -20,6 +20,7 @@ from itertools import cycle, islice
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from air_router.controller.motion.pending_setpoints import REACTION_S
 from air_router.messages import MAP_TOPIC
@@ -32,7 +33,7 @@ from sitl.experiment.engine.ages import Ages
 from sitl.experiment.engine.bound import goal_bound_share
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
-from sitl.experiment.engine.statistics import AirtimeStats, Samples
+from sitl.experiment.engine.statistics import AirtimeStats
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.explorer import GroundRobot
 from sitl.experiment.robots.fleet import fleet_of
@@ -107,7 +108,7 @@ class Run:
         channel = channel_of(settings, self.town, self.names, seed)
         self.airtime = AirtimeStats(self.log.sent)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
-        self.samples = Samples()
+        self._samples: list[tuple[float, float, npt.NDArray[np.float32]]] = []  # as `_sample` takes
         self._goals: dict[str, GoalVisit] = {}  # first visits, by goal
         self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
         self._ground_at_s = 0.0  # simulated time of the ground robots' next step
@@ -119,6 +120,8 @@ class Run:
         queue.every(settings.sample_s, self._sample)
         queue.run(settings.duration_s)
         wall_s, cpu_s = self._began
+        times_s, shares = np.array([row[:2] for row in self._samples]).T
+        places_m = [row[2] for row in self._samples]
         return RunResult(
             seed=self._seed,
             robots=self.names,
@@ -136,10 +139,10 @@ class Run:
             exchanges_complete=self.airtime.complete,
             exchanges_broken=self.airtime.broken,
             exchanges_open=self.channel_sim.open,
-            sample_times_s=np.array(self.samples.times_s),
-            positions_m=np.array(self.samples.positions_m, dtype=np.float32),
+            sample_times_s=times_s,
+            positions_m=np.array(places_m, dtype=np.float32),
             held=self.ages.held(self.names, self.fleet.kinds),
-            known_share=np.array(self.samples.known_share, dtype=np.float32),
+            known_share=shares.astype(np.float32),
             states=tuple((uav.name, *state) for uav in self.uavs for state in uav.states),
             decisions=self.log.actions,
             digest=self.log.digest,
@@ -260,7 +263,8 @@ class Run:
 
     def _sample(self) -> None:
         known_share = self.uavs[0].painter.known_share if self.uavs else 0.0
-        self.samples.take(self.queue.now_s, self._places, known_share)
+        places_m = self._places[:, :2].astype(np.float32)
+        self._samples.append((self.queue.now_s, known_share, places_m))
 
 
 def _check(settings: RunSettings) -> None:

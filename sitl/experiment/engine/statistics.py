@@ -1,14 +1,11 @@
-"""What is counted while a run goes on: transmissions, contacts, places."""
+"""What is counted while a run goes on: transmissions, contacts, pulls."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from sitl.experiment.channels.channel import Places
 from sitl.experiment.engine.exchange import Exchange
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION
 
@@ -74,27 +71,3 @@ class AirtimeStats:
     def contacts(self, lasting: Iterable[ContactRow]) -> _Table:
         """All contacts so far, and those that last, as `result.CONTACT`."""
         return np.array(sorted((*self._contacts, *lasting)), dtype=CONTACT)
-
-
-_Floats = npt.NDArray[np.float32]
-
-
-@dataclass(slots=True)
-class Samples:
-    """Samples of a run, an entry for each.
-
-    Attributes:
-        times_s: when they were taken.
-        positions_m: (robots, 2): east, north.
-        known_share: of the town, on the first UAV's map.
-    """
-
-    times_s: list[float] = field(default_factory=list)
-    positions_m: list[_Floats] = field(default_factory=list)
-    known_share: list[float] = field(default_factory=list)
-
-    def take(self, now_s: float, places: Places, known_share: float) -> None:
-        """Look at every robot now."""
-        self.times_s.append(now_s)
-        self.positions_m.append(places[:, :2].astype(np.float32))
-        self.known_share.append(known_share)

@@ -129,47 +129,23 @@ def draw_links(experiment: Experiment, records: Sequence[Record]) -> Figure | No
     )
     counts = counts_of(test)
     middle_m = (DISTANCES_M[:-1] + DISTANCES_M[1:]) / 2
-    chances = {
-        flag: predicted(fitted(counts_of(learn), buildings=flag), buildings=flag)
-        for flag in (False, True)
-    }
-    for one, flag, title in (
-        (axes[0], False, "from the distance alone"),
-        (axes[1], True, "from the distance and the map"),
-    ):
+    style: dict[str, Any]
+    for one, (name, found) in zip(axes, comparison(own).items(), strict=True):
+        flag = name != "distance"
+        chances = predicted(fitted(counts_of(learn), buildings=flag), buildings=flag)
         for place, index in enumerate(_SHOWN):
             cases, linked = counts[:, index, 0], counts[:, index, 1]
-            enough = cases >= 20
-            colour = COLOURS[place]
-            one.plot(
-                middle_m[enough],
-                100 * linked[enough] / cases[enough],
-                "o",
-                ms=3.5,
-                color=colour,
-                mew=0,
-            )
-            line = chances[flag][:, index]
-            label = _words(index) if flag else None
-            one.plot(
-                middle_m,
-                100 * line,
-                color=colour if flag else INK,
-                lw=1.5,
-                ls=DASHES[place] if flag else "-",
-                label=label,
-            )
-        found = comparison(own)["distance and map" if flag else "distance"]
-        one.set_title(title, loc="left")
-        one.text(
-            0.98,
-            0.96,
-            f"Brier {found.brier:.4f}, AUC {found.area:.3f}",
-            transform=one.transAxes,
-            ha="right",
-            va="top",
-            fontsize=8,
-        )
+            enough, colour = cases >= 20, COLOURS[place]
+            seen = 100 * linked[enough] / cases[enough]
+            one.plot(middle_m[enough], seen, "o", ms=3.5, color=colour, mew=0)
+            style = {"color": INK, "ls": "-"}
+            if flag:
+                style = {"color": colour, "ls": DASHES[place], "label": _words(index)}
+            one.plot(middle_m, 100 * chances[:, index], lw=1.5, **style)
+        one.set_title(f"from {name}", loc="left")
+        said = f"Brier {found.brier:.4f}, AUC {found.area:.3f}"
+        style = {"transform": one.transAxes, "ha": "right", "va": "top", "fontsize": 8}
+        one.text(0.98, 0.96, said, **style)
         one.set_xlabel("distance (m)")
         one.set_ylabel("in contact (%)")
         one.set_ylim(-2, 102)

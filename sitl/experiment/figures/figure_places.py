@@ -120,38 +120,14 @@ def plot_contacts(one: Axes, runs: Sequence[Record]) -> None:
             zorder=1,
         )
     )
-    for name, kind, (east, north) in zip(names, kinds, places, strict=True):
-        one.plot(
-            east,
-            north,
-            "o",
-            ms=19 if kind == "base" else 15,
-            color=_KINDS[kind],
-            mec="white",
-            mew=1.2,
-            zorder=3,
-        )
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
+    for name, kind, place in zip(names, kinds, places, strict=True):
+        size = 19 if kind == "base" else 15
+        one.plot(*place, "o", ms=size, color=_KINDS[kind], mec="white", mew=1.2, zorder=3)
         short = "base" if kind == "base" else name.removeprefix(kind).lstrip("0") or name
-        one.text(
-            east,
-            north,
-            short,
-            ha="center",
-            va="center",
-            color="white",
-            fontsize=6.5,
-            fontweight="bold",
-            zorder=4,
-        )
-    minutes = sum(total.values()) / 60
-    one.text(
-        0,
-        -1.42,
-        f"{minutes:.0f} min of contact in all; widest {widest / 60:.1f} min",
-        ha="center",
-        fontsize=8,
-        color=FAINT,
-    )
+        one.text(*place, short, color="white", fontweight="bold", **style)
+    said = f"{sum(total.values()) / 60:.0f} min of contact in all; widest {widest / 60:.1f} min"
+    one.text(0, -1.42, said, ha="center", fontsize=8, color=FAINT)
     one.set_xlim(-1.7, 1.7)
     one.set_ylim(-1.6, 1.2)
     one.set_aspect("equal")

@@ -211,6 +211,22 @@ def test_an_archive_remakes_what_a_document_says(sitl, tmp_path, capsys):
         sitl(experiment=folder / "x.jsonl.xz")
 
 
+def test_runs_for_confirmation_have_blocks_of_their_own(sitl, tmp_path):
+    page, archive = tmp_path / "page.md", tmp_path / "small-confirmation-runs.jsonl.xz"
+    blocks = ["<!-- begin small facts -->\nexplored\n<!-- end -->\n"]
+    page.write_text(blocks[0], encoding="utf-8")
+    confirm = ("--seeds", "1", "--first-seed", "10001", "--docs", str(page))
+    with pytest.raises(NoMarksError):
+        sitl(*confirm)
+    blocks.append("<!-- begin small-confirmation facts -->\n<!-- end -->\n")
+    page.write_text("".join(blocks), encoding="utf-8")
+    sitl(*confirm, "--archive", str(archive))
+    told = page.read_text(encoding="utf-8")
+    assert told.startswith(blocks[0])
+    assert "confirmation seeds 10001 to 10001" in told
+    assert sitl("--verify", str(page), experiment=archive)[0] == 0
+
+
 def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
     code, _ = sitl("--seeds", "2", work=made_up.failing_work)
     assert code == 1
@@ -218,15 +234,7 @@ def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
     assert "5 m, 3 UGVs, seed 1 failed: the model's own fault" in err
 
 
-def elsewhere(task):
-    return {**made_up.work(task), "program": "0.0 of before", "machine": "field-pc"}
-
-
-def test_runs_of_another_version_are_not_taken_from_workers(sitl, tmp_path, capsys):
-    code, _ = sitl("--seeds", "1", work=elsewhere)
-    assert code == 1
-    assert read_runs(tmp_path / "out") == []
-    assert "another version of the program: 0.0 of before on field-pc" in capsys.readouterr().err
+def test_runs_of_another_version_are_told(sitl, tmp_path, capsys):
     sitl("--seeds", "1")
     assert "other versions" not in capsys.readouterr().err
     path = tmp_path / "out" / "runs.jsonl"
