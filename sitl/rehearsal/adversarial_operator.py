@@ -15,9 +15,10 @@ from typing import Final, NamedTuple
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from air_router.controller.model.requests import AnyRequest, GoTo, HoldNow
+from air_router.controller.model.requests import GoTo, HoldNow
 from geo.frame import Point
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
@@ -52,19 +53,12 @@ class AdversarialOperator:
 
     Args:
         scenario: Where.
-        ask: Takes a request.
-        change: Takes what draws a zone, and has the mission file read again.
+        operator: Asks for it, and draws.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        ask: Callable[[AnyRequest], None],
-        change: Callable[[Callable[[], str | None]], None],
-    ) -> None:
+    def __init__(self, scenario: Scenario, operator: Operator) -> None:
         self._scenario = scenario
-        self._ask = ask
-        self._change = change
+        self._ask, self._change = operator.ask, operator.change
         self._dice = scenario.scene.chance("haste")
         self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
         self._sent: Pair | None = None  # where it was sent last, east and north

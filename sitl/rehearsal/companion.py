@@ -22,8 +22,9 @@ from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from mocha_link import Node
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop, World
-from sitl.rehearsal.stand_ins.mavsdk import Fields, StandIn, Wire
+from sitl.rehearsal.stand_ins.mavsdk import StandIn
 from sitl.rehearsal.stand_ins.team import NodeStandIn
+from sitl.rehearsal.stand_ins.transfer import Fields, Wire
 
 EPOCH_S: Final = 1_790_000_000.0
 """Unix time of simulated time zero."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +27,7 @@ class RehearsalFileError(Exception):
     """A mission that cannot be rehearsed."""
 
 
+@functools.cache
 def hurried(path: Path) -> dict[str, Any]:
     """A mission in a hurry: the paper's times divided, a few minutes in all.
 

@@ -9,6 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from sitl.px4sim.motion.wind import WindSettings
 from sitl.rehearsal.courses import (
     BATTERY,
     ITEM,
@@ -301,6 +302,17 @@ class Scene:
     def __str__(self) -> str:
         both = f" ({', '.join(sorted(f.name for f in self.faults))})"
         return f"{self.fault.name}-{self.seed}{both if self.fault is Fault.TWO else ''}"
+
+
+def wind_of(scene: Scene) -> WindSettings:
+    """The wind that blows in it."""
+    dice = scene.chance("wind")
+    if Fault.STORM in scene.faults:
+        return WindSettings(dice.uniform(12.0, 25.0), dice.uniform(0.0, 360.0), 3.0)
+    if Fault.GUSTS not in scene.faults:
+        return WindSettings()
+    mean_m_s = dice.uniform(3.0, 7.0)
+    return WindSettings(mean_m_s, dice.uniform(0.0, 360.0), (10.0 - mean_m_s) / 2.0)
 
 
 def scenes(share: float = 1.0, seed: int | None = None) -> list[Scene]:

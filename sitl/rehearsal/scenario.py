@@ -17,20 +17,20 @@ from geo.frame import Point
 from sitl.mavlink.mavlink_codec import MessagePacker
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
-from sitl.px4sim.motion.wind import WindSettings
 from sitl.px4sim.state.situation import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
-from sitl.rehearsal.faults import DRAWN, Fault, Scene
+from sitl.rehearsal.ending import Ending
+from sitl.rehearsal.faults import DRAWN, Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
     Evidence,
     Line,
-    Sample,
-    SceneEvent,
     SceneEventKind,
     WireMessage,
 )
+from sitl.rehearsal.judge.flight_record import FlightRecord
+from sitl.rehearsal.seen import phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
 from sitl.rehearsal.stations import Stations
@@ -43,14 +43,7 @@ REACTION_S: Final = 0.004
 """Less than the least delay of the link: a companion whose machine takes no time, and which has
 heard of a choice, sends nothing more."""
 
-MOST_S: Final = 600.0
 BOOT_S: Final = 5.0
-PILOT_S: Final = 25.0
-"""For so long a pilot (or nothing) is watched after the vehicle was given away."""
-
-LANDED_S: Final = 10.0
-"""What a companion gets to end its flight once the vehicle is disarmed."""
-
 SPARE_BYTES_S: Final = 1.0
 """What a socket keeps of the messages to a program that stands still: those of so many seconds."""
 
@@ -116,15 +109,9 @@ class Scenario:
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
         self._inbox: list[Callable[[], object]] = []  # for the companion's loop, as soon as it runs
         self._restarts = False  # a companion is to be started
-        self._armed_s: float | None = None  # for the first time
-        self._disarmed_s: float | None = None  # after a flight; None again once it is armed
-        self._given_away_s: float | None = None  # since then no companion has it, or will
+        self._ending = Ending()
         self._off_m = 0.0  # error of the estimate as it was recorded last
-        self._samples: list[Sample] = []  # this and the next four: for the judge
-        self._messages: list[WireMessage] = []  # as they were sent, both ways
-        self._heard: list[WireMessage] = []  # by the companion, as it came
-        self._happenings: list[SceneEvent] = []  # in the order of time
-        self._lines: list[Line] = []  # said by the companions
+        self._seen = FlightRecord()  # for the judge
         self.file: MissionFile
         self.mission: Mission
         self.seek: tuple[str, ...]
@@ -142,16 +129,11 @@ class Scenario:
             self._set_up(Path(folder))
             text = self.file.text
             exit_code, outcome = self._fly()
-        return Evidence(
+        return self._seen.evidence(
             scene=str(self.scene),
             faults=self.scene.judged,
             mission_path=self._path.absolute(),
             mission_text=text,
-            samples=tuple(self._samples),
-            messages=tuple(self._messages),
-            heard=tuple(self._heard),
-            happenings=tuple(self._happenings),
-            lines=tuple(self._lines),
             exit_code=exit_code,
             outcome=outcome,
             uav=self.mission.uav,
@@ -160,7 +142,7 @@ class Scenario:
 
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
-        document = dict(_hurried(self._path))
+        document = dict(hurried(self._path))
         if scene.faults & DRAWN:
             document = with_room(document)
         self.file = MissionFile(folder / "mission.yaml", document)
@@ -175,7 +157,7 @@ class Scenario:
                 seed=scene.seed,
                 start_unix_s=EPOCH_S,
                 parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0},
-                wind=self._wind(),
+                wind=wind_of(scene),
                 ground_link=False,  # it is listened to, and says nothing
                 truth_link=False,
                 step_s=STEP_S,
@@ -190,15 +172,6 @@ class Scenario:
         link.loss = scene.loss
         if Fault.BURSTS in scene.faults:
             link.burst = Burst(self._dice.uniform(5, 20), self._dice.choice((0.5, 2.0, 5.0)), 1.0)
-
-    def _wind(self) -> WindSettings:
-        dice, faults = self.scene.chance("wind"), self.scene.faults
-        if Fault.STORM in faults:
-            return WindSettings(dice.uniform(12.0, 25.0), dice.uniform(0.0, 360.0), 3.0)
-        if Fault.GUSTS not in faults:
-            return WindSettings()
-        mean_m_s = dice.uniform(3.0, 7.0)
-        return WindSettings(mean_m_s, dice.uniform(0.0, 360.0), (10.0 - mean_m_s) / 2.0)
 
     def _fly(self) -> tuple[int | None, str]:
         exit_code: int | None = None
@@ -277,7 +250,7 @@ class Scenario:
     def _step(self) -> None:
         self._step_at_s = round(self._step_at_s + STEP_S, 6)
         self.vehicle.step()
-        self._sample()
+        self._seen.samples.append(true_state(self.vehicle.autopilot, self.now_s))
         if self.now_s >= self._tick_at_s:
             self._tick_at_s = round(self._tick_at_s + TICK_S, 6)
             self._tick()
@@ -290,7 +263,7 @@ class Scenario:
             name, fields = message.name, message.fields
             arrive = functools.partial(self._arrived, name)
             arrives = self.link.send(Way.DOWN, name, fields, self.now_s, arrive)
-            self._messages.append(
+            self._seen.messages.append(
                 WireMessage(self.now_s, 1, 1, fields.get("target_system", 0), name, fields, arrives)
             )
         self.vehicle.ground.take_queue()
@@ -298,11 +271,11 @@ class Scenario:
     def _arrived(self, name: str, fields: Mapping[str, Any]) -> None:
         companion = self.companion
         if companion is not None and self.now_s < self._deaf_from_s:
-            self._heard.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
+            self._seen.heard.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def _tick(self) -> None:
-        for phase in self._phases():
+        for phase in phases(self.vehicle.autopilot, self.companion):
             self._script.enter(phase, self.now_s)
         self._script.step(self.now_s)
         if self.companion is not None:
@@ -310,13 +283,21 @@ class Scenario:
             if not self.now_s < self._stalled_until_s < math.inf:
                 self.call(lambda: self.robots.step(node, place, self.now_s))
         self._look_at_the_estimate()
-        self._end_if_over()
+        companion, autopilot = self.companion, self.vehicle.autopilot
+        if autopilot.armed and not self._ending.flown:
+            self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
+            self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
+        in_charge = None if companion is None else companion.in_charge
+        if self._ending.has_come(
+            self.now_s, in_charge, armed=autopilot.armed, done=self._script.done
+        ):
+            raise SceneOverError
 
     # What happens
 
     def happened(self, what: SceneEventKind, value: Any = None) -> None:
         """For the record."""
-        self._happenings.append(SceneEvent(self.now_s, what, value))
+        self._seen.happened(self.now_s, what, value)
 
     def stall(self, seconds: float) -> None:
         """The companion's program stands still for so long."""
@@ -342,53 +323,20 @@ class Scenario:
     @property
     def place(self) -> Point:
         """Where the vehicle really is, in the mission's frame."""
-        airframe = self.vehicle.autopilot.airframe
-        projection = self.vehicle.autopilot.situation.projection
-        degrees = projection.to_global(airframe.north_m, airframe.east_m)
-        return self.mission.frame.to_local(*degrees)
+        return self.mission.frame.to_local(*true_degrees(self.vehicle.autopilot))
 
     def _say(self, text: str) -> None:
-        self._lines.append(Line(self.now_s, text))
+        self._seen.lines.append(Line(self.now_s, text))
 
     def _record(
         self, sender: MessagePacker, name: str, fields: Mapping[str, Any], *, delivered: bool = True
     ) -> None:
         target = int(fields.get("target_system", fields.get("target", 0)))
-        self._messages.append(
+        self._seen.messages.append(
             WireMessage(
                 self.now_s, sender.system_id, sender.component_id, target, name, fields, delivered
             )
         )
-
-    def _sample(self) -> None:
-        autopilot = self.vehicle.autopilot
-        airframe = autopilot.airframe
-        latitude_deg, longitude_deg = autopilot.situation.projection.to_global(
-            airframe.north_m, airframe.east_m
-        )
-        self._samples.append(
-            Sample(
-                self.now_s,
-                latitude_deg,
-                longitude_deg,
-                autopilot.place.altitude_m + airframe.up_m,
-                autopilot.armed,
-                airframe.on_ground,
-                autopilot.mode.custom_mode,
-                autopilot.failsafe.acting,
-            )
-        )
-
-    def _phases(self) -> list[str]:
-        autopilot, companion = self.vehicle.autopilot, self.companion
-        phases = ["armed"] if autopilot.armed else []
-        if autopilot.taking_off:
-            phases.append("climb")
-        if autopilot.landing:
-            phases.append("landing")
-        if companion is not None:
-            phases.append(companion.flight.controller.state.name)
-        return phases
 
     def _look_at_the_estimate(self) -> None:
         errors = self.vehicle.autopilot.errors
@@ -396,33 +344,3 @@ class Scenario:
         if abs(off_m - self._off_m) > 1.0:
             self._off_m = off_m
             self.happened(SceneEventKind.ESTIMATE_OFF, off_m)
-
-    def _end_if_over(self) -> None:
-        autopilot, now_s = self.vehicle.autopilot, self.now_s
-        companion = self.companion
-        if autopilot.armed:
-            if self._armed_s is None:
-                self._armed_s = now_s
-                self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
-                self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
-            self._disarmed_s = None
-        elif self._armed_s is not None and self._disarmed_s is None:
-            self._disarmed_s = now_s
-        if now_s > MOST_S:
-            raise SceneOverError
-        if self._disarmed_s is not None and now_s > self._disarmed_s + LANDED_S:
-            raise SceneOverError
-        if companion is None and self._armed_s is None and now_s > BOOT_S + TICK_S:
-            raise SceneOverError  # it was refused on the ground
-        given_away = companion is None or (self._armed_s is not None and not companion.in_charge)
-        if not given_away or not self._script.done or not autopilot.armed:
-            self._given_away_s = None
-        elif self._given_away_s is None:
-            self._given_away_s = now_s
-        elif now_s > self._given_away_s + PILOT_S:
-            raise SceneOverError
-
-
-@functools.cache
-def _hurried(path: Path) -> dict[str, Any]:
-    return hurried(path)

@@ -7,29 +7,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.controller.model.requests import AnyRequest, ComeHome, ExploreNow, GoOn, Reload
+from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
-from geo.frame import Point
 from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.adversarial_operator import AdversarialOperator
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import PHASES, Scene
-from sitl.rehearsal.inputs import prank_of, request_of, wrong_of
+from sitl.rehearsal.inputs import prank_of, wrong_of
 from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose
 
-RESUME_S: Final = 2.0
-"""So often an operator asks for what was refused."""
-
-PATIENCE_S: Final = 60.0
 STICKS_S: Final = 3.0
-READ_S: Final = 4.0
-"""What reading a changed file may take."""
-
+_RESUME_S: Final = 2.0
 MOVING_M_S: Final = 1.0
 _ACK_ERROR, _NO_SPACE = 1, 4  # MAV_MISSION_RESULT
 
@@ -42,7 +36,6 @@ class Script:
         schedule: What.
 
     Attributes:
-        pilot: Whether a pilot or station has taken the vehicle.
         done: Whether everything that can happen has happened.
     """
 
@@ -54,12 +47,9 @@ class Script:
         self._phases: set[str] = set()  # that the flight has come to
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
-        self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
-        self._upload = False  # the operator wants our plan put on board, too
-        self._reading: tuple[float, int] | None = None  # patience's end; how many zones before
         self._other_until_s = -math.inf  # so long another UAV is heard
-        haste = self._haste = AdversarialOperator(scenario, self._ask, self._change)
-        self.pilot = False
+        operator = self._operator = Operator(scenario, self._dice)
+        haste = self._haste = AdversarialOperator(scenario, operator)
         self._handlers: dict[str, Callable[[Any], object]] = {  # by `ScheduledFault.what`
             "jump": self._jump_by,
             "jump back": lambda _: self._shift(-self._jump[0], -self._jump[1]),
@@ -92,11 +82,11 @@ class Script:
             "vanish": lambda _: scenario.robots.places.clear(),
             "other uav": self._other_uav,
             "mad": self._mad,
-            "reload": self._reload,
-            "wall": self._wall,
-            "enclose": lambda _: self._enclose(),
-            "open": lambda _: self._open(),
-            "request": self._request,
+            "reload": operator.reload,
+            "wall": operator.wall,
+            "enclose": lambda _: operator.enclose(),
+            "open": lambda _: operator.open(),
+            "request": operator.request,
             "deaf": haste.deaf,
             "hold": haste.hold,
             "send": haste.send,
@@ -109,7 +99,7 @@ class Script:
     @property
     def done(self) -> bool:
         """Whether nothing more is to come soon."""
-        return not self._due and self._resumes_s == math.inf
+        return not self._due and not self._operator.asks_on
 
     def enter(self, phase: str, now_s: float) -> None:
         """A phase of the flight begins, perhaps again; on the way home what never came comes."""
@@ -131,8 +121,7 @@ class Script:
             self._scenario.happened(SceneEventKind.FAULT, scheduled.what)
             self._handlers[scheduled.what](scheduled.value)
         self._haste.step(now_s)
-        self._go_on_asking(now_s)
-        self._look_after_reading(now_s)
+        self._operator.step(now_s)
         if now_s >= self._sticks_from_s:
             moved = now_s < self._moved_until_s
             self._scenario.stations.first.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
@@ -208,11 +197,10 @@ class Script:
 
     @property
     def _flies(self) -> bool:
-        autopilot = self._scenario.vehicle.autopilot
-        return not autopilot.situation.landed and not autopilot.failsafe.acting
+        return self._operator.flies
 
     def _taken(self, how: str) -> None:
-        self.pilot = True
+        self._operator.pilot = True
         self._scenario.happened(SceneEventKind.PILOT, how)
 
     def _pilot(self, name: str) -> None:
@@ -239,45 +227,34 @@ class Script:
             self._taken("sticks")
 
     def _hand_back(self) -> None:
-        if self.pilot and self._flies:
+        if self._operator.pilot and self._flies:
             self._scenario.stations.first.choose(FlightMode.AUTO_LOITER)
-            self._resumes_s = self._scenario.now_s + RESUME_S
-            self._resumes_until_s = self._scenario.now_s + PATIENCE_S
+            self._operator.resume(after_s=_RESUME_S)
 
     def _ask_too_early(self) -> None:
         """The operator asks for the vehicle while the pilot still flies it in another mode."""
         mode = self._scenario.vehicle.autopilot.mode
         if (
-            self.pilot
+            self._operator.pilot
             and self._flies
             and mode not in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
         ):
-            self._ask(self._dice.choice((GoOn(), ComeHome(), ExploreNow())))
+            self._operator.ask(self._dice.choice((GoOn(), ComeHome(), ExploreNow())))
 
     def _take_back(self) -> None:
         """The operator has our plan put on board again, and the flight resumed."""
         if self._flies:
-            self._upload = True
-            self._resumes_s = self._scenario.now_s
-            self._resumes_until_s = self._scenario.now_s + PATIENCE_S
-
-    def _go_on_asking(self, now_s: float) -> None:
-        """The operator asks until it is ours again: it may still be too low, or in a zone."""
-        companion = self._scenario.companion
-        if now_s < self._resumes_s:
-            return
-        if companion is not None and companion.in_charge:
-            self.pilot, self._resumes_s = False, math.inf
-        elif now_s > self._resumes_until_s:
-            self._resumes_s = math.inf  # it cannot be: the pilot keeps it
-        else:
-            self._resumes_s = now_s + RESUME_S
-            self._ask(GoOn(upload=self._upload))
+            self._operator.resume(after_s=0.0, upload=True)
 
     def _pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
         autopilot, companion = self._scenario.vehicle.autopilot, self._scenario.companion
-        if self.pilot or companion is None or not self._flies or autopilot.mission.climbing:
+        if (
+            self._operator.pilot
+            or companion is None
+            or not self._flies
+            or autopilot.mission.climbing
+        ):
             return
         if companion.flight.controller.commanded_mode.pending is not None:
             return
@@ -355,84 +332,6 @@ class Script:
             ("rhea", SEEK_TOPIC, seek.encode()),
             ("rhea", POSE_TOPIC, place),
         ]
-
-    # Operator
-
-    def _ask(self, request: AnyRequest) -> None:
-        companion = self._scenario.companion
-        if companion is not None:
-            self._scenario.happened(
-                SceneEventKind.REQUEST, _VERBS.get(type(request).__name__, "another")
-            )
-            self._scenario.call(lambda: companion.ask(request))
-
-    def _request(self, choice: float) -> None:
-        """An operator asks for something, but never for the pilot's vehicle."""
-        if not self.pilot:
-            self._ask(request_of(choice, self._dice, self._scenario.mission, self._scenario.place))
-
-    def _reload(self, ahead_m: float) -> None:
-        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        airframe = self._scenario.vehicle.autopilot.airframe
-        course_rad = math.atan2(airframe.velocity_east_m_s, airframe.velocity_north_m_s)
-        course_rad += self._dice.uniform(-0.5, 0.5)
-        place = self._scenario.place
-        centre = Point(
-            place.east_m + ahead_m * math.sin(course_rad),
-            place.north_m + ahead_m * math.cos(course_rad),
-        )
-        radius_m = self._dice.uniform(4.0, 12.0)
-        self._change(
-            lambda: self._scenario.file.circle(centre, radius_m, self._scenario.mission.home)
-        )
-
-    def _wall(self, side: int) -> None:
-        """The operator walls the vehicle in, zone by zone."""
-        home, place = self._scenario.mission.home, self._scenario.place
-        self._change(lambda: self._scenario.file.wall(place, side, home))
-
-    def _enclose(self) -> None:
-        home, place = self._scenario.mission.home, self._scenario.place
-        self._change(lambda: self._scenario.file.enclose(place, home))
-
-    def _open(self) -> None:
-        self._change(lambda: "" if self._scenario.file.open() else None)
-
-    def _change(self, draw: Callable[[], str | None]) -> None:
-        companion = self._scenario.companion
-        if companion is None or not self._flies or self._reading is not None:
-            return
-        zones = len(companion.flight.controller.mission.zones)
-        if draw() is not None:
-            self._reading = (self._scenario.now_s + READ_S, zones)
-            self._ask(Reload())
-
-    def _look_after_reading(self, now_s: float) -> None:
-        """Whether the changed file was taken; what was not is taken out of it again."""
-        if self._reading is None:
-            return
-        until_s, zones = self._reading
-        companion = self._scenario.companion
-        if companion is not None and len(companion.flight.controller.mission.zones) != zones:
-            self._scenario.happened(SceneEventKind.MISSION_FILE, self._scenario.file.text)
-        elif companion is not None and now_s < until_s:
-            return
-        else:
-            left = (until_s - READ_S, self._scenario.file.text)
-            self._scenario.happened(SceneEventKind.FILE_LEFT, left)
-            self._scenario.file.undo()
-        self._reading = None
-
-
-_VERBS: Final = {
-    "GoOn": "resume",
-    "HoldNow": "hold",
-    "ComeHome": "home",
-    "SeekNow": "seek",
-    "ExploreNow": "explore",
-    "GoTo": "goto",
-    "Reload": "reload",
-}
 
 
 def scenario_of(scene: Scene, path: Path) -> Scenario:

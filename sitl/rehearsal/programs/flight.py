@@ -16,13 +16,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from sitl.rehearsal.judge.evidence import Evidence, Line, SceneEvent, SceneEventKind
-from sitl.rehearsal.judge.mission_reader import read_mission
-from sitl.rehearsal.programs.processes import Companion, Programs, free_port, hurry
+from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
+from sitl.rehearsal.programs.processes import Companion, Programs, draw_zone, free_port, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
-from sitl.rehearsal.programs.station import MODES, intrusion, items_of, station_at, upload
+from sitl.rehearsal.programs.station import MODES, intrusion, plan_of, station_at, upload
 from sitl.rehearsal.stand_ins.station import Station
 
 SPEED: Final = 5.0
@@ -51,8 +50,9 @@ _NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
 _DEAFENING: Final = frozenset({"silence", "lose", "freeze", "delay", "stop"})
 """While a companion hears nothing, or nothing new, the world does not wait for it."""
 
-_FROM_HOME_M: Final = 25.0
 _OLD_S: Final = 2.0
+_TAKEN: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.DISARMED})
+_HOLDERS: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.REQUEST})
 
 
 class RealFlight:
@@ -72,8 +72,6 @@ class RealFlight:
         self._path = path
         self._speed = speed
         self._px4 = px4
-        self._happenings: list[SceneEvent] = []  # for the judge
-        self._lines: list[Line] = []  # of companions that were killed
         self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
         self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
         self._relay: LossyRelay  # from `fly` on, as the others that have no value here
@@ -126,20 +124,14 @@ class RealFlight:
             code = self._companion.process.poll()
             self._companion.close()
         seen = self._seen
-        taken = any(
-            h.what in {SceneEventKind.PILOT, SceneEventKind.DISARMED} for h in self._happenings
-        )
+        seen.lines += self._companion.lines
+        taken = any(h.what in _TAKEN for h in seen.happenings)
         refused = self.scene.fault in _NEED and not taken
-        return Evidence(
+        return seen.evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
             faults=frozenset({"NONE" if refused else self.scene.judged}),
             mission_path=mission,
             mission_text=text,
-            samples=tuple(seen.samples),
-            messages=tuple(seen.messages),
-            heard=tuple(seen.heard),
-            happenings=tuple(self._happenings),
-            lines=(*self._lines, *self._companion.lines),
             exit_code=code,
             outcome=self._companion.outcome,
             reaction_s=1.0 + _REACTS_S * self._speed,
@@ -151,10 +143,9 @@ class RealFlight:
         todo = self.scene.acts()
         wall_s = time.monotonic() + WALL_S
         gone_s: float | None = None
-        since_s = began_s
         while time.monotonic() < wall_s and self._seen.time_s < began_s + FLIGHT_S:
             now_s = self._seen.time_s
-            entered_s = since_s if not todo or not todo[0].when else self._entered_s(todo[0].when)
+            entered_s = began_s if not todo or not todo[0].when else self._entered_s(todo[0].when)
             if todo and now_s >= entered_s + todo[0].at_s:
                 act = todo.pop(0)
                 getattr(self, f"do_{act.what.replace(' ', '_')}")(act.value)
@@ -174,11 +165,7 @@ class RealFlight:
 
     def _is_left_alone(self, todo: list[Act]) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        told = [
-            h.what
-            for h in self._happenings
-            if h.what in {SceneEventKind.PILOT, SceneEventKind.REQUEST}
-        ]
+        told = [h.what for h in self._seen.happenings if h.what in _HOLDERS]
         taken = told[-1:] == [SceneEventKind.PILOT]  # and not given back since
         return not todo and (taken or "-> PASSIVE" in self._companion.last)
 
@@ -194,12 +181,12 @@ class RealFlight:
         if self._awaited is not None:
             happening, shows = self._awaited
             if shows():
-                self._happenings.append(happening)
+                self._seen.happenings.append(happening)
             if shows() or now_s > happening.time_s + _SHOWS_S:
                 self._awaited = None
 
     def _note(self, what: SceneEventKind, value: object = None) -> None:
-        self._happenings.append(SceneEvent(self._seen.time_s, what, value))
+        self._seen.happened(self._seen.time_s, what, value)
 
     def _await(self, what: SceneEventKind, value: object, shows: Callable[[], bool]) -> None:
         if not shows():  # what is there already was not chosen now
@@ -272,17 +259,13 @@ class RealFlight:
 
     def do_replan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
-        items = items_of(self._seen.messages, 0)
-        if value == "reversed":
-            items = [*items[:3], *reversed(items[3:])]
 
         def stored() -> None:
             self._note(SceneEventKind.FENCE_CHANGED, f"{value} plan")
             if value == "reversed":
                 self._note(SceneEventKind.PILOT, "plan")
 
-        moved = [{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items]
-        upload(self._relay, moved, stored)
+        upload(self._relay, plan_of(self._seen.messages, backwards=value == "reversed"), stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
@@ -323,7 +306,7 @@ class RealFlight:
 
     def do_restart(self, _value: object) -> None:
         """With --resume."""
-        self._lines += self._companion.lines
+        self._seen.lines += self._companion.lines
         self._start("--resume")
 
     def do_reboot(self, _value: object) -> None:
@@ -341,16 +324,7 @@ class RealFlight:
     def do_reload(self, _value: object) -> None:
         """The operator draws a zone around a waypoint, and has the mission file read again."""
         path = Path(self._arguments[0])
-        text = path.read_text(encoding="utf-8")
-        mission = read_mission(path, text)
-        far = [w for w in mission.waypoints if math.hypot(*w) > _FROM_HOME_M]
-        latitude, longitude = mission.frame.degrees(*self.scene.chance("zone").choice(far))
-        zone = (
-            f"  - {{name: drawn, circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}\n"
-        )
-        before, found, after = text.partition("no_fly_zones:\n")
-        text = before + found + zone + after
-        path.write_text(text, encoding="utf-8")
+        text = draw_zone(path, self.scene.chance("zone"))
         self._note(SceneEventKind.MISSION_FILE, text)
         self.do_ask("reload")
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import pty
+import random
 import shutil
 import signal
 import socket
@@ -18,6 +20,7 @@ from typing import IO, Any, Final
 
 from mocha_link import Team
 from sitl.rehearsal.judge.evidence import Line
+from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.team.free_ports import derive_team
@@ -25,6 +28,7 @@ from sitl.team.free_ports import derive_team
 EPOCH: Final = 1_800_000_000
 """Unix seconds at the beginning of the vehicle's time."""
 
+_FROM_HOME_M: Final = 25.0
 _HURRIED: Final = (
     ("altitude_m: 40", "altitude_m: 20"),
     ("init_s: 180", "init_s: 12"),
@@ -166,6 +170,19 @@ def hurry(path: Path, folder: Path) -> Path:
     hurried_path = folder / "mission.yaml"
     hurried_path.write_text(text, encoding="utf-8")
     return hurried_path
+
+
+def draw_zone(path: Path, dice: random.Random) -> str:
+    """Draw a zone around a waypoint into a mission file; its text."""
+    text = path.read_text(encoding="utf-8")
+    mission = read_mission(path, text)
+    far = [w for w in mission.waypoints if math.hypot(*w) > _FROM_HOME_M]
+    latitude, longitude = mission.frame.degrees(*dice.choice(far))
+    zone = f"{{name: drawn, circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}"
+    before, found, after = text.partition("no_fly_zones:\n")
+    text = f"{before}{found}  - {zone}\n{after}"
+    path.write_text(text, encoding="utf-8")
+    return text
 
 
 def free_port() -> int:

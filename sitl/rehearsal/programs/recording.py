@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.mavlink.mavlink_codec import Frame, frames
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
+from sitl.rehearsal.judge.flight_record import FlightRecord
 
 MISSION: Final = frozenset({*range(37, 48), 51, 73})
 """Messages by which a plan is put on board, by number."""
@@ -25,13 +26,10 @@ _DECODER: Final = mavlink.MAVLink(None)
 
 
 @dataclass(slots=True)
-class Recording:
+class Recording(FlightRecord):
     """What the relay has seen, in simulated time.
 
     Attributes:
-        samples: The true track.
-        messages: The wire.
-        heard: What a flight rests on, as it reached the companion.
         time_s: Simulated seconds.
         clock_s: The vehicle's own, which begins anew when it does.
         mode: The vehicle's custom mode, as it said last.
@@ -42,9 +40,6 @@ class Recording:
         place: True latitude, longitude, altitude.
     """
 
-    samples: list[Sample] = field(default_factory=list)
-    messages: list[WireMessage] = field(default_factory=list)
-    heard: list[WireMessage] = field(default_factory=list)
     time_s: float = 0.0
     clock_s: float = 0.0
     mode: int = 0

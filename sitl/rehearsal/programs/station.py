@@ -84,13 +84,17 @@ def upload(
     station.say("MISSION_COUNT", count=len(items))
 
 
-def items_of(messages: Sequence[WireMessage], kind: int) -> list[dict[str, Any]]:
-    """What the companion has put on board, as a station would download and send it again."""
+def plan_of(messages: Sequence[WireMessage], *, backwards: bool) -> list[dict[str, Any]]:
+    """The mission that the companion has put on board, as a station would send it again.
+
+    All of its places are moved a little; it may go through those behind the first backwards.
+    """
     items = {
         int(m.fields["seq"]): dict(m.fields)
         for m in messages
         if m.name == "MISSION_ITEM_INT"
         and m.component == COMPANION
-        and m.fields.get("mission_type", 0) == kind
+        and m.fields.get("mission_type", 0) == 0
     }
-    return [items[seq] for seq in sorted(items)]
+    plan = [{**items[n], "x": items[n]["x"] + 1, "y": items[n]["y"] - 1} for n in sorted(items)]
+    return [*plan[:3], *reversed(plan[3:])] if backwards else plan

@@ -10,8 +10,9 @@ import asyncio
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, Protocol, Self, cast
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final, cast
 
 from mavsdk.plugins.events.events import Events, EventsError, EventsResult
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
@@ -29,44 +30,15 @@ from air_router.vehicle.mavlink.px4_connection import (
     Plugins,
     Px4Connection,
 )
+from sitl.rehearsal.stand_ins.transfer import AUTOPILOT, ITEM, REPEAT_S, Fields, Transfer, Wire
 
-AUTOPILOT: Final = 1
 ONBOARD_CONTROLLER: Final = 18  # MAV_TYPE
 INVALID: Final = 8  # MAV_AUTOPILOT
 ACTIVE: Final = 4  # MAV_STATE
-REPEAT_S: Final = 0.5
 REPEATS: Final = 3
-TRANSFER_REPEATS: Final = 4
 IN_PROGRESS: Final = 5  # MAV_RESULT
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
-_TRANSFER: Final = frozenset(
-    {"MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"}
-)
-_ACKS: Final = {
-    0: MissionRawResult.SUCCESS,
-    1: MissionRawResult.ERROR,
-    2: MissionRawResult.UNSUPPORTED,
-    3: MissionRawResult.UNSUPPORTED,
-    4: MissionRawResult.TOO_MANY_MISSION_ITEMS,
-    13: MissionRawResult.INVALID_SEQUENCE,
-    14: MissionRawResult.DENIED,
-    15: MissionRawResult.TRANSFER_CANCELLED,
-}
-_ITEM: Final = (
-    *("seq", "frame", "command", "current", "autocontinue", "param1", "param2", "param3"),
-    *("param4", "x", "y", "z", "mission_type"),
-)
-
 _TEXTS: Final = frozenset({"param_id", "text"})
-
-Fields = Mapping[str, Any]
-
-
-class Wire(Protocol):
-    """The companion's end of the link."""
-
-    def send(self, name: str, fields: Fields) -> None:
-        """Send a message to the vehicle."""
 
 
 class StandIn(Px4Connection):
@@ -161,107 +133,11 @@ class StandIn(Px4Connection):
             end()
         return None
 
-    async def transfer(self, work: Callable[[_Transfer], Any], mission_type: int) -> Any:
+    async def transfer(self, work: Callable[[Transfer], Any], mission_type: int) -> Any:
         """One after the other: MAVSDK has one queue of them."""
         async with self._transfers:
-            with _Transfer(self, mission_type) as transfer:
+            with Transfer(self, mission_type) as transfer:
                 return await work(transfer)
-
-
-class _Transfer:
-    """One upload, download or deletion of MAVLink's mission protocol."""
-
-    def __init__(self, link: StandIn, mission_type: int) -> None:
-        self._link = link
-        self._type = mission_type
-        self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()  # ours, of `_TRANSFER`
-        self._ends: list[Callable[[], None]] = []  # end its listening
-
-    def __enter__(self) -> Self:
-        for name in _TRANSFER:
-            self._ends.append(self._link.listen(name, self._taker(name)))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for end in self._ends:
-            end()
-
-    async def upload(self, items: Sequence[Fields]) -> MissionRawResult:
-        """Send items, as the vehicle asks for them."""
-        last = ("MISSION_COUNT", {"count": len(items), "opaque_id": 0})
-        while True:
-            answer = await self._ask(*last, {"MISSION_REQUEST_INT", "MISSION_REQUEST"})
-            if answer is None:
-                return MissionRawResult.TIMEOUT
-            name, fields = answer
-            if name == "MISSION_ACK":
-                return _ACKS.get(fields["type"], MissionRawResult.ERROR)
-            last = ("MISSION_ITEM_INT", dict(items[fields["seq"]]))
-
-    async def download(self) -> tuple[MissionRawResult, list[MissionItem]]:
-        """Ask for everything on board."""
-        answer = await self._ask("MISSION_REQUEST_LIST", {}, {"MISSION_COUNT"})
-        if answer is None:
-            return MissionRawResult.TIMEOUT, []
-        if answer[0] == "MISSION_ACK":
-            return _ACKS.get(answer[1]["type"], MissionRawResult.ERROR), []
-        count, items = answer[1]["count"], list[MissionItem]()
-        while len(items) < count:
-            answer = await self._ask(
-                "MISSION_REQUEST_INT",
-                {"seq": len(items)},
-                {"MISSION_ITEM_INT"},
-                wanted=lambda fields: fields["seq"] == len(items),
-            )
-            if answer is None:
-                return MissionRawResult.TIMEOUT, []
-            if answer[0] == "MISSION_ACK":
-                return MissionRawResult.ERROR, []
-            items.append(MissionItem(**{name: answer[1][name] for name in _ITEM}))
-        self._send("MISSION_ACK", {"type": 0, "opaque_id": 0})
-        none = MissionRawResult.NO_MISSION_AVAILABLE
-        return (MissionRawResult.SUCCESS if count else none), items
-
-    async def clear(self) -> MissionRawResult:
-        """Delete everything on board."""
-        answer = await self._ask("MISSION_CLEAR_ALL", {}, set())
-        if answer is None:
-            return MissionRawResult.TIMEOUT
-        return _ACKS.get(answer[1]["type"], MissionRawResult.ERROR)
-
-    async def _ask(
-        self,
-        name: str,
-        fields: dict[str, Any],
-        names: set[str],
-        *,
-        wanted: Callable[[Fields], bool] = lambda _: True,
-    ) -> tuple[str, Fields] | None:
-        """Send until one of these, or an acknowledgement, comes."""
-        for _ in range(TRANSFER_REPEATS + 1):
-            self._send(name, fields)
-            try:
-                async with asyncio.timeout(REPEAT_S):
-                    while True:
-                        answer = await self._inbox.get()
-                        if answer[0] == "MISSION_ACK" or (answer[0] in names and wanted(answer[1])):
-                            return answer
-            except TimeoutError:
-                continue
-        return None
-
-    def _send(self, name: str, fields: dict[str, Any]) -> None:
-        target = {"target_system": self._link.system_id, "target_component": AUTOPILOT}
-        self._link.wire.send(name, {**target, "mission_type": self._type, **fields})
-
-    def _taker(self, name: str) -> Callable[[Fields], None]:
-        def take(fields: Fields) -> None:
-            to = (fields["target_system"], fields["target_component"])
-            ours = to in {(self._link.system_id, COMPANION_COMPONENT), (0, 0)}
-            if ours and fields.get("mission_type", 0) == self._type:
-                self._inbox.put_nowait((name, fields))
-
-        return take
 
 
 class _Plugin:
@@ -303,40 +179,26 @@ class _Direct(_Plugin):
 
 
 class _Raw(_Plugin):
-    """`MissionRaw`."""
+    """`MissionRaw`, as far as it is used: one transfer for each of its methods."""
 
-    def upload_mission_async(self, items: list[MissionItem], callback: Callable[..., None]) -> None:
-        self._upload(items, MISSION, callback)
+    def __init__(self, link: StandIn) -> None:
+        super().__init__(link)
+        self.upload_mission_async = partial(self._upload, MISSION)
+        self.upload_geofence_async = partial(self._upload, FENCE)
+        self.upload_rally_points_async = partial(self._upload, RALLY)
+        self.download_mission_async = partial(self._carry_out, Transfer.download, MISSION)
+        self.download_geofence_async = partial(self._carry_out, Transfer.download, FENCE)
+        self.download_rallypoints_async = partial(self._carry_out, Transfer.download, RALLY)
+        self.clear_mission_async = partial(self._carry_out, Transfer.clear, MISSION)
 
-    def upload_geofence_async(
-        self, items: list[MissionItem], callback: Callable[..., None]
+    def _upload(self, kind: int, items: list[MissionItem], callback: Callable[..., None]) -> None:
+        fields = [{name: getattr(item, name) for name in ITEM} for item in items]
+        self._carry_out(lambda transfer: transfer.upload(fields), kind, callback)
+
+    def _carry_out(
+        self, work: Callable[[Transfer], Any], kind: int, callback: Callable[..., None]
     ) -> None:
-        self._upload(items, FENCE, callback)
-
-    def upload_rally_points_async(
-        self, items: list[MissionItem], callback: Callable[..., None]
-    ) -> None:
-        self._upload(items, RALLY, callback)
-
-    def download_mission_async(self, callback: Callable[..., None]) -> None:
-        self._answer(self._link.transfer(_Transfer.download, MISSION), callback)
-
-    def download_geofence_async(self, callback: Callable[..., None]) -> None:
-        self._answer(self._link.transfer(_Transfer.download, FENCE), callback)
-
-    def download_rallypoints_async(self, callback: Callable[..., None]) -> None:
-        self._answer(self._link.transfer(_Transfer.download, RALLY), callback)
-
-    def clear_mission_async(self, callback: Callable[..., None]) -> None:
-        self._answer(self._link.transfer(_Transfer.clear, MISSION), callback)
-
-    def _upload(
-        self, items: list[MissionItem], mission_type: int, callback: Callable[..., None]
-    ) -> None:
-        fields = [{name: getattr(item, name) for name in _ITEM} for item in items]
-        self._answer(
-            self._link.transfer(lambda transfer: transfer.upload(fields), mission_type), callback
-        )
+        self._answer(self._link.transfer(work, kind), callback)
 
 
 class _Fence(_Plugin):
@@ -344,7 +206,7 @@ class _Fence(_Plugin):
 
     def clear_geofence_async(self, callback: Callable[..., None]) -> None:
         async def work() -> GeofenceResult:
-            result = await self._link.transfer(_Transfer.clear, FENCE)
+            result = await self._link.transfer(Transfer.clear, FENCE)
             good = result == MissionRawResult.SUCCESS
             return GeofenceResult.SUCCESS if good else GeofenceResult.ERROR
 
