@@ -1,7 +1,5 @@
 """Directions, and the wind, in the words of a weather report. Pure."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

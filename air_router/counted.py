@@ -1,7 +1,5 @@
 """Numbers of things in words: one zone, two zones."""
 
-from __future__ import annotations
-
 
 def counted(count: int, things: str) -> str:
     """A count and what is counted; `things` is the plural, its first word to end in s loses it.

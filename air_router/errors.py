@@ -1,7 +1,5 @@
 """The tree of errors that end a command: one class per cause, each knows its exit code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import ClassVar

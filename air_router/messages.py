@@ -4,8 +4,6 @@ Latitude and longitude, because robots need not share a local frame. Everything 
 the network is bounded and checked here before it is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, Final, Literal, Self
 

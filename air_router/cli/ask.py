@@ -1,7 +1,5 @@
 """`air-router ask`: has a flight on this machine do something, and says what became of it."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """`air-router check`: whether a mission can be flown as it is written, and what to expect."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

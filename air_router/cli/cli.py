@@ -1,7 +1,5 @@
 """The command line: `air-router check`, `plan`, `convert` ...; each command is a module."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

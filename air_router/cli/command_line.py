@@ -1,7 +1,5 @@
 """What our programs have in common: how expected errors end them, places as arguments, JSON."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """`air-router convert`: a mission or zones in another format, and what got lost on the way."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence

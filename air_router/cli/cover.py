@@ -1,7 +1,5 @@
 """`air-router cover`: lawnmower waypoints over an area, its no-fly zones cut out."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

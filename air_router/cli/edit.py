@@ -1,7 +1,5 @@
 """`air-router edit`: a mission on a map page, to drag, check and save."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

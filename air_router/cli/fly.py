@@ -1,7 +1,5 @@
 """`air-router fly`: flies a mission with a vehicle that is already there."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import dataclasses

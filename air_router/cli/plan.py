@@ -1,7 +1,5 @@
 """`air-router plan`: the route between two waypoints, or any places, as it would be flown."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

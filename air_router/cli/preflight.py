@@ -1,7 +1,5 @@
 """`air-router preflight`: is this vehicle ready to fly this mission, and if not, what to do."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import sys

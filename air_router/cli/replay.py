@@ -1,7 +1,5 @@
 """`air-router replay`: does the program decide today as it did in a recorded flight?"""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -1,7 +1,5 @@
 """`air-router report`: a recorded flight as one HTML page, or as JSON."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

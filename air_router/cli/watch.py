@@ -1,7 +1,5 @@
 """`air-router watch`: several flights on one map page."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -1,7 +1,5 @@
 """How many requests are looked at: no program may take the flight's time with them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 

@@ -3,8 +3,6 @@
 docs/control.md describes both. Whether it is done is for the controller to say.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence

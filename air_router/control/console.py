@@ -1,7 +1,5 @@
 """The operator's requests: what is typed at the terminal, and signals from elsewhere."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import signal

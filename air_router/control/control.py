@@ -9,8 +9,6 @@ with ControlClient() as uav:
         uav.seek("io")
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Iterable

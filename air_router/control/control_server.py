@@ -6,8 +6,6 @@ are read at a steady pace, in turn from all who ask, so that a flood of them tak
 flight's.
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import contextlib

@@ -1,7 +1,5 @@
 """What is to be covered, and where the vehicle may be meanwhile: read from files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime

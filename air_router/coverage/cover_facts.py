@@ -1,7 +1,5 @@
 """What is told of a coverage, to programs and to people."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Writes a coverage's waypoints: as a section of a mission file, or as a whole mission."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

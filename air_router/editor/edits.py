@@ -1,7 +1,5 @@
 """What the page may ask to be changed; checked like anything that comes over a socket."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError

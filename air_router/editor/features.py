@@ -4,8 +4,6 @@ Read leniently from the bare data, before anything is validated: a zone that cro
 waypoint on another continent, can still be seen and dragged back.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The mission's file on the disk: read, watched, and replaced as a whole or not at all."""
 
-from __future__ import annotations
-
 import codecs
 import hashlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Edits of QGroundControl plans."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar
 

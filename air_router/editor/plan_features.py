@@ -1,7 +1,5 @@
 """What of a QGroundControl plan can be moved; see `features`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from air_router.editor.features import (

@@ -1,7 +1,5 @@
 """The edit page's server: takes edits from browsers, answers with the new state of the mission."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -1,7 +1,5 @@
 """The work on one mission: edits, undo, redo, and saving."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

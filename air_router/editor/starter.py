@@ -1,7 +1,5 @@
 """A new mission to begin with: home, one waypoint, a fence around both."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from air_router.editor.mission_file import MissionFile

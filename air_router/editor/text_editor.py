@@ -1,7 +1,5 @@
 """Edits of a mission, as changes of its file's text; the same for YAML and for plans."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What the page shows of a mission, in degrees: everything that it draws, as plain values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict
 from os.path import relpath

@@ -1,7 +1,5 @@
 """Edits of missions in YAML."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from air_router.editor import edits

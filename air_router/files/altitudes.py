@@ -1,7 +1,5 @@
 """Altitude limits of zones as files have them, and what they mean above home."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """What a file format cannot say of a mission: told when the mission is written into it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 

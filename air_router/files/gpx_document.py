@@ -5,8 +5,6 @@ border of a zone, a route or the points for waypoints. Elevations, where the rec
 are not read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """A mission as a file has it: read, but not yet judged; every part knows its place in the file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The numbers of a mission that have sensible defaults."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 

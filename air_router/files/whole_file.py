@@ -1,7 +1,5 @@
 """A whole file: read up to a limit, written so that it is there as a whole or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """KMZ: a KML file in a zip archive, read without unpacking more than a map needs, and written."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 import zlib

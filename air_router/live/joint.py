@@ -1,7 +1,5 @@
 """One page for several flights, each of which serves a page of its own elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from typing import Any

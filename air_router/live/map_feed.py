@@ -1,7 +1,5 @@
 """The map that the UAV paints, as pages receive it: what is new, and who holds how much."""
 
-from __future__ import annotations
-
 import base64
 import math
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Whether flights are shown on a live page, and where; `air_router.live` is the page itself."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext

@@ -4,8 +4,6 @@ Events come out of the record at their time and go to a fresh controller, as in 
 decides is shown, and whatever it says of itself (states, times left, routes) is its own again.
 """
 
-from __future__ import annotations
-
 import asyncio
 import dataclasses
 import math

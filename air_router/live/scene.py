@@ -3,8 +3,6 @@
 Pure: what a flight hands in as it happens, a recorded flight can hand in again.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter, deque
 from collections.abc import Mapping

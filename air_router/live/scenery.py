@@ -1,7 +1,5 @@
 """What does not move on the live page: fences, zones and what is kept from them, graph, places."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Final
 

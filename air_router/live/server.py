@@ -1,7 +1,5 @@
 """Serves the live page of a flight: browsers see the scene, and hand in requests."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

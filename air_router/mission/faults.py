@@ -1,7 +1,5 @@
 """Where a mission that cannot be flown is wrong, for pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

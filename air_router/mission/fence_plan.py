@@ -5,8 +5,6 @@ no altitude limits, no hours and no clearance, and the vehicle stays inside of e
 outside of every exclusion. What they cannot say is left to the companion, which keeps to all of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

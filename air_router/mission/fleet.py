@@ -5,8 +5,6 @@ flies at its own altitude; only above its own home it climbs and descends. A veh
 lower keeps away from the climb corridors above the homes of those that fly higher, as from zones.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Sequence

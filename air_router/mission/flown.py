@@ -1,7 +1,5 @@
 """A mission as one vehicle flies it: which of its UAVs that is, and the team that it talks to."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from pathlib import Path
 

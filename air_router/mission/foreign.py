@@ -1,7 +1,5 @@
 """Missions of other programs that are converted before they are flown: they say too little."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -3,8 +3,6 @@
 JSON is known by its topic's name, a ROS message by its type, whatever its topic is called.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 from air_router.messages import JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC

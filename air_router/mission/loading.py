@@ -1,7 +1,5 @@
 """Loading a mission: a file is read, every problem in it noted, and a checked mission made."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whether a mission's team fits it: who flies, whom it seeks, and how robots are found."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Collection
 

@@ -1,7 +1,5 @@
 """Whether a mission, as drafted, may be flown: every problem of its geometry."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 

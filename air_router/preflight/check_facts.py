@@ -1,7 +1,5 @@
 """What `air-router check` tells of a mission that can be flown, to people and to programs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from itertools import groupby

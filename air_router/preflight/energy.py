@@ -1,7 +1,5 @@
 """Whether the battery lasts for a mission, by what a full one flies and the ways home."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from air_router.mission.mission import Mission

@@ -3,8 +3,6 @@
 Pure: facts in, lines out. `preflight_survey` gathers the facts.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The parameters of a PX4 that a mission rests on: what each should be, and why."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping

@@ -1,7 +1,5 @@
 """Gathers what the pre-flight card looks at: of the vehicle, of this computer, of the team."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 import socket

@@ -1,7 +1,5 @@
 """What can be said of a checked mission before it flies: lengths, times, the tightest places."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

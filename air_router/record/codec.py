@@ -6,8 +6,6 @@ without it, members of an enum their name, bytes base64, and numbers that JSON c
 texts "NaN", "Infinity" and "-Infinity".
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import operator

@@ -4,8 +4,6 @@ The names and fields are those of Foxglove's published schemas, in JSON. Nothing
 replay a flight: it is what is recorded anyway, said once more for the eye.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -3,8 +3,6 @@
 Plain data as Foxglove's `SceneUpdate` has them; metres east, north and above home.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise

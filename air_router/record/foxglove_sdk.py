@@ -4,8 +4,6 @@ What Foxglove has a schema for goes out in its protobuf form, everything else as
 in the record. Needs the extra `foxglove`.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import logging

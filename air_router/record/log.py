@@ -4,8 +4,6 @@ for entry in read(Path("flight.mcap")):
     print(entry.t, entry.kind, entry.value)
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import json

@@ -6,8 +6,6 @@ cut lose the last second and no more. While the disk is full the file ends where
 what happens waits in memory.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

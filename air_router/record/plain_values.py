@@ -1,7 +1,5 @@
 """Single values as plain JSON data: numbers, texts, times and words; each comes back as it was."""
 
-from __future__ import annotations
-
 import base64
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The channels of a flight's record, with their JSON schemas, and how a message is written."""
 
-from __future__ import annotations
-
 import json
 import math
 import types

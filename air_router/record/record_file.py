@@ -1,7 +1,5 @@
 """The file of a flight's record: its name, and the facts that it begins with."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Callable

@@ -4,8 +4,6 @@ One MCAP file per flight (docs/records.md). Enough is in it to make the same con
 to give it the same events at the same times: `air_router.record.replay` does.
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import logging

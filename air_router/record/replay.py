@@ -6,8 +6,6 @@ since, that the record is not whole, or that a decision depends on something tha
 events.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections import deque
 from collections.abc import Iterable, Iterator

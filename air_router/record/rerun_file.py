@@ -4,8 +4,6 @@ It is made of what the record has for the eye (`air_router.record.foxglove`), an
 links as numbers. Needs the extra `rerun`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Whatever joins `Event` or `Action` is written and read without a line here; a test walks all.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, get_args
 

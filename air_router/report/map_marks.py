@@ -1,7 +1,5 @@
 """How things on a mission's picture look, and where their names are put."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The sheet that a mission is drawn on: axes in metres, title, legend, scale and north."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

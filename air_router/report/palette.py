@@ -1,7 +1,5 @@
 """The colours of the map pages, which pictures and reports share: they stand in one style sheet."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from importlib import resources

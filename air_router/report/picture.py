@@ -3,8 +3,6 @@
 Needs matplotlib.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

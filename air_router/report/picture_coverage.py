@@ -1,7 +1,5 @@
 """Pictures of a coverage: the area, what is seen of it, and the rows. Needs matplotlib."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

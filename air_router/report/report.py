@@ -1,7 +1,5 @@
 """What a person reads when the flight is over: a table, and a picture of the track."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

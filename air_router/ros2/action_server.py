@@ -1,7 +1,5 @@
 """Serves one ROS 2 action: the services and topics that an action is made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 

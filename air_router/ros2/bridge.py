@@ -3,8 +3,6 @@
 The flight is asked as every program asks it, and answers as it answers every program.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

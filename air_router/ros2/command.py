@@ -1,7 +1,5 @@
 """`air-router ros2`: puts a flight on ROS 2."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

@@ -4,8 +4,6 @@ A goal is over when the flight leaves the state that it asked for. What led out 
 the state machine, says whether it was reached.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A request and its reply travel as rmw_cyclonedds has them: before the message st
 the number of the request. Both are fields of the types here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final

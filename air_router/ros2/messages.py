@@ -4,8 +4,6 @@ The frame `map` has its origin where the mission's frame has it, x east, y north
 home; `<uav>/base_link` is the vehicle in it.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 import zlib

@@ -4,8 +4,6 @@ Services are those of rmw_cyclonedds: a request names who asks and its number, a
 all clients receive, names them again. Other middlewares have services of their own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import time

@@ -4,8 +4,6 @@ What they print is put together on one terminal, each line with the name of its 
 there, and Ctrl-C, goes to all of them. None of them depends on another.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -3,8 +3,6 @@
 One vehicle is flown by this process; of several each is flown by an `air-router fly` of its own.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import dataclasses

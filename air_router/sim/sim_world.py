@@ -3,8 +3,6 @@
 Only MAVLink, sockets and files lie between them and the flight, as it would be outside.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

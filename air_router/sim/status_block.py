@@ -1,7 +1,5 @@
 """A live line for each of several flights, and their news above."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What a first mission is made from: each answer an option, or asked for on the terminal."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

@@ -1,7 +1,5 @@
 """`air-router new`: a first mission with its team, world and rover."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

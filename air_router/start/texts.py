@@ -1,7 +1,5 @@
 """The files of a first mission, as texts: small, commented, and ready to be flown and changed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

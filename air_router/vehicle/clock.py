@@ -4,8 +4,6 @@ Every timer of a mission runs on it, so that a simulation at ten times real time
 stops and goes on) behaves as the real flight does.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time

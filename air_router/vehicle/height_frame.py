@@ -5,8 +5,6 @@ that in flight, and the vehicle climbs or sinks by as much. What was planned and
 from the home of the take-off: that one is kept here, and what the vehicle says is told from it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple

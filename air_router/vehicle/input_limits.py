@@ -3,8 +3,6 @@
 Pure: ages come with the telemetry, the time with the event.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import Enum

@@ -1,7 +1,5 @@
 """What a vehicle on the ground says of itself when it is asked: the facts of a pre-flight check."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """The companion's own clock where an event loop has one: all waits and ages are measured on it."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 

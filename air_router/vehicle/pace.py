@@ -6,8 +6,6 @@ TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes
 slowest, and no further; a connection that has ended is waited for no more.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

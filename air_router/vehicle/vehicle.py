@@ -5,8 +5,6 @@ shell with another. Positions are east/north metres in the mission's local frame
 metres above home; times are seconds on the vehicle's own clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum

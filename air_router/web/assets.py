@@ -1,7 +1,5 @@
 """The files that pages are made of, out of the package: nothing else can be asked for."""
 
-from __future__ import annotations
-
 import hashlib
 import mimetypes
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """All browsers that show a page: what they are told, and what they say."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ the flight needs some. So each address has its share, all together theirs, and a
 no whole request has come in time is closed. What is refused is closed without a word in the log.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from typing import Any, Final, cast

@@ -5,8 +5,6 @@ in the DNS even read the answers. So requests must name this server as their hos
 sends must come from a page of ours. On an address that other machines reach, a token is asked for.
 """
 
-from __future__ import annotations
-
 import hmac
 import secrets
 from collections.abc import Awaitable, Callable

@@ -1,7 +1,5 @@
 """What waits to be sent to one page: the newest of each kind, so a slow one is never behind."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 

@@ -1,7 +1,5 @@
 """Places and shapes as map pages draw them: in degrees, on one side of the antimeridian."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where a page is served, for how long, and with which picture under its map; no server itself."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import signal

@@ -1,7 +1,5 @@
 """Fetches the tiles of a place from a map server that the user names, into an MBTiles file."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import sqlite3

@@ -1,7 +1,5 @@
 """Serves the tiles of a file to the map: read in a thread, for the loop may be that of a flight."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import logging

@@ -1,7 +1,5 @@
 """`air-router tiles fetch`: a ground for the map pages, to be had where there is no internet."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What map programs are shown of a mission or of a file of zones: everything in degrees."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Longitude comes first, rings follow the right-hand rule, shapes are cut at the a
 feature has a `kind`; what is read back of such a file are its zones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Writes a feature set as GPX for receivers and map programs: points, a route, borders."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 from air_router.files.conversion_warnings import ConversionWarnings

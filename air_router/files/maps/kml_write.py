@@ -4,8 +4,6 @@ What KML cannot say (circles, clearances, lower limits, schedules) is in `Extend
 back from there.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import xml.etree.ElementTree as ET

@@ -4,8 +4,6 @@ Surveys and corridor scans carry the items that they fly in themselves. What a m
 not do (cameras, loitering, splines, landing elsewhere) is told, and stays in the plan's file.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 from typing import Any, Final

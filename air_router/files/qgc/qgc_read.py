@@ -4,8 +4,6 @@ Everything that decides where the vehicle flies is understood, told of, or refus
 the file: nothing is dropped silently. Zones may cross the fence here, as they do on many a map.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

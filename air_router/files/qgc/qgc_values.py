@@ -1,7 +1,5 @@
 """Values of a QGroundControl plan, each checked, and complained of at its place in the file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from typing import Any, Final

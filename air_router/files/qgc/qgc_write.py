@@ -4,8 +4,6 @@ A plan's fence knows polygons and circles that are kept to or kept out of, at ev
 all times. What a mission knows beyond that becomes larger, never smaller, and is told as a loss.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Final
 

@@ -4,8 +4,6 @@ A line is an item of a plan, in twelve columns. The first is home where it is a 
 sea, as ArduPilot's programs write it. Such a file has no fence, no zones and no rally points.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

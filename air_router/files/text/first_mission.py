@@ -1,7 +1,5 @@
 """The text of a first mission: small, commented, with a round fence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from air_router.files.text.rendering import degrees

@@ -1,7 +1,5 @@
 """Where the values of a mission file stand in its text."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property

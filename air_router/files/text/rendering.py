@@ -1,7 +1,5 @@
 """How new values are written into a mission file: as YAML in blocks, or in one flow as in JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Reads mission files in YAML. The format is described in docs/mission-file.md."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math

@@ -1,7 +1,5 @@
 """The form of a mission file in YAML: keys, types, limits. See docs/mission-file.md."""
 
-from __future__ import annotations
-
 import re
 from datetime import UTC, datetime, time
 from typing import Annotated, Any, Literal, Self

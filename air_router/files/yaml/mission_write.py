@@ -1,7 +1,5 @@
 """Writes a mission as a YAML mission file, so that a plan becomes one that a person edits."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import asdict
 from pathlib import Path

@@ -4,8 +4,6 @@ Such a file has a `geoFence` as a QGroundControl plan has, its corners as [east,
 numbered `waypoints` as [east, north, altitude]. Where the town stands has to be said.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 from air_router.files.mission_document import Area, Keys, MissionDocument

@@ -4,8 +4,6 @@ Every area is a zone, unless its property `kind` says that it is something else:
 `air-router convert` writes hold waypoints and fences too.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument

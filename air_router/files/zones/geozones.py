@@ -4,8 +4,6 @@ Both say the same under other names: a table has these. Geozones are published f
 and not always well. Where one is in doubt it is read as the larger zone, and the operator is told.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from typing import Any, ClassVar, Final, NamedTuple

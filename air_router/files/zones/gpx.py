@@ -1,7 +1,5 @@
 """No-fly zones from GPX: tracks and routes that were walked or drawn around them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -4,8 +4,6 @@ A polygon that is extruded down to the ground ends at its altitude; any other ha
 limit. `ExtendedData` may say more, with the names of the mission file (`clearance_m`, `upper_m`).
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

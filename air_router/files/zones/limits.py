@@ -4,8 +4,6 @@ OpenAir has them as text, openAIP and the FAA as properties of GeoJSON. What is 
 zone taller, never lower, and is told.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping

@@ -4,8 +4,6 @@ The names are those of the mission file: `clearance_m`, `lower_m`, `upper_m`, `r
 Altitude limits are also read as openAIP and the FAA name them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

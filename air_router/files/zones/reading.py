@@ -3,8 +3,6 @@
 Formats differ in their words; readers of JSON formats share how positions and rings are checked.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence

@@ -3,8 +3,6 @@
 Whatever is not certain makes the zone apply longer, never shorter.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from datetime import datetime, time

@@ -1,7 +1,5 @@
 """The figures of one flight, each in two widths."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any, Final, NamedTuple

@@ -1,7 +1,5 @@
 """What went over the links of a flight: contacts, syncs, bytes, and how old news were."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from dataclasses import asdict, dataclass, field

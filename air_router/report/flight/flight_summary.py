@@ -4,8 +4,6 @@ Times are seconds on the vehicle's clock since the record began to know it; posi
 and north of the mission's origin.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field

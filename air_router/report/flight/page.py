@@ -1,7 +1,5 @@
 """A flight as one HTML page that needs nothing else: no network, no script."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterable, Sequence

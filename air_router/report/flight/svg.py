@@ -1,7 +1,5 @@
 """Drawing time series as SVG, in two widths: for a screen and for a phone. No script, no fonts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The flown track over the mission, seen from above, as SVG in metres."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from html import escape

@@ -5,8 +5,6 @@ Names and arguments are those of PX4 1.17's source (`events::ID("...")`); each l
 a failsafe action, c failsafe cause. Layouts of checks leave out their common head.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final

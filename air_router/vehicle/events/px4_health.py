@@ -1,7 +1,5 @@
 """Why a PX4 does not arm, in its own words: they come as events, not as texts, to a companion."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from typing import Final

@@ -4,8 +4,6 @@ It only listens: a PX4 keeps to the first partner that talks to it, and that mus
 port which is then given up again.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -5,8 +5,6 @@ MAVSDK's own asyncio layer parks an executor thread in C for each call: cancelli
 thread, so a call that never answers costs a forgotten future and nothing else.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -1,7 +1,5 @@
 """Finding the autopilot on a connection, or saying within seconds why there is none."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import os

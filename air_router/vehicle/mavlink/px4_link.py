@@ -5,8 +5,6 @@ them. Here the first address that an autopilot's heartbeat of the wanted system 
 vehicle's: datagrams from elsewhere are counted and left out, and nothing is sent elsewhere.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import select

@@ -5,8 +5,6 @@ another boot, a place far away. What does not follow from what was heard before 
 several messages in a row agree with each other and what they contradict is not heard any more.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

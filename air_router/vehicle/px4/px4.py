@@ -4,8 +4,6 @@ Commands are believed when the vehicle's own messages show them (HEARTBEAT and C
 MISSION_CURRENT, POSITION_TARGET_GLOBAL_INT). What moves the vehicle leaves once (`px4_commands`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Callable, Sequence

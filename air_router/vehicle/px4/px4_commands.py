@@ -5,8 +5,6 @@ a pilot who chose something else meanwhile. Here it leaves again only on a HEART
 after it left that still shows what was before; what leads to a place does not leave again at all.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import defaultdict, deque

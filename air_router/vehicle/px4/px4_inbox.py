@@ -1,7 +1,5 @@
 """The messages of one PX4: to whom they go, when they came, and what it says in words."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import math

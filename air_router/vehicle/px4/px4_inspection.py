@@ -1,7 +1,5 @@
 """Asking a PX4 on the ground for all that a pre-flight check looks at."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """PX4's custom modes (`px4_custom_mode.h`) as the flight modes that matter to a mission."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

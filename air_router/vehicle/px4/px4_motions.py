@@ -1,7 +1,5 @@
 """The motions of a PX4: take off, fly to an item or a point, stop, land; and what shows each."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import math

@@ -1,7 +1,5 @@
 """What a PX4 can be told to do, as the commands of MAVLink that say it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple

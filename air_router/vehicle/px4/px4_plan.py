@@ -4,8 +4,6 @@ An accepted upload means *stored*: whether PX4 finds the mission feasible shows 
 in MISSION_CURRENT.mission_state. So what is on board is read back, compared, and waited for.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

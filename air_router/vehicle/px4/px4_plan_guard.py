@@ -1,7 +1,5 @@
 """Finding out whether a plan that a ground station has uploaded flies as ours does."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable
 

@@ -1,7 +1,5 @@
 """What a flight asks a PX4 to send: at what rates, once at the beginning, again if it ends."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """For how long each stream of a PX4 has been missing while others came, and what is no news."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """What a PX4 says of itself, put together from its messages into `Telemetry` and events."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from typing import Any, Final
