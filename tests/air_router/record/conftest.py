@@ -33,6 +33,20 @@ def _fly(recorder, mission):
     recorder.map(mapper, 25.0)
 
 
+DRAWN = {
+    "/mission": "foxglove.GeoJSON",
+    "/scene": "foxglove.SceneUpdate",
+    "/scene/robots": "foxglove.SceneUpdate",
+    "/leg": "foxglove.GeoJSON",
+    "/vehicle/location": "foxglove.LocationFix",
+    "/vehicle/pose": "foxglove.PoseInFrame",
+    "/robots/io/location": "foxglove.LocationFix",
+    "/log": "foxglove.Log",
+    "/map": "foxglove.Grid",
+}
+"""What is drawn for Foxglove of a short flight: topics, and their schemas."""
+
+
 @pytest.fixture
 def record(tmp_path, pennovation):
     with Recorder(tmp_path, "mission.yaml", unix_s=lambda: UNIX_S, name="titan") as recorder:

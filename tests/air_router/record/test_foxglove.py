@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
 from geo.frame import Point
+from tests.air_router.record.conftest import DRAWN
 
 pytest.importorskip("foxglove", reason="the extra `foxglove` is not installed")
 aiohttp = pytest.importorskip("aiohttp")
@@ -37,17 +38,7 @@ def test_a_record_in_foxglove_s_schemas_says_what_was_flown(record, tmp_path, pe
     assert main(["convert", str(record), str(target)]) == ExitCode.DONE
     found = messages_of(target)
     drawn = {topic: name for topic, (name, _) in found.items() if name.startswith("foxglove.")}
-    assert drawn == {
-        "/mission": "foxglove.GeoJSON",
-        "/scene": "foxglove.SceneUpdate",
-        "/scene/robots": "foxglove.SceneUpdate",
-        "/leg": "foxglove.GeoJSON",
-        "/vehicle/location": "foxglove.LocationFix",
-        "/vehicle/pose": "foxglove.PoseInFrame",
-        "/robots/io/location": "foxglove.LocationFix",
-        "/log": "foxglove.Log",
-        "/map": "foxglove.Grid",
-    }
+    assert drawn == DRAWN
     message, fix = found["/vehicle/location"][1][0]
     assert message.log_time == fix.timestamp.seconds * 10**9
     where = pennovation.frame.to_geodetic(Point(1.0, 2.0))

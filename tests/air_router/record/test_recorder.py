@@ -34,6 +34,7 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
+from tests.air_router.record.conftest import DRAWN
 
 ROOT = Path(__file__).parents[3]
 UNIX_S = 1.7e9
@@ -116,17 +117,7 @@ def test_the_public_reader_opens_it_and_foxglove_finds_its_own_schemas(flown):
         fields = json.loads(message.data).keys()
         assert fields >= properties.keys() if "/flight/" in topic else fields <= properties.keys()
     drawn = {topic: s.name for topic, (s, _) in messages.items() if s.name.startswith("foxglove")}
-    assert drawn == {
-        "/mission": "foxglove.GeoJSON",
-        "/scene": "foxglove.SceneUpdate",
-        "/scene/robots": "foxglove.SceneUpdate",
-        "/leg": "foxglove.GeoJSON",
-        "/vehicle/location": "foxglove.LocationFix",
-        "/vehicle/pose": "foxglove.PoseInFrame",
-        "/robots/io/location": "foxglove.LocationFix",
-        "/log": "foxglove.Log",
-        "/map": "foxglove.Grid",
-    }
+    assert drawn == DRAWN
     place = json.loads(messages["/vehicle/location"][1].data)
     assert place["latitude"] == pytest.approx(39.942, abs=1e-3)
     assert place["timestamp"] == {"sec": int(UNIX_S), "nsec": 0}

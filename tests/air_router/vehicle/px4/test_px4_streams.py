@@ -126,6 +126,13 @@ def px4(pennovation, monkeypatch):
     return Px4(pennovation, monkeypatch)
 
 
+@pytest.fixture
+def landing(px4):
+    px4.mode = px4.intended = LAND
+    px4.run(2.0)
+    return px4
+
+
 STREAMS = {
     "GLOBAL_POSITION_INT": "position_s",
     "SYS_STATUS": "battery_s",
@@ -240,47 +247,33 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
     assert (px4.last.armed, px4.last.in_air, px4.last.mode) == (False, False, FlightMode.MISSION)
 
 
-def test_a_landing_that_disarms_is_no_failsafe_though_another_mode_is_intended(px4):
-    px4.mode = px4.intended = LAND
-    px4.run(2.0)
-    px4.off.add("HEARTBEAT")
-    px4.intended = MISSION
-    px4.says("CURRENT_MODE")
-    px4.run(0.9)
-    assert not px4.last.failsafe
-    px4.armed, px4.status, px4.mode = False, 3, MISSION
-    px4.says("HEARTBEAT")
-    px4.run(3.0)
-    assert not any(event.failsafe for event in px4.events if isinstance(event, Telemetry))
+def test_a_landing_that_disarms_is_no_failsafe_though_another_mode_is_intended(landing):
+    landing.off.add("HEARTBEAT")
+    landing.intended = MISSION
+    landing.says("CURRENT_MODE")
+    landing.run(0.9)
+    assert not landing.last.failsafe
+    landing.armed, landing.status, landing.mode = False, 3, MISSION
+    landing.says("HEARTBEAT")
+    landing.run(3.0)
+    assert not any(event.failsafe for event in landing.events if isinstance(event, Telemetry))
 
 
-def test_a_failsafe_that_keeps_a_landing_up_shows_also_without_a_heartbeat(px4):
-    px4.mode = px4.intended = LAND
-    px4.run(2.0)
-    px4.off.add("HEARTBEAT")
-    px4.intended = MISSION
-    px4.says("CURRENT_MODE")
-    px4.run(2.0)
-    assert px4.last.failsafe
+def test_a_failsafe_that_keeps_a_landing_up_shows_also_without_a_heartbeat(landing):
+    landing.off.add("HEARTBEAT")
+    landing.intended = MISSION
+    landing.says("CURRENT_MODE")
+    landing.run(2.0)
+    assert landing.last.failsafe
 
 
-def test_a_pilot_who_takes_over_a_landing_shows_with_the_next_heartbeat(px4):
-    px4.mode = px4.intended = LAND
-    px4.run(2.0)
-    px4.mode = px4.intended = HOLD
-    px4.says("CURRENT_MODE")
-    px4.run(1.1)
-    assert (px4.last.mode, px4.last.armed) == (FlightMode.HOLD, True)
-
-
-def test_a_pilot_who_takes_over_a_landing_shows_also_without_a_heartbeat(px4):
-    px4.mode = px4.intended = LAND
-    px4.run(2.0)
-    px4.off.add("HEARTBEAT")
-    px4.mode = px4.intended = HOLD
-    px4.says("CURRENT_MODE")
-    px4.run(2.0)
-    assert px4.last.mode is FlightMode.HOLD
+@pytest.mark.parametrize(("off", "seconds"), [(set(), 1.1), ({"HEARTBEAT"}, 2.0)])
+def test_a_pilot_who_takes_over_a_landing_shows_also_without_a_heartbeat(landing, off, seconds):
+    landing.off |= off
+    landing.mode = landing.intended = HOLD
+    landing.says("CURRENT_MODE")
+    landing.run(seconds)
+    assert (landing.last.mode, landing.last.armed) == (FlightMode.HOLD, True)
 
 
 def test_disarmed_in_the_air_it_has_not_landed_before_the_heartbeat_tells(px4):
