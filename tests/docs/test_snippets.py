@@ -354,6 +354,14 @@ def test_a_route(monkeypatch, capsys):
     assert "Point(" in legs
 
 
+def test_a_route_of_another_planner(capsys):
+    exec(compile(ALL["routes.md python 2"].text, "routes.md", "exec"), {})  # noqa: S102 - our own
+    path, distance = capsys.readouterr().out.splitlines()
+    assert path == "[(0, 0), (35, 52), (38, 55), (62, 55), (120, 0)] 171"
+    assert distance.startswith("(5.0")
+    assert distance.endswith("'hall')")
+
+
 def test_what_check_prints_of_the_way_home(folder, capsys):
     printed = ALL["coming-home.md 1"].text.partition("\n\n")[2]
     mission = folder / "missions" / "pennovation" / "mission.yaml"
