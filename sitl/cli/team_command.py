@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +25,6 @@ from sitl.team.team import (
     TeamError,
     TeamSimulation,
     roles_of,
-    write_report,
 )
 from sitl.world.default_world import default_team
 from sitl.world.world_file import load_world
@@ -114,7 +114,9 @@ def _simulate(arguments: argparse.Namespace) -> None:
             simulation.run(stopped, pace.reached)
             content = simulation.report()
         if arguments.report is not None:
-            write_report(arguments.report, content)
+            arguments.report.parent.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(content, indent=1, allow_nan=False)
+            arguments.report.write_text(text + "\n", encoding="utf-8")
 
 
 def _places(arguments: argparse.Namespace, vehicles: Sequence[str]) -> Places:

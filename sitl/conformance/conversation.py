@@ -250,13 +250,16 @@ _FILES: Final = (
 def conversations() -> tuple[Conversation, ...]:
     """All of them, in the order of their files."""
     folder = files("sitl.conformance") / "cases"
+    texts = ((folder / f"{file}.yaml").read_text("utf-8") for file in _FILES)
+    return tuple(case for text in texts for case in cases_of(text))
+
+
+def cases_of(text: str) -> Iterator[Conversation]:
+    """The conversations of one file."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # five times as fast, where it is built
-    return tuple(
-        _conversation(name, *case)
-        for file in _FILES
-        for name, case in yaml.load((folder / f"{file}.yaml").read_text("utf-8"), loader).items()  # noqa: S506 - safe
-        if name != "definitions"
-    )
+    for name, case in yaml.load(text, loader).items():  # noqa: S506 - safe
+        if name != "definitions":
+            yield _conversation(name, *case)
 
 
 def _conversation(name: str, start: dict[str, Any], *steps: Any) -> Conversation:

@@ -15,6 +15,7 @@ _BODY: Final = 8
 _ABOVE_SEA: Final = frozenset({0, 5})
 _ABOVE_HOME: Final = frozenset({3, 6})
 _ABOVE_GROUND: Final = frozenset({10, 11})
+_EVENTS: Final = {"LOCAL_NED": "", "GLOBAL_INT": "gl_"}  # what names PX4's event
 _YAW_IGNORED: Final = 1 << 10  # POSITION_TARGET_TYPEMASK
 _YAW_RATE_IGNORED: Final = 1 << 11
 _POSITION_IGNORED: Final = (1, 2, 4)
@@ -42,7 +43,7 @@ def local_setpoint(message: Any, situation: Situation) -> Direct:
     """
     frame, mask = message.coordinate_frame, message.type_mask
     if frame not in (_LOCAL, _BODY):
-        raise RefusedSetpointError(_unknown_frame("LOCAL_NED", frame))
+        raise _unknown_frame("LOCAL_NED", frame)
     velocity = _set(mask, _VELOCITY_IGNORED, (message.vx, message.vy, message.vz))
     position: tuple[float | None, float | None, float | None] = (None, None, None)
     if frame == _LOCAL:
@@ -71,7 +72,7 @@ def global_setpoint(message: Any, situation: Situation) -> Direct:
     """
     frame, mask = message.coordinate_frame, message.type_mask
     if frame not in _ABOVE_SEA | _ABOVE_HOME | _ABOVE_GROUND:
-        raise RefusedSetpointError(_unknown_frame("GLOBAL_INT", frame))
+        raise _unknown_frame("GLOBAL_INT", frame)
     offset_m = 0.0
     if frame in _ABOVE_HOME:
         offset_m = situation.home_altitude_m
@@ -122,36 +123,23 @@ def _direct(
 
 
 def _check_something_is_set(
-    name: str, mask: int, position: tuple[float | None, ...], velocity: tuple[float | None, ...]
+    kind: str, mask: int, position: tuple[float | None, ...], velocity: tuple[float | None, ...]
 ) -> None:
     pushed = not all(mask & bit for bit in _ACCELERATION_IGNORED)
-    if any(value is not None for value in (*position, *velocity)) or pushed:
-        return
-    raise RefusedSetpointError(
-        Notice(
-            Severity.CRITICAL,
-            f"SET_POSITION_TARGET_{name} invalid",
-            "mavlink_rcv_sp_target_invalid"
-            if name == "LOCAL_NED"
-            else "mavlink_rcv_sp_target_gl_invalid",
-            Severity.ERROR,
-        )
-    )
+    if not pushed and all(value is None for value in (*position, *velocity)):
+        raise _refusal(kind, "invalid", "invalid")
 
 
-def _unknown_frame(name: str, frame: int) -> Notice:
-    event = (
-        "mavlink_rcv_sp_target_unsup_coord"
-        if name == "LOCAL_NED"
-        else "mavlink_rcv_sp_target_gl_unsup_coord"
-    )
-    return Notice(
-        Severity.CRITICAL,
-        f"SET_POSITION_TARGET_{name} coordinate frame {frame} unsupported",
-        event,
-        Severity.ERROR,
-        bytes((frame & 0xFF,)),
-    )
+def _unknown_frame(kind: str, frame: int) -> RefusedSetpointError:
+    words = f"coordinate frame {frame} unsupported"
+    return _refusal(kind, words, "unsup_coord", bytes((frame & 0xFF,)))
+
+
+def _refusal(kind: str, words: str, event: str, arguments: bytes = b"") -> RefusedSetpointError:
+    text = f"SET_POSITION_TARGET_{kind} {words}"
+    event = f"mavlink_rcv_sp_target_{_EVENTS[kind]}{event}"
+    notice = Notice(Severity.CRITICAL, text, event, Severity.ERROR, arguments)
+    return RefusedSetpointError(notice)
 
 
 def _set(

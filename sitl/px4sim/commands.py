@@ -110,17 +110,16 @@ class Commands:
         return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
 
     def _return(self, _: CommandRequest) -> CommandResult:
-        result = self._mode(FlightMode.AUTO_RTL)
-        if result is CommandResult.ACCEPTED:
-            self._autopilot.situation.say("Returning to launch", "commander_rtl")
-        return result
+        return self._told(self._mode(FlightMode.AUTO_RTL), "Returning to launch", "commander_rtl")
 
     def _land(self, _: CommandRequest) -> CommandResult:
         result = self._mode(FlightMode.AUTO_LAND, forced=True)
+        return self._told(result, "Landing at current position", "commander_landing_current_pos")
+
+    def _told(self, result: CommandResult, text: str, event: str) -> CommandResult:
+        """Say it if it was accepted."""
         if result is CommandResult.ACCEPTED:
-            self._autopilot.situation.say(
-                "Landing at current position", "commander_landing_current_pos"
-            )
+            self._autopilot.situation.say(text, event)
         return result
 
     def _take_off(self, request: CommandRequest) -> CommandResult:

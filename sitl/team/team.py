@@ -6,13 +6,11 @@ the world's time, and its position decides who hears it and what its camera sees
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import zmq
@@ -329,12 +327,6 @@ class TeamSimulation(Closeable):
 
 def _place(truth: TruthReceiver, camera: zmq.Socket[bytes]) -> dict[str, str]:
     return {"truth": truth.url, "camera": camera.getsockopt_string(zmq.LAST_ENDPOINT)}
-
-
-def write_report(path: Path, content: Mapping[str, Any]) -> None:
-    """Write the report. Raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _publisher(context: zmq.Context[zmq.Socket[bytes]], url: str) -> zmq.Socket[bytes]:

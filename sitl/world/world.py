@@ -211,14 +211,10 @@ class World:
         self.settings = settings
         # By name; a pair is in the order of vehicle, other vehicles, robots.
         self._ugvs = {name: _Ugv(robot, topics[name]) for name, robot in robots.items()}
-        self._pairs = {  # who hears whom
-            pair: Contact()
-            for pair in itertools.combinations((settings.vehicle, *settings.others, *robots), 2)
-        }
-        self.approaches = {  # of vehicles; `sitl.team.team_report` reads them
-            pair: Approach()
-            for pair in itertools.combinations((settings.vehicle, *settings.others), 2)
-        }
+        vehicles = (settings.vehicle, *settings.others)
+        # Who hears whom; and how near vehicles came, which `sitl.team.team_report` reads.
+        self._pairs = {pair: Contact() for pair in itertools.combinations((*vehicles, *robots), 2)}
+        self.approaches = {pair: Approach() for pair in itertools.combinations(vehicles, 2)}
         self._reading = Every(settings.reading_interval_s)
         self._picture = Every(settings.camera_interval_s)
         self._now_s: float | None = None  # of the last step

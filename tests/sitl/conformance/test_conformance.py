@@ -1,18 +1,13 @@
 """Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
 
-import copy
-import copyreg
 import json
 import socket
-import struct
 import threading
-from functools import cache
 
 import pytest
 
 from air_router.errors import ExitCode
 from sitl.cli import cli
-from sitl.conformance import conversation
 from sitl.conformance.conversation import (
     Conversation,
     Outcome,
@@ -22,52 +17,22 @@ from sitl.conformance.conversation import (
     converse,
 )
 from sitl.conformance.interpreter import VERBS, run_steps
-from sitl.conformance.line import Link, LocalLine, SilentVehicleError, UdpLine
-from sitl.conformance.session import Session
-from sitl.mavlink.mavlink_vehicle import STEP_S, VehicleSettings
-from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
+from sitl.conformance.line import Link, SilentVehicleError, UdpLine
+from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.mavlink.udp_link import PortInUseError
 from sitl.process.vehicle import Ports, VehicleProcess
-from sitl.px4sim.state.situation import Place
+from tests.sitl.prepared import HOME, local_line, ready_for
 
 CONVERSATIONS = conversations()
-HOME = Place(47.397742, 8.545594, 489.4)
-
-
-SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.items()}
-
-
-def line(version="1.17", links=frozenset({Link.API}), *, px4s_own=False):
-    """To a vehicle of our own: in half as many steps and with fewer messages, unless it matters."""
-    quick = {} if px4s_own else {"step_s": 2 * STEP_S, "onboard_rates_hz": SLOWER_HZ}
-    ground = Link.GROUND in links
-    settings = VehicleSettings(
-        HOME, seed=1, start_unix_s=1.7e9, px4_version=version, ground_link=ground, **quick
-    )
-    return LocalLine(settings)
 
 
 def held(*steps, version="1.17", **options):
-    return converse(Conversation("test", "a fact", "here", steps, **options), line(version))
-
-
-copyreg.pickle(struct.Struct, lambda one: (struct.Struct, (one.format,)))  # also to copy it
-
-
-@cache
-def ready(start, parameters, links, px4s_own):
-    """A vehicle at the start of a conversation: getting there is the same for many."""
-    session = Session(line(links=links, px4s_own=px4s_own))
-    wanted = Conversation("test", "a fact", "here", (), start, dict(parameters), links)
-    assert conversation._prepare(wanted, session, {}) == ""
-    return session
+    return converse(Conversation("test", "a fact", "here", steps, **options), local_line(version))
 
 
 @pytest.mark.parametrize("one", CONVERSATIONS, ids=lambda one: one.name)
 def test_our_autopilot_holds_to(one):
-    px4s_own = any("rates" in step for step in one.steps)
-    parameters = tuple(one.parameters.items())
-    run_steps(copy.deepcopy(ready(one.start, parameters, one.links, px4s_own)), one.steps)
+    run_steps(ready_for(one.start, one.parameters, one.links, steps=one.steps), one.steps)
 
 
 def test_every_one_says_where_its_fact_is_from():
@@ -125,7 +90,7 @@ class TestDepartures:
 
     def test_a_link_that_is_not_there_is_left_out(self):
         wanted = Conversation("test", "a fact", "here", (), links=frozenset(Link))
-        outcome = converse(wanted, line())
+        outcome = converse(wanted, local_line())
         assert outcome.left_out
         assert "GCS" in outcome.departure
 

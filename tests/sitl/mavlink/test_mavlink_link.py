@@ -1,18 +1,20 @@
 """What goes over the wire beside missions: answers, silences, streams, texts, parameters."""
 
 import math
-import struct
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
+from sitl.conformance.conversation import Start
+from sitl.conformance.interpreter import run_steps
+from sitl.conformance.line import Link
+from sitl.conformance.session import Session, event_id
 from sitl.mavlink.mavlink_codec import DEFINITIONS, Receiver, Sender
 from sitl.px4sim.state.notice import Notice, Outgoing, Severity
 from sitl.px4sim.state.parameters import Parameters, UnknownParameterError
-
-ACCEPTED, DENIED = 0, 2
+from tests.sitl.prepared import local_line, ready_for
 
 
 class TestCodec:
@@ -69,14 +71,11 @@ class TestCodec:
     def test_event_ids_are_px4s(self, name, number):
         assert Notice(Severity.INFO, event=name).event_id == number
 
-    def test_the_dialect_has_what_is_streamed(self, rig):
-        rig.run(5)
-        names = rig.vehicle._telemetry._builders
-        assert all(name in DEFINITIONS for name in names)
-        (one,) = struct.unpack("<f", struct.pack("<i", 1))  # of a whole number the bits are sent
-        rig.vehicle.autopilot.parameters.set("EKF2_DRAG_CTRL", one, 6)  # it estimates the wind
-        rig.fly()  # on the ground there is nothing to fly to
-        assert all(rig.vehicle._telemetry.message(name) is not None for name in names)
+    def test_the_dialect_has_what_is_streamed(self):
+        telemetry = ready_for(Start.AIR, {"EKF2_DRAG_CTRL": 1}).line.vehicle._telemetry
+        assert all(name in DEFINITIONS for name in telemetry._builders)
+        # On the ground there is nothing to fly to, and no wind is estimated.
+        assert all(telemetry.message(name) is not None for name in telemetry._builders)
 
 
 def heartbeat():
@@ -84,115 +83,64 @@ def heartbeat():
     return dict.fromkeys(names, 0)
 
 
-class TestCommands:
-    def test_home_and_reboot(self, rig):
-        rig.run(5)
-        assert rig.command(179, 1) == [ACCEPTED]
-        latitude, longitude = rig.degrees(30, 0)
-        assert rig.command(179, 0, 0, 0, 0, latitude, longitude, 480) == [ACCEPTED]
-        assert rig.autopilot.situation.home == pytest.approx((30, 0), abs=1)
-        assert rig.command(179, 0) == [DENIED]
-        assert rig.command(246, 0) == [ACCEPTED]
-
-    def test_an_answer_names_who_asked(self, rig):
-        rig.run(5)
-        rig.command(512, 148, source=(245, 190))
-        ack = rig.onboard.last("COMMAND_ACK")
-        assert (ack.command, ack.target_system, ack.target_component) == (512, 245, 190)
+def test_a_message_comes_before_its_acknowledgement():
+    session = ready_for()
+    session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
+    names = [message.name for message in session.line.vehicle.onboard.take_queue()]
+    assert names == ["AUTOPILOT_VERSION", "COMMAND_ACK"]
 
 
-class TestStreams:
-    def rate(self, rig, number, seconds=10, link="onboard"):
-        getattr(rig, link).FAST = frozenset()
-        ear = getattr(rig, link)
-        ear.clear()
-        rig.run(seconds)
-        name = mavlink.mavlink_map[number].msgname
-        return len(ear.all(name)) / seconds
-
-    def test_an_interval_is_set_and_taken_back(self, rig):
-        rig.run(5)
-        assert rig.command(511, 33, 200000) == [ACCEPTED]
-        assert self.rate(rig, 33) == pytest.approx(5, abs=0.11)
-        assert self.rate(rig, 33, link="ground") == pytest.approx(25, abs=0.2)  # every step
-        assert rig.command(511, 33, -1) == [ACCEPTED]
-        assert self.rate(rig, 33) == 0
-        assert rig.command(510, 33) == [ACCEPTED]
-        assert rig.onboard.last("MESSAGE_INTERVAL").interval_us == -1
-        assert rig.command(511, 33, 0) == [ACCEPTED]
-        assert self.rate(rig, 33) == pytest.approx(10, abs=0.2)
-
-    def test_a_message_comes_before_its_acknowledgement(self, rig):
-        rig.run(5)
-        assert rig.command(512, 148) == [ACCEPTED]
-        names = rig.onboard.names()
-        assert names.index("AUTOPILOT_VERSION") < names.index("COMMAND_ACK")
-        version = rig.onboard.last("AUTOPILOT_VERSION")
-        assert version.flight_sw_version == 0x011100FF
+def test_events_are_numbered():
+    session = ready_for()
+    run_steps(session, [{"command": "COMPONENT_ARM_DISARM", "params": (1,)}, {"wait": 8.0}])
+    total = session.newest("CURRENT_EVENT_SEQUENCE")["sequence"]
+    assert total == session.line.vehicle._telemetry.status.events_sent - 1 > 10
 
 
-class TestTexts:
-    def test_events_are_numbered(self, rig):
-        rig.ready()
-        rig.command(400, 1)
-        rig.run(8)  # the reports of its health come within seconds
-        total = rig.onboard.last("CURRENT_EVENT_SEQUENCE").sequence
-        assert total == rig.vehicle._telemetry.status.events_sent - 1 > 10
+def test_the_health_report_is_the_recorded_one():
+    session = Session(local_line())
+    session.run(10)
+    summaries = [
+        bytes(event.fields["arguments"])[:17].hex()
+        for event in session.since("EVENT")
+        if event.fields["id"] == event_id("commander_arming_check_summary")
+    ]
+    assert summaries[0].startswith("000000130180000000")  # attitude, positions, no sticks
+    assert summaries[-1] == "000000100080000000b03a7f80b03a7f80"  # what it can be armed in
 
-    def test_the_health_report_is_the_recorded_one(self, rig):
-        rig.run(10)
-        summaries = [
-            event.arguments[:17].hex()
-            for event in rig.onboard.all("EVENT")
-            if Notice(Severity.INFO, event="commander_arming_check_summary").event_id == event.id
-        ]
-        assert summaries[0].startswith("000000130180000000")  # attitude, positions, no sticks
-        assert summaries[-1] == "000000100080000000b03a7f80b03a7f80"  # what it can be armed in
 
-    def test_a_command_to_the_vehicle_is_not_passed_on(self, rig):
-        rig.run(5)
-        rig.vehicle.ground.take_frames()
-        sender = mavlink.MAVLink(None, 1, 191)
-        command = sender.command_long_encode(1, 1, 512, 0, 148, *(math.nan,) * 6).pack(sender)
-        rig.vehicle.receive(rig.vehicle.onboard, command)
-        assert rig.vehicle.ground.take_frames() == []
+def test_a_command_to_the_vehicle_is_not_passed_on():
+    session = ready_for(links=frozenset(Link))
+    session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
+    assert session.line.vehicle.ground.take_frames() == []
 
 
 class TestParameters:
-    def values(self, rig, name, *fields):
-        rig.onboard.clear()
-        rig.send(name, *fields)
-        rig.run(0.1)
-        return [(value.param_id, value.param_value) for value in rig.onboard.all("PARAM_VALUE")]
+    def values(self, session, name, **fields):
+        session.mark()
+        session.say(name, **fields)
+        session.run(0.1)
+        return [value.fields for value in session.since("PARAM_VALUE")]
 
-    def test_read_by_name_and_by_index(self, rig):
-        rig.run(3)
-        assert self.values(rig, "param_request_read", 1, 1, b"NAV_ACC_RAD", -1) == [
-            ("NAV_ACC_RAD", 2.0)
-        ]
-        (index,) = {value.param_index for value in rig.onboard.all("PARAM_VALUE")}
-        assert self.values(rig, "param_request_read", 1, 1, b"", index) == [("NAV_ACC_RAD", 2.0)]
+    def test_read_by_name_and_by_index(self):
+        session = ready_for()
+        asked = {"param_id": "NAV_ACC_RAD", "param_index": -1}
+        (by_name,) = self.values(session, "PARAM_REQUEST_READ", **asked)
+        assert (by_name["param_id"], by_name["param_value"]) == ("NAV_ACC_RAD", 2.0)
+        index = by_name["param_index"]
+        assert self.values(session, "PARAM_REQUEST_READ", param_index=index) == [by_name]
 
-    def test_the_hash_tells_a_ground_station_that_it_has_them_all(self, rig):
-        rig.run(3)
-        before = self.values(rig, "param_request_read", 1, 1, b"_HASH_CHECK", -1)
+    def test_the_hash_tells_a_ground_station_that_it_has_them_all(self):
+        session = ready_for()
+        asked = {"param_id": "_HASH_CHECK", "param_index": -1}
+        before = self.values(session, "PARAM_REQUEST_READ", **asked)
         assert len(before) == 1
-        (wire,) = struct.unpack("<f", struct.pack("<i", 3))
-        self.values(rig, "param_set", 1, 1, b"GF_ACTION", wire, 6)
-        assert self.values(rig, "param_request_read", 1, 1, b"_HASH_CHECK", -1) != before
-        rig.onboard.clear()
-        rig.send("param_request_list", 1, 1)
-        rig.run(0.1)
-        rig.send("param_set", 1, 1, b"_HASH_CHECK", 0.0, 5)
-        rig.run(2)
-        assert len(rig.onboard.all("PARAM_VALUE")) < 200  # it stops
-
-    def test_a_changed_speed_is_flown(self, rig):
-        rig.fly()
-        self.values(rig, "param_set", 1, 1, b"MPC_XY_CRUISE", 3.0, 9)
-        rig.reposition(60, 0, math.nan)
-        rig.run(5)
-        assert rig.autopilot.situation.velocity_m_s[0] == pytest.approx(2.7, abs=0.35)
+        run_steps(session, [{"set parameter": "GF_ACTION", "value": 3}])
+        assert self.values(session, "PARAM_REQUEST_READ", **asked) != before
+        self.values(session, "PARAM_REQUEST_LIST")
+        session.say("PARAM_SET", param_id="_HASH_CHECK", param_type=5)
+        session.run(2)
+        assert len(session.since("PARAM_VALUE")) < 200  # it stops
 
     def test_only_known_ones_can_be_given_at_the_start(self):
         with pytest.raises(UnknownParameterError, match="NO_SUCH"):
@@ -241,37 +189,17 @@ def random_frames(draw):
     return sender.pack(Outgoing(message.msgname, values))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     datagrams=st.lists(st.one_of(st.binary(max_size=300), random_frames()), max_size=30),
-    flying=st.booleans(),
+    start=st.sampled_from((Start.GROUND, Start.AIR)),
 )
-def test_nothing_that_comes_in_ever_raises(flown, datagrams, flying):
-    rig = flown(flying)
+def test_nothing_that_comes_in_ever_raises(datagrams, start):
+    session = ready_for(start, links=frozenset(Link))
+    vehicle = session.line.vehicle
     for datagram in datagrams:
-        for link in (rig.vehicle.onboard, rig.vehicle.ground):
-            rig.vehicle.receive(link, datagram)
-        rig.run(0.1)
-    rig.run(3)
-    assert all(math.isfinite(value) for value in rig.position())
-
-
-@pytest.fixture
-def flown(make_rig):
-    def make(flying):
-        rig = make_rig()
-        rig.ready()
-        if flying:
-            rig.autopilot.arm()
-            rig.autopilot.take_off(500.0)
-            rig.command(22)
-            rig.run(8)
-        return rig
-
-    return make
-
-
-def test_since_when_it_flies_is_told_when_it_is_asked_for(rig):
-    rig.run(5)
-    assert rig.command(512, 264) == [ACCEPTED]
-    assert rig.onboard.last("FLIGHT_INFORMATION").takeoff_time_utc == 0
+        for link in (vehicle.onboard, vehicle.ground):
+            vehicle.receive(link, datagram)
+        session.run(0.1)
+    session.run(3)
+    airframe = vehicle.autopilot.airframe
+    assert all(map(math.isfinite, (airframe.north_m, airframe.east_m, airframe.up_m)))
