@@ -6,7 +6,6 @@ docs/control.md describes both. Whether it is done is for the controller to say.
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import Annotated, Any, Final, Protocol
 
 from pydantic import BaseModel, Field, ValidationError
@@ -40,15 +39,13 @@ class CommandRequestError(AirRouterError, ValueError):
     exit_code = ExitCode.USAGE
 
 
-_PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = MappingProxyType(
-    {
-        "hold": HoldNow,
-        "explore": ExploreNow,
-        "home": ComeHome,
-        "land": LandNow,
-        "reload": Reload,
-    }
-)
+_PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = {
+    "hold": HoldNow,
+    "explore": ExploreNow,
+    "home": ComeHome,
+    "land": LandNow,
+    "reload": Reload,
+}
 """Requests that say nothing but who asks, by their verbs."""
 
 
@@ -129,20 +126,18 @@ class View(CommandRequest):
     map: bool = False
 
 
-MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
-    {
-        "hold": CommandRequest,
-        "resume": _Resume,
-        "seek": _Seek,
-        "explore": CommandRequest,
-        "home": CommandRequest,
-        "land": CommandRequest,
-        "goto": _GoTo,
-        "reload": CommandRequest,
-        "status": CommandRequest,
-        "view": View,
-    }
-)
+MODELS: Final[Mapping[str, type[CommandRequest]]] = {
+    "hold": CommandRequest,
+    "resume": _Resume,
+    "seek": _Seek,
+    "explore": CommandRequest,
+    "home": CommandRequest,
+    "land": CommandRequest,
+    "goto": _GoTo,
+    "reload": CommandRequest,
+    "status": CommandRequest,
+    "view": View,
+}
 """The model of every verb."""
 
 VERBS: Final = ", ".join(MODELS)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from datetime import timedelta
 from enum import Enum
 from functools import cache
-from types import MappingProxyType, NoneType
+from types import NoneType
 from typing import Any, Final, get_args, get_origin
 
 from air_router.controller.model.actions import Motion
@@ -51,15 +51,13 @@ def channel_of(kind: str, of: Any) -> RecordChannel:
     return RecordChannel(f"/{kind}/{name}", f"air_router.{name}", _timed(schema_of(of)))
 
 
-NOTES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
-    {
-        "Clock": {"unix_s": float},
-        "Reaction": {"reaction_s": float},
-        "Map": {"known_cells": int},
-        "MapPublished": {"known_cells": int},
-        "Held": {"peer": str, "held": list[tuple[str, str, float]]},
-    }
-)
+NOTES: Final[Mapping[str, Mapping[str, Any]]] = {
+    "Clock": {"unix_s": float},
+    "Reaction": {"reaction_s": float},
+    "Map": {"known_cells": int},
+    "MapPublished": {"known_cells": int},
+    "Held": {"peer": str, "held": list[tuple[str, str, float]]},
+}
 """Notes that a replay or a report reads, with the types of their fields; others are for people."""
 
 

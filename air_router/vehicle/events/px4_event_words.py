@@ -9,46 +9,40 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-MODES: Final = MappingProxyType(
-    {
-        0: "Manual",
-        1: "Altitude",
-        2: "Position",
-        3: "Mission",
-        4: "Hold",
-        5: "Return",
-        6: "Acro",
-        7: "Offboard",
-        8: "Stabilized",
-        10: "Takeoff",
-        11: "Land",
-        14: "Orbit",
-    }
-)
-ACTIONS: Final = MappingProxyType(
-    {
-        1: "a warning",
-        2: "Position mode",
-        3: "Altitude mode",
-        4: "Stabilized mode",
-        5: "Hold",
-        6: "Return",
-        7: "Land",
-        8: "a blind descent",
-        9: "disarming",
-        10: "termination",
-    }
-)
-CAUSES: Final = MappingProxyType(
-    {
-        1: "manual control lost",
-        2: "ground station lost",
-        3: "battery low",
-        4: "battery critical",
-        5: "battery at emergency level",
-        6: "flight time running out",
-    }
-)
+MODES: Final[Mapping[int, str]] = {
+    0: "Manual",
+    1: "Altitude",
+    2: "Position",
+    3: "Mission",
+    4: "Hold",
+    5: "Return",
+    6: "Acro",
+    7: "Offboard",
+    8: "Stabilized",
+    10: "Takeoff",
+    11: "Land",
+    14: "Orbit",
+}
+ACTIONS: Final[Mapping[int, str]] = {
+    1: "a warning",
+    2: "Position mode",
+    3: "Altitude mode",
+    4: "Stabilized mode",
+    5: "Hold",
+    6: "Return",
+    7: "Land",
+    8: "a blind descent",
+    9: "disarming",
+    10: "termination",
+}
+CAUSES: Final[Mapping[int, str]] = {
+    1: "manual control lost",
+    2: "ground station lost",
+    3: "battery low",
+    4: "battery critical",
+    5: "battery at emergency level",
+    6: "flight time running out",
+}
 
 _Words = Mapping[str, tuple[str, str]]
 

@@ -9,15 +9,13 @@ from air_router.vehicle.vehicle import FlightMode
 
 MAIN_AUTO: Final = 4
 
-_AUTO_MODES: Final = MappingProxyType(
-    {
-        2: FlightMode.TAKEOFF,
-        3: FlightMode.HOLD,
-        4: FlightMode.MISSION,
-        5: FlightMode.RETURN,
-        6: FlightMode.LAND,
-    }
-)
+_AUTO_MODES: Final[Mapping[int, FlightMode]] = {
+    2: FlightMode.TAKEOFF,
+    3: FlightMode.HOLD,
+    4: FlightMode.MISSION,
+    5: FlightMode.RETURN,
+    6: FlightMode.LAND,
+}
 _MANUAL_MODES: Final = MappingProxyType({2: FlightMode.ALTITUDE, 3: FlightMode.POSITION})
 _SUB_MODES: Final = MappingProxyType({mode: sub for sub, mode in _AUTO_MODES.items()})
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
@@ -17,25 +17,26 @@ SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
 GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
 WIND_COV = 231
 AUTOPILOT_VERSION, HOME_POSITION, FLIGHT_INFORMATION = 148, 242, 264
-RATES_HZ: Final = MappingProxyType(
-    {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0, WIND_COV: 1.0}
-)
+RATES_HZ: Final[Mapping[int, float]] = {
+    GLOBAL_POSITION_INT: 10.0,
+    POSITION_TARGET_GLOBAL_INT: 2.0,
+    GPS_RAW_INT: 2.0,
+    WIND_COV: 1.0,
+}
 """How often we want what PX4 sends so often that reading it takes our time."""
 
 ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
 """What is asked for on connecting."""
 
-STREAMS: Final = MappingProxyType(
-    {
-        "HEARTBEAT": 0,
-        "SYS_STATUS": 1,
-        "GPS_RAW_INT": GPS_RAW_INT,
-        "GLOBAL_POSITION_INT": GLOBAL_POSITION_INT,
-        "MISSION_CURRENT": 42,
-        "POSITION_TARGET_GLOBAL_INT": POSITION_TARGET_GLOBAL_INT,
-        "EXTENDED_SYS_STATE": 245,
-    }
-)
+STREAMS: Final[Mapping[str, int]] = {
+    "HEARTBEAT": 0,
+    "SYS_STATUS": 1,
+    "GPS_RAW_INT": GPS_RAW_INT,
+    "GLOBAL_POSITION_INT": GLOBAL_POSITION_INT,
+    "MISSION_CURRENT": 42,
+    "POSITION_TARGET_GLOBAL_INT": POSITION_TARGET_GLOBAL_INT,
+    "EXTENDED_SYS_STATE": 245,
+}
 """What a flight rests on, by message id."""
 
 ASK_AGAIN_S: Final = 2.0

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Final
 
 from air_router.vehicle.input_limits import IN_AIR_S
@@ -24,17 +23,15 @@ LIFTED_M: Final = 2.0
 """What climbs so high has lifted off, whatever its landed state says; what falls is not down."""
 
 _ON_GROUND: Final = 1  # MAV_LANDED_STATE
-_AGES: Final = MappingProxyType(
-    {
-        "GLOBAL_POSITION_INT": "position_s",
-        "HEARTBEAT": "armed_s",
-        "SYS_STATUS": "battery_s",
-        "GPS_RAW_INT": "fix_s",
-        "EXTENDED_SYS_STATE": "landed_s",
-        "MISSION_CURRENT": "item_s",
-        "POSITION_TARGET_GLOBAL_INT": "target_s",
-    }
-)
+_AGES: Final[Mapping[str, str]] = {
+    "GLOBAL_POSITION_INT": "position_s",
+    "HEARTBEAT": "armed_s",
+    "SYS_STATUS": "battery_s",
+    "GPS_RAW_INT": "fix_s",
+    "EXTENDED_SYS_STATE": "landed_s",
+    "MISSION_CURRENT": "item_s",
+    "POSITION_TARGET_GLOBAL_INT": "target_s",
+}
 _Fields = Mapping[str, Any]
 
 
