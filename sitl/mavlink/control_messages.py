@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 from sitl.mavlink.position_messages import (
-    Builders,
     Fields,
     MessageBuilder,
     degrees_e7,
@@ -28,16 +27,6 @@ _NO_COVARIANCE: Final = (_NAN, *(0.0,) * 20)
 class ControlMessages(MessageBuilder):
     """Of targets, servos and sensors."""
 
-    def builders(self) -> Builders:
-        """By message name."""
-        return {
-            "POSITION_TARGET_LOCAL_NED": self._local_target,
-            "POSITION_TARGET_GLOBAL_INT": self._global_target,
-            "SERVO_OUTPUT_RAW": self._servos,
-            "ODOMETRY": self._odometry,
-            "HIGHRES_IMU": self._imu,
-        }
-
     def _target(self) -> tuple[float, float, float]:
         """North, east and altitude that are flown to; NaN where there are none."""
         setpoint = self._situation.setpoint
@@ -50,7 +39,7 @@ class ControlMessages(MessageBuilder):
         landing = setpoint.kind is SetpointKind.LAND
         return setpoint.north_m, setpoint.east_m, _NAN if landing else setpoint.altitude_m
 
-    def _local_target(self) -> Fields:
+    def _position_target_local_ned(self) -> Fields:
         north, east, altitude_m = self._target()
         velocity_north, velocity_east, velocity_up = self._situation.velocity_m_s
         return {
@@ -65,7 +54,7 @@ class ControlMessages(MessageBuilder):
             "yaw": self._situation.heading_rad,
         }
 
-    def _global_target(self) -> Fields | None:
+    def _position_target_global_int(self) -> Fields | None:
         north, east, altitude_m = self._target()
         if not (math.isfinite(north) and math.isfinite(altitude_m)):
             return None
@@ -79,7 +68,7 @@ class ControlMessages(MessageBuilder):
             "yaw": self._situation.heading_rad,
         }
 
-    def _servos(self) -> Fields:
+    def _servo_output_raw(self) -> Fields:
         turning = self._autopilot.armed and not self._autopilot.terminated
         pulse = _HOVER_US if turning and not self._situation.landed else _IDLE_US
         return {
@@ -109,7 +98,7 @@ class ControlMessages(MessageBuilder):
             "estimator_type": 8,
         }
 
-    def _imu(self) -> Fields:
+    def _highres_imu(self) -> Fields:
         airframe, noise = self._autopilot.airframe, self._autopilot.errors.sensor_noise
         roll, pitch, _ = airframe.attitude_rad()
         return {

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
+from sitl.mavlink.mavlink_codec import DEFINITIONS
 from sitl.px4sim.autopilot import HOME_AFTER_S, Autopilot
 from sitl.px4sim.positioning import FEWEST_SATELLITES
 
@@ -15,13 +16,12 @@ _GPS_ALTITUDE_NOISE_M: Final = 0.45
 
 Fields = dict[str, Any]
 
-
 Builders = dict[str, Callable[[], Fields | None]]
 """By message name; None means: nothing to say."""
 
 
 class MessageBuilder:
-    """Builds the fields of some of a vehicle's messages.
+    """Builds the fields of some of a vehicle's messages: a method is called as its message.
 
     Attributes:
         boot_ms: time_boot_ms.
@@ -31,6 +31,11 @@ class MessageBuilder:
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
         self._situation = autopilot.situation  # one object for ever, renewed in every step
+
+    def builders(self) -> Builders:
+        """By message name."""
+        named = {name: getattr(self, f"_{name.lower()}", None) for name in DEFINITIONS}
+        return {name: builder for name, builder in named.items() if builder is not None}
 
     @property
     def boot_ms(self) -> int:
@@ -46,22 +51,7 @@ class MessageBuilder:
 class PositionMessages(MessageBuilder):
     """Of position and attitude."""
 
-    def builders(self) -> Builders:
-        """By message name."""
-        return {
-            "GPS_RAW_INT": self._gps,
-            "ATTITUDE": self._attitude,
-            "ATTITUDE_QUATERNION": self._attitude_quaternion,
-            "LOCAL_POSITION_NED": self._local_position,
-            "GLOBAL_POSITION_INT": self._global_position,
-            "VFR_HUD": self._vfr_hud,
-            "ALTITUDE": self._altitude,
-            "HOME_POSITION": self._home,
-            "WIND_COV": self._wind,
-            "HIL_STATE_QUATERNION": self._truth,
-        }
-
-    def _gps(self) -> Fields:
+    def _gps_raw_int(self) -> Fields:
         """What the receiver says: the truth and its own noise, not the estimate."""
         airframe, noise = self._autopilot.airframe, self._autopilot.errors.sensor_noise
         latitude, longitude = degrees_e7(
@@ -112,7 +102,7 @@ class PositionMessages(MessageBuilder):
             "yawspeed": self._autopilot.airframe.yaw_rate_rad_s,
         }
 
-    def _local_position(self) -> Fields:
+    def _local_position_ned(self) -> Fields:
         situation = self._situation
         north, east, up = situation.velocity_m_s
         return {
@@ -125,7 +115,7 @@ class PositionMessages(MessageBuilder):
             "vz": -up,
         }
 
-    def _global_position(self) -> Fields | None:
+    def _global_position_int(self) -> Fields | None:
         situation = self._situation
         if situation.time_s < POSITION_AFTER_S:
             return None
@@ -166,7 +156,7 @@ class PositionMessages(MessageBuilder):
             "bottom_clearance": math.nan,
         }
 
-    def _wind(self) -> Fields | None:
+    def _wind_cov(self) -> Fields | None:
         """Estimated in flight, where that is switched on."""
         autopilot = self._autopilot
         if autopilot.parameters["EKF2_DRAG_CTRL"] == 0 or self._situation.landed:
@@ -179,7 +169,7 @@ class PositionMessages(MessageBuilder):
             "wind_alt": self._situation.altitude_m,
         }
 
-    def _home(self) -> Fields | None:
+    def _home_position(self) -> Fields | None:
         situation = self._situation
         if situation.home is None or situation.time_s < HOME_AFTER_S:
             return None
@@ -195,7 +185,7 @@ class PositionMessages(MessageBuilder):
             "time_usec": self.boot_us,
         }
 
-    def _truth(self) -> Fields:
+    def _hil_state_quaternion(self) -> Fields:
         airframe, place = self._autopilot.airframe, self._autopilot.place
         latitude, longitude = degrees_e7(
             *self._situation.projection.to_global(airframe.north_m, airframe.east_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from sitl.mavlink.position_messages import POSITION_AFTER_S, Builders, Fields, MessageBuilder
+from sitl.mavlink.position_messages import POSITION_AFTER_S, Fields, MessageBuilder
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state.px4_modes import FlightMode
 
@@ -45,22 +45,6 @@ class StatusMessages(MessageBuilder):
         self._start_unix_s = start_unix_s
         self._version_number = version
         self.events_sent = 0
-
-    def builders(self) -> Builders:
-        """By message name."""
-        return {
-            "HEARTBEAT": self._heartbeat,
-            "SYS_STATUS": self._sys_status,
-            "SYSTEM_TIME": self._system_time,
-            "TIMESYNC": self._timesync,
-            "BATTERY_STATUS": self._battery,
-            "ESTIMATOR_STATUS": self._estimator,
-            "EXTENDED_SYS_STATE": self._extended_state,
-            "CURRENT_EVENT_SEQUENCE": self._event_sequence,
-            "CURRENT_MODE": self._current_mode,
-            "AUTOPILOT_VERSION": self._version,
-            "FLIGHT_INFORMATION": self._flight_information,
-        }
 
     def _heartbeat(self) -> Fields:
         autopilot = self._autopilot
@@ -105,7 +89,7 @@ class StatusMessages(MessageBuilder):
             "ts1": self.boot_us * 1000,
         }
 
-    def _battery(self) -> Fields:
+    def _battery_status(self) -> Fields:
         battery = self._autopilot.battery
         return {
             "battery_function": 1,
@@ -119,7 +103,7 @@ class StatusMessages(MessageBuilder):
             "charge_state": battery.warning + 1,
         }
 
-    def _estimator(self) -> Fields:
+    def _estimator_status(self) -> Fields:
         return {
             "time_usec": self.boot_us,
             "flags": self._estimator_flags(),
@@ -138,7 +122,7 @@ class StatusMessages(MessageBuilder):
             return 895 if self._autopilot.positioning.fused else 101
         return 831
 
-    def _extended_state(self) -> Fields:
+    def _extended_sys_state(self) -> Fields:
         autopilot = self._autopilot
         if autopilot.situation.landed:
             state = 1
@@ -148,7 +132,7 @@ class StatusMessages(MessageBuilder):
             state = 3 if autopilot.taking_off else 2
         return {"vtol_state": 0, "landed_state": state}
 
-    def _event_sequence(self) -> Fields:
+    def _current_event_sequence(self) -> Fields:
         return {"sequence": (self.events_sent - 1) & 0xFFFF, "flags": 0}
 
     def _current_mode(self) -> Fields:
@@ -167,7 +151,7 @@ class StatusMessages(MessageBuilder):
             "takeoff_time_utc": round((situation.took_off_s or 0.0) * 1e6) if flies else 0,
         }
 
-    def _version(self) -> Fields:
+    def _autopilot_version(self) -> Fields:
         identifier = self._autopilot.parameters["MAV_SYS_ID"]
         return {
             "capabilities": _CAPABILITIES,

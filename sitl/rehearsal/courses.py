@@ -89,14 +89,24 @@ def often(
     return course
 
 
-def jumps(dice: random.Random) -> Schedule:
-    """The position estimate jumps and comes back, four times."""
-    happen = []
-    for _ in range(4):
-        at_s = dice.uniform(0.0, 150.0)
-        happen.append(ScheduledFault(at_s, "jump", dice.uniform(0.0, 2 * math.pi)))
-        happen.append(ScheduledFault(at_s + dice.uniform(3.0, 15.0), "jump back"))
-    return happen
+def spells(
+    times: int,
+    within_s: float,
+    begin: Callable[[random.Random], tuple[str, Any]],
+    end: tuple[str, Any],
+    lasts_s: tuple[float, float],
+) -> Course:
+    """Something that begins some times within so long, and each time ends after a while."""
+
+    def course(dice: random.Random) -> Schedule:
+        happen = []
+        for _ in range(times):
+            at_s = dice.uniform(0.0, within_s)
+            happen.append(ScheduledFault(at_s, *begin(dice)))
+            happen.append(ScheduledFault(at_s + dice.uniform(*lasts_s), *end))
+        return happen
+
+    return course
 
 
 def height(dice: random.Random) -> Schedule:
@@ -115,16 +125,6 @@ def drift(sideways: float, up: float) -> Course:
         return [ScheduledFault(float(s), "drift", off) for s in range(dice.choice((15, 30)))]
 
     return course
-
-
-def busy(dice: random.Random) -> Schedule:
-    """A station downloads the plan, six times."""
-    happen = []
-    for _ in range(6):
-        at_s = dice.uniform(0.0, 160.0)
-        happen.append(ScheduledFault(at_s, "busy", True))
-        happen.append(ScheduledFault(at_s + dice.uniform(1.0, 8.0), "busy", False))
-    return happen
 
 
 def hand_back(dice: random.Random) -> Schedule:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,18 +23,17 @@ from sitl.rehearsal.courses import (
     Schedule,
     ScheduledFault,
     brief,
-    busy,
     diverted,
     drift,
     hand_back,
     height,
-    jumps,
     lie,
     often,
     on_board,
     one,
     restart_taken,
     span,
+    spells,
     stream,
     taken_in_haste,
     two_stations,
@@ -47,6 +47,12 @@ PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "lan
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
 FLIGHT_S: Final = 260.0
+
+
+_JUMPS: Final = spells(
+    4, 150.0, lambda d: ("jump", d.uniform(0.0, 2 * math.pi)), ("jump back", None), (3.0, 15.0)
+)
+_BUSY: Final = spells(6, 160.0, lambda _: ("busy", True), ("busy", False), (1.0, 8.0))
 
 
 class Kind(NamedTuple):
@@ -71,7 +77,7 @@ class Fault(Enum):
     NONE = Kind("nothing", 6)
     GUSTS = Kind("wind to 10 m/s with gusts", 20)
     STORM = Kind("wind of 12 to 25 m/s with gusts", 12)
-    JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, jumps, "INIT")
+    JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, _JUMPS, "INIT")
     DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, drift(0.3, 0.0))
     ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, height)
     BAROMETER = Kind("altitude estimate drifts by 0.3 m/s", 12, drift(0.0, 0.3))
@@ -99,7 +105,7 @@ class Fault(Enum):
         span("satellites", on=0, off=12, seconds=lambda d: d.uniform(2.0, 20.0)),
     )
     UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
-    BUSY = Kind("jumps dropped while a station downloads the plan", 8, busy, "INIT")
+    BUSY = Kind("jumps dropped while a station downloads the plan", 8, _BUSY, "INIT")
     PILOT = Kind("pilot takes over", 48, one("pilot", lambda d: d.choice(ON_MODE)))
     STICKS = Kind("pilot moves the sticks", 16, one("sticks", lambda _: True))
     STICKS_ONLY = Kind(
