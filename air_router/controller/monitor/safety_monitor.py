@@ -29,6 +29,11 @@ FOREIGN_TARGET_M: Final = 4.0
 BRAKED_S: Final = 3.0
 """After so long in Hold the place that it hovers at is where we stopped it."""
 
+HOVERS_M: Final = 2.0
+HOVERS_M_S: Final = 1.0
+"""What is slower, and nearer to its target, hovers there. Another target it has not told anew since
+it was stopped: streams may be late by seconds of a fast simulation."""
+
 BRAKING_M: Final = 15.0
 """It stops nearer than this to where it is then; a place farther off is another's order."""
 
@@ -141,10 +146,12 @@ class SafetyMonitor:
         if place is not None:
             return _elsewhere(telemetry, place)
         if telemetry.told_s - since_s >= BRAKED_S:
-            target = telemetry.target
-            if target is not None and math.dist(target, telemetry.position) > BRAKING_M:
+            target, speed_m_s = telemetry.target, math.hypot(*telemetry.velocity_m_s)
+            off_m = 0.0 if target is None else math.dist(target, telemetry.position)
+            if off_m > BRAKING_M:
                 return _ELSEWHERE
-            self._held = (hold, since_s, telemetry.target)
+            if off_m <= HOVERS_M and speed_m_s <= HOVERS_M_S:
+                self._held = (hold, since_s, target)
         return None
 
 

@@ -63,8 +63,22 @@ def test_where_it_stopped_is_ours_and_another_place_is_not(watched):
     hold = HoldHere("why")
     assert watched(hold, (1.0, 3.0), target=HERE) is EventKind.GOOD
     # It has braked: this is the place.
-    assert watched(hold, (4.0, 9.0), target=THERE) is EventKind.GOOD
-    assert watched(hold, (10.0, 12.0), target=HERE) is EventKind.FOREIGN_ORDER
+    assert watched(hold, (4.0, 9.0), target=THERE, position=THERE) is EventKind.GOOD
+    assert watched(hold, (10.0, 12.0), target=HERE, position=THERE) is EventKind.FOREIGN_ORDER
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity_m_s"), [(Point(4.0, 0.0), (0.0, 0.0)), (Point(9.0, 0.0), (5.0, 0.0))]
+)
+def test_the_target_of_before_a_hold_that_is_told_late_is_not_where_it_stopped(
+    watched, position, velocity_m_s
+):
+    """A stop ten metres before the point that it flew to, then its target is heard, at last."""
+    hold = HoldHere("why")
+    late = {"target": THERE, "position": position, "velocity_m_s": velocity_m_s}
+    assert watched(hold, (1.0, 4.0, 5.0), **late) is EventKind.GOOD
+    assert watched(hold, (6.0, 9.0, 20.0), target=HERE, position=HERE) is EventKind.GOOD
+    assert watched(hold, (21.0, 23.0), target=THERE, position=HERE) is EventKind.FOREIGN_ORDER
 
 
 def test_a_far_place_right_after_a_hold_is_not_where_it_stopped(watched, pennovation):
