@@ -64,6 +64,9 @@ class VehicleProcess(Closeable):
         ports: Its places on the network.
         pace: Which processes the clock waits for; None: none. Closed with the vehicle.
 
+    Attributes:
+        vehicle: The vehicle that runs.
+
     Raises:
         PortInUseError: one of the ports is taken.
     """
@@ -71,21 +74,16 @@ class VehicleProcess(Closeable):
     def __init__(self, settings: VehicleSettings, ports: Ports, pace: Pace | None = None) -> None:
         self._speed = settings.speed  # times real time, at most
         self._pace = pace or Pace()  # without one it waits for no process
-        self._vehicle = MavlinkVehicle(settings)
+        self.vehicle = MavlinkVehicle(settings)
         self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
         try:
-            self._open(self._vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
+            self._open(self.vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
             if ports.ground_to is not None:
-                self._open(self._vehicle.ground, ports.ground_bind, ports.ground_to, "GCS link")
-            self._open(self._vehicle.truth, ports.truth_bind, ports.truth_to, "truth")
+                self._open(self.vehicle.ground, ports.ground_bind, ports.ground_to, "GCS link")
+            self._open(self.vehicle.truth, ports.truth_bind, ports.truth_to, "truth")
         except BaseException:
             self.close()
             raise
-
-    @property
-    def vehicle(self) -> MavlinkVehicle:
-        """The vehicle that runs."""
-        return self._vehicle
 
     def port(self, link: MavlinkLink) -> int:
         """The port that a link receives on."""
@@ -102,7 +100,7 @@ class VehicleProcess(Closeable):
         held = False
         while not stopped():
             now_s = time.monotonic()
-            limit = self._pace.limit(self._vehicle.autopilot.time_s, now_s)
+            limit = self._pace.limit(self.vehicle.autopilot.time_s, now_s)
             step_s = STEP_S / min(self._speed, limit.most_speed)
             if now_s - next_s > _MOST_BEHIND_S:
                 if not held:
@@ -110,8 +108,8 @@ class VehicleProcess(Closeable):
                     _log.log(level, "too slow for this speed: %.2f s of real time lost", late_s)
                     level = logging.DEBUG  # once is enough
                 next_s = now_s
-            while next_s <= now_s and self._vehicle.autopilot.time_s < limit.until_s - _SOON_S:
-                self._vehicle.step()
+            while next_s <= now_s and self.vehicle.autopilot.time_s < limit.until_s - _SOON_S:
+                self.vehicle.step()
                 next_s += step_s
             held = next_s <= now_s
             self._flush()
@@ -141,13 +139,13 @@ class VehicleProcess(Closeable):
                 if end not in ready:
                     continue
                 for datagram in end.receive():
-                    if link is not self._vehicle.truth:
-                        self._vehicle.receive(link, datagram)
+                    if link is not self.vehicle.truth:
+                        self.vehicle.receive(link, datagram)
             if ready:
                 self._flush()
 
     def _flush(self) -> None:
-        for link in (self._vehicle.onboard, self._vehicle.ground, self._vehicle.truth):
+        for link in (self.vehicle.onboard, self.vehicle.ground, self.vehicle.truth):
             frames = link.take_frames()
             end = next((end for opened, end in self._links if opened is link), None)
             if frames and end is not None:

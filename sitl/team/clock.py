@@ -21,12 +21,16 @@ class SimClock:
         epoch_s: Unix time at simulated time zero; None: such that the first `advance` happens at
             the present wall time.
         wall_s: The wall clock, in Unix seconds.
+
+    Attributes:
+        epoch_s: Unix time at simulated time zero; None while it is unknown.
+        elapsed_s: Simulated seconds since time zero, through all starts of the vehicle.
     """
 
     def __init__(self, epoch_s: float | None, wall_s: Callable[[], float] = time.time) -> None:
-        self._epoch_s = epoch_s
+        self.epoch_s = epoch_s
         self._wall_s = wall_s
-        self._elapsed_s = 0.0  # simulated, through all starts of the vehicle
+        self.elapsed_s = 0.0
         self._offset_s = 0.0  # what came before the vehicle's last start
         self._now_s = wall_s() if epoch_s is None else epoch_s  # Unix
 
@@ -34,27 +38,17 @@ class SimClock:
         """Unix seconds now."""
         return self._now_s
 
-    @property
-    def elapsed_s(self) -> float:
-        """Simulated seconds since time zero."""
-        return self._elapsed_s
-
-    @property
-    def epoch_s(self) -> float | None:
-        """Unix time at simulated time zero; None while it is unknown."""
-        return self._epoch_s
-
     def advance(self, vehicle_time_s: float) -> None:
         """Follow the vehicle's simulated time.
 
         A vehicle that is started again begins at zero; the world then goes on from where it was.
         """
-        if self._epoch_s is None:
-            self._epoch_s = self._wall_s() - vehicle_time_s
+        if self.epoch_s is None:
+            self.epoch_s = self._wall_s() - vehicle_time_s
         elapsed_s = vehicle_time_s + self._offset_s
-        if elapsed_s < self._elapsed_s - _RESTART_S:
+        if elapsed_s < self.elapsed_s - _RESTART_S:
             _log.warning("the vehicle's time stepped back: taken as a restart of the vehicle")
-            self._offset_s = self._elapsed_s - vehicle_time_s
-            elapsed_s = self._elapsed_s
-        self._elapsed_s = max(self._elapsed_s, elapsed_s)
-        self._now_s = max(self._now_s, self._epoch_s + self._elapsed_s)
+            self._offset_s = self.elapsed_s - vehicle_time_s
+            elapsed_s = self.elapsed_s
+        self.elapsed_s = max(self.elapsed_s, elapsed_s)
+        self._now_s = max(self._now_s, self.epoch_s + self.elapsed_s)

@@ -50,12 +50,13 @@ class MissionFlight(Flight):
 
     Attributes:
         result: What is published of it.
+        under_way: Whether items are being flown: the mode is active and not at the mission's end.
     """
 
     def __init__(self) -> None:
         self._order = ItemOrder((), 0)
         self.result = MissionResult()
-        self._flying = False  # the mode is active and not at the mission's end
+        self.under_way = False
         self._activated = False  # Mission mode was entered with this mission
         self._disarmed_since = False  # since then: at its end it begins anew
         self._item: MissionItem | None = None  # that is flown; None: at the end
@@ -71,19 +72,14 @@ class MissionFlight(Flight):
         return self._order.index
 
     @property
-    def under_way(self) -> bool:
-        """Whether items are being flown."""
-        return self._flying
-
-    @property
     def climbing(self) -> bool:
         """Whether the climb before the first item goes on."""
-        return self._flying and self._climb is not None
+        return self.under_way and self._climb is not None
 
     def load(self, items: tuple[MissionItem, ...], index: int, *, valid: bool) -> None:
         """Take over a newly stored mission, to begin at `index`."""
         self._order = ItemOrder(items, index)
-        self._activated = self._flying
+        self._activated = self.under_way
         self.judge(valid=valid)
         self.result.finished = False
 
@@ -99,7 +95,7 @@ class MissionFlight(Flight):
         self._order.index = index
         self.result.current = index
         self.result.reached = -1
-        if self._flying:
+        if self.under_way:
             self.result.finished = False
             self._set_item(situation, previous=None)
 
@@ -120,7 +116,7 @@ class MissionFlight(Flight):
 
     def deactivate(self) -> None:
         """Leave Mission mode; what was published stays so, PX4 says nothing then."""
-        self._flying = False
+        self.under_way = False
         self._climb = None
 
     def disarmed(self) -> None:
@@ -129,9 +125,9 @@ class MissionFlight(Flight):
 
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
-        if self._flying and self._is_reached(situation):
+        if self.under_way and self._is_reached(situation):
             self._on_reached(situation)
-        if self._flying:
+        if self.under_way:
             self._follow_home(situation)
         return self._target
 
@@ -142,9 +138,9 @@ class MissionFlight(Flight):
             situation.say(f"No valid mission available, {words}", event)
             self._end(situation)
             return
-        if not self._flying:
+        if not self.under_way:
             situation.say("Executing Mission", "mission_execute")
-        self._flying = True
+        self.under_way = True
         self.result.finished, self.result.reached = False, -1
         self._set_item(situation, previous=None)
 
@@ -292,7 +288,7 @@ class MissionFlight(Flight):
         self._set_item(situation, previous=(self._target.north_m, self._target.east_m))
 
     def _end(self, situation: Situation) -> None:
-        self._flying = False
+        self.under_way = False
         self._item, self._climb = None, None
         self.result.finished = True
         if situation.landed:

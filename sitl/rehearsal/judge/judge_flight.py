@@ -22,7 +22,6 @@ from sitl.rehearsal.judge.mission_reader import MissionFileError
 DONE, REFUSED, TAKEN_OVER = 0, 5, 6
 """Exit codes of `air-router fly`: landed at home; refused, left as it is; the pilot took over."""
 
-LEAST_HZ: Final = 20.0
 _LAG_S: Final = 0.5
 """Lines are stamped by the program that reads them, happenings by the one that does them."""
 

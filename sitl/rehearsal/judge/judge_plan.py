@@ -18,7 +18,7 @@ from sitl.rehearsal.judge.mission_reader import Area, Pair
 
 MISSION, FENCE, EVERYTHING = 0, 1, 255  # MAV_MISSION_TYPE
 _WAYPOINT, _TAKEOFF = 16, 22  # MAV_CMD
-_IN_POLYGON, _OUT_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5002, 5003, 5004
+_IN_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5003, 5004
 _RELATIVE: Final = frozenset({3, 6})
 _PLACE_M, _HEIGHT_M, _AREA_M = 0.5, 1.0, 0.6
 _SETTLES_S: Final = 45.0
@@ -140,7 +140,7 @@ class PlanJudge:
         mission = version.mission
         if isinstance(on_board, str):
             return on_board
-        everywhere = _everywhere(version, on_board[0] + on_board[1])
+        everywhere = _everywhere(version)
         inside = shapely.intersection_all([everywhere, *on_board[0]])
         flown = inside.difference(shapely.union_all(on_board[1]))
         asked = shapely.intersection_all([everywhere, *(f.polygon for f in mission.fences)])
@@ -191,12 +191,12 @@ class PlanJudge:
         self.violations.append(Violation(time_s, "plan", text))
 
 
-def _everywhere(version: MissionVersion, areas: Sequence[BaseGeometry]) -> BaseGeometry:
+def _everywhere(version: MissionVersion) -> BaseGeometry:
     """A box around all that is near the mission."""
     mission = version.mission
     fences = [f.polygon for f in mission.fences]
     places = MultiPoint([*mission.waypoints, (0.0, 0.0)])
-    return shapely.box(*shapely.union_all([places, *fences, *areas[:0]]).buffer(_FAR_M).bounds)
+    return shapely.box(*shapely.union_all([places, *fences]).buffer(_FAR_M).bounds)
 
 
 def _uploads(messages: Sequence[WireMessage]) -> Iterator[Upload]:
