@@ -55,7 +55,6 @@ IN_USAGE = [
     ("edit mission.yaml --new 47,8", "leave --new out to edit it"),
     ("fly mission.yaml --control tcp://0.0.0.0:1", "other machines could reach it"),
     ("fly mission.yaml --foxglove web", "web is not [HOST:]PORT"),
-    ("convert mission.yaml there.kml", "there.kml is already there; --force replaces it"),
     ("convert mission.yaml there.doc", "TO ends with one of .plan, .yaml"),
     ("convert mission.yaml there.rrd", "a flight's record (.mcap) becomes"),
 ]

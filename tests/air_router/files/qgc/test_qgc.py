@@ -320,17 +320,6 @@ def test_what_is_no_plan_at_all(tmp_path, text, expected):
     assert any(problem.startswith(expected) for problem in problems(tmp_path, text))
 
 
-def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(MissionFileError, match="cannot read the file"):
-        load_mission(tmp_path / "nowhere.plan")
-    (tmp_path / "latin.plan").write_bytes(b'{"fileType": "Pl\xe4n"}')
-    with pytest.raises(MissionFileError, match="not UTF-8"):
-        load_mission(tmp_path / "latin.plan")
-    (tmp_path / "large.plan").write_bytes(b" " * (4 * 1024 * 1024 + 1))
-    with pytest.raises(MissionFileError, match="larger than"):
-        load_mission(tmp_path / "large.plan")
-
-
 def places_in(data, keys=()):
     yield keys
     items = data.items() if isinstance(data, dict) else ()

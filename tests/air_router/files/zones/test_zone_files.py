@@ -285,12 +285,6 @@ def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
     assert problem.code == "zone-self-intersects"
 
 
-def test_a_zone_file_that_is_not_there(tmp_path):
-    path = mission(tmp_path, "no_fly_files: [nowhere.kml]\n")
-    with pytest.raises(MissionFileError, match=r"nowhere\.kml:1:1: cannot read the file"):
-        load_mission(path)
-
-
 def draft_at(home):
     draft = MissionDocument(Document.from_text("no_fly_files: []", Path("mission.yaml")))
     draft.frame = LocalFrame(home)
