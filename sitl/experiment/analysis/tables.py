@@ -62,8 +62,10 @@ class Column(NamedTuple):
 
     def estimate(self, runs: Sequence[Mapping[str, Any]]) -> Interval:
         """The number of some runs, by their measures."""
-        runs = [run for run in runs if self.per or run.get(self.measure) is not None]
-        values = np.array([run.get(self.measure) or 0.0 for run in runs], dtype=np.float64)
+        if any(self.measure not in run for run in runs):
+            return _NONE  # some are of an earlier version
+        runs = [run for run in runs if self.per or run[self.measure] is not None]
+        values = np.array([run[self.measure] or 0.0 for run in runs], dtype=np.float64)
         if self.per is None:
             return interval(values)
         counts = np.array([run[self.per] for run in runs], dtype=np.float64)

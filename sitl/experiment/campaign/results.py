@@ -22,6 +22,7 @@ def tidy(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Runs as mappings with the same keys in the same order."""
     settings = [flat(record["settings"]) for record in records]
     keys = dict.fromkeys((*_ALWAYS, *(key for row in settings for key in row)))
+    measures = dict.fromkeys(key for record in records for key in record["measures"])
     return [
         {
             "experiment": record["experiment"],
@@ -30,7 +31,7 @@ def tidy(records: Sequence[Record]) -> list[dict[str, Any]]:
             "seed_number": record["number"],
             "seed": record["seed"],
             **{key: value_of(row, key) for key in keys},
-            **record["measures"],
+            **{key: record["measures"].get(key) for key in measures},
             "peak_memory_MB": record["peak_memory_MB"],
             "digest": record["digest"],
             "program": record["program"],
