@@ -222,7 +222,7 @@ class RunSettings:
     town: Path
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
-    ugvs: Annotated[int, Field(ge=0, le=500)] = 3
+    ugvs: Annotated[int, Field(ge=0, le=200)] = 3
     explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"

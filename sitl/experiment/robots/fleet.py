@@ -61,7 +61,7 @@ def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
     robots = {
         name: {
             "kind": kind,
-            "address": f"10.{number // 256}.{number % 256}.1",
+            "address": f"10.0.{number}.1",
             "base_port": 20_000,
             "clients": [other for other in sorted(kinds) if other != name],
             "original": original,
