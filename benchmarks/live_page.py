@@ -94,12 +94,12 @@ class _Flight:
         page, place = self.page, _circling(now_s, 40 * self._number)
         told = Telemetry(now_s, place, 40.0, armed=True, in_air=True, mode=FlightMode.HOLD)
         self._controller.handle(told, now_s)
-        page.event(told, now_s)
+        page.step(told, (), now_s)
         for number, name in enumerate(self._names):
-            page.event(RobotPose(name, _circling(now_s, number), now_s, name), now_s)
+            page.step(RobotPose(name, _circling(now_s, number), now_s, name), (), now_s)
         peer = self._names[(int(now_s) + self._number) % len(self._names)]
         sync = SyncEnded(peer, now_s, Direction.IN, 1, 1, 0.1) if int(now_s * 2) % 2 else None
-        page.event(sync or SyncStarted(peer, now_s, Direction.IN), now_s)
+        page.step(sync or SyncStarted(peer, now_s, Direction.IN), (), now_s)
 
 
 def _fly(wire: Connection, robots: int, uavs: int) -> None:

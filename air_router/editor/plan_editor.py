@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError
-from air_router.editor.features import Handle, Region, as_number
+from air_router.editor.features import Handle, as_number
 from air_router.editor.plan_features import (
     CIRCLES,
     ITEMS,
@@ -33,7 +33,7 @@ class PlanEditor(TextEditor):
         self._data = document.data  # of the whole plan
         super().__init__(TextSource(text, document.node(), json=True), plan_features(document.data))
 
-    def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
+    def add_waypoint(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a simple item behind the waypoint before it, at the same altitude."""
         waypoints = self.features.waypoints
         if edit.index > len(waypoints):
@@ -54,14 +54,14 @@ class PlanEditor(TextEditor):
         item = simple_item(MavCommand.WAYPOINT, params, number=number)
         return self.source.insert(ITEMS, position, item)
 
-    def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:
+    def add_rally_point(self, edit: edits.AddRallyPoint) -> list[Splice]:
         """Add a point at home's altitude, which is what they count from."""
         if not self.source.has(*RALLY_POINTS):
             raise EditError("the plan has no list of rally points; save it with QGroundControl")
         index = self.source.length(*RALLY_POINTS)
         return self.source.insert(RALLY_POINTS, index, [*self.digits(edit.at), Digits("0")])
 
-    def area_added(self, edit: edits.AddArea) -> list[Splice]:
+    def add_area(self, edit: edits.AddArea) -> list[Splice]:
         """Add an inclusion or exclusion polygon or circle."""
         keys = POLYGONS if edit.radius_m is None else CIRCLES
         if not self.source.has(*keys):
@@ -73,12 +73,14 @@ class PlanEditor(TextEditor):
             area = {"circle": circle, "inclusion": edit.fence, "version": 1}
         return self.source.insert(keys, self.source.length(*keys), area)
 
-    def renamed(self, region: Region, name: str) -> list[Splice]:
+    def rename(self, edit: edits.Rename) -> list[Splice]:
         """Plans have no names for their areas."""
-        raise EditError(f"{region.name} cannot be called '{name}': plans have no names for areas")
+        name = self._region(edit.keys).name
+        raise EditError(f"{name} cannot be called '{edit.name}': plans have no names for areas")
 
-    def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
+    def set_altitude(self, edit: edits.SetAltitude) -> list[Splice]:
         """Write the altitude, and QGroundControl's copy of it."""
+        handle, altitude_m = self._handle(edit.keys), edit.altitude_m
         if handle.entry is None or handle not in self.features.waypoints:
             raise EditError("only waypoints have altitudes of their own")
         if altitude_m is None:
@@ -90,27 +92,28 @@ class PlanEditor(TextEditor):
             splices += self.source.number((*handle.entry, "Altitude"), altitude_m, METRE_DECIMALS)
         return splices
 
-    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
+    def set_value(self, edit: edits.SetValue) -> list[Splice]:
         """Plans keep their numbers elsewhere."""
-        raise EditError(f"{name} = {value} cannot be set here; edit it in QGroundControl")
+        raise EditError(f"{edit.name} = {edit.value} cannot be set here; edit it in QGroundControl")
 
-    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
+    def seek(self, edit: edits.Seek) -> list[Splice]:
         """Plans know no robots."""
-        raise EditError(f"a plan cannot say to seek {', '.join(robots)}; convert it to YAML")
+        raise EditError(f"a plan cannot say to seek {', '.join(edit.robots)}; convert it to YAML")
 
-    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
+    def set_crossing(self, edit: edits.SetCrossing) -> list[Splice]:
         """Plans say nothing of it."""
-        del crosses
-        raise EditError(f"a plan has no crosses_fence for {region.name}; convert it to YAML")
+        name = self._region(edit.keys).name
+        raise EditError(f"a plan has no crosses_fence for {name}; convert it to YAML")
 
-    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
+    def redraw(self, edit: edits.Redraw) -> list[Splice]:
         """Polygons stand in a list of their own."""
+        region = self._region(edit.keys)
         if region.circle is None:
             return self.source.rewrite(
                 region.rings[0].keys, [self.digits(corner) for corner in edit.corners]
             )
         area = edits.AddArea(do="add_area", fence=region.is_fence, corners=edit.corners)
-        return [*self.source.remove(region.keys), *self.area_added(area)]
+        return [*self.source.remove(region.keys), *self.add_area(area)]
 
     def _position(self, handle: Handle) -> int:
         """A waypoint's place among the items."""

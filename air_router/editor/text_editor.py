@@ -1,6 +1,7 @@
 """Edits of a mission, as changes of its file's text; the same for YAML and for plans."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar
 
 from air_router.editor import edits
@@ -37,78 +38,19 @@ class TextEditor(ABC):
         # by their keys
         self._rings = {ring.keys: ring for region in features.regions for ring in region.rings}
 
-    def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911, PLR0912 - one line per edit
-        """The pieces of the text that an edit changes.
+    def splices(self, edit: Edit) -> list[Splice]:
+        """The pieces of the text that an edit changes: what the method of its name (`do`) says.
 
         Raises:
             EditError: the mission has no such part, or would not survive.
             SourceError: the text is written in a way that cannot be edited here.
         """
-        match edit:
-            case edits.Move():
-                return self._moved(self._handle(edit.keys), self.pair(edit.to))
-            case edits.Shift():
-                return self._shifted(self._region(edit.keys), edit.origin, edit.to)
-            case edits.Resize():
-                return self._resized(edit)
-            case edits.AddCorner():
-                return self._corner_added(self._ring(edit.keys), edit)
-            case edits.AddWaypoint():
-                return self.waypoint_added(edit)
-            case edits.AddRallyPoint():
-                return self.rally_point_added(edit)
-            case edits.AddArea():
-                return self.area_added(edit)
-            case edits.Remove():
-                return self._removed(edit.keys)
-            case edits.Rename():
-                return self.renamed(self._region(edit.keys), edit.name)
-            case edits.SetAltitude():
-                return self.altitude_set(self._handle(edit.keys), edit.altitude_m)
-            case edits.SetValue():
-                return self.value_set(edit.name, edit.value)
-            case edits.Seek():
-                return self.sought(edit.robots)
-            case edits.SetCrossing():
-                return self.crossing_set(self._region(edit.keys), crosses=edit.crosses)
-            case edits.Redraw():
-                return self.redrawn(self._region(edit.keys), edit)
+        change: Callable[[Edit], list[Splice]] = getattr(self, edit.do)
+        return change(edit)
 
     @abstractmethod
-    def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
-        """Insert a waypoint."""
-
-    @abstractmethod
-    def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:
-        """Add a rally point."""
-
-    @abstractmethod
-    def area_added(self, edit: edits.AddArea) -> list[Splice]:
+    def add_area(self, edit: edits.AddArea) -> list[Splice]:
         """Add a zone or a fence."""
-
-    @abstractmethod
-    def renamed(self, region: Region, name: str) -> list[Splice]:
-        """Give an area another name."""
-
-    @abstractmethod
-    def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
-        """Give a waypoint another altitude."""
-
-    @abstractmethod
-    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
-        """Change one of the mission's settings."""
-
-    @abstractmethod
-    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
-        """Change whom to seek."""
-
-    @abstractmethod
-    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
-        """Say whether a zone lies beyond the fence on purpose."""
-
-    @abstractmethod
-    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
-        """Give an area another outline."""
 
     # Places
 
@@ -146,18 +88,24 @@ class TextEditor(ABC):
 
     # Edits that are the same in every file
 
+    def move(self, edit: edits.Move) -> list[Splice]:
+        """Write another pair."""
+        return self._moved(self._handle(edit.keys), self.pair(edit.to))
+
     def _moved(self, handle: Handle, pair: Pair) -> list[Splice]:
         return [
             *self.source.number(handle.first, pair[0], self.decimals),
             *self.source.number(handle.second, pair[1], self.decimals),
         ]
 
-    def _shifted(self, region: Region, origin: Pair, to: Pair) -> list[Splice]:
+    def shift(self, edit: edits.Shift) -> list[Splice]:
+        """Write all pairs of an area anew; it keeps its size in metres."""
+        region = self._region(edit.keys)
         handles = [corner for ring in region.rings for corner in ring.corners]
         handles += [region.circle.centre] if region.circle else []
         try:
-            frame = LocalFrame(Geodetic(*to))
-            start = frame.to_local(*origin)
+            frame = LocalFrame(Geodetic(*edit.to))
+            start = frame.to_local(*edit.origin)
             splices = []
             for handle in handles:
                 here = self.geodetic(handle.pair)
@@ -171,19 +119,24 @@ class TextEditor(ABC):
             raise EditError(f"{region.name} cannot be moved there: {error}") from None
         return splices
 
-    def _resized(self, edit: edits.Resize) -> list[Splice]:
+    def resize(self, edit: edits.Resize) -> list[Splice]:
+        """Write another radius."""
         region = self._region(edit.keys)
         if region.circle is None:
             raise EditError(f"{region.name} is no circle")
         decimals = 1 if edit.radius_m >= 1 else METRE_DECIMALS
         return self.source.number(region.circle.radius_keys, edit.radius_m, decimals)
 
-    def _corner_added(self, ring: Ring, edit: edits.AddCorner) -> list[Splice]:
+    def add_corner(self, edit: edits.AddCorner) -> list[Splice]:
+        """Insert a corner into a ring."""
+        ring = self._ring(edit.keys)
         if edit.index > len(ring.corners):
             raise EditError(f"the ring has only {len(ring.corners)} corners")
         return self.source.insert(ring.keys, edit.index, self.digits(edit.at))
 
-    def _removed(self, keys: Keys) -> list[Splice]:
+    def remove(self, edit: edits.Remove) -> list[Splice]:
+        """Take a place, a corner or an area out."""
+        keys = edit.keys
         if keys in self._regions:
             region = self._regions[keys]
             if region.entry is None:

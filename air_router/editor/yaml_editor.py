@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError
-from air_router.editor.features import Handle, Region, yaml_features
+from air_router.editor.features import yaml_features
 from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Keys
 from air_router.files.text.rendering import METRE_DECIMALS, metres
@@ -34,16 +34,16 @@ class YamlEditor(TextEditor):
         # `seek` names no robots
         self._only_policy = isinstance(data, dict) and isinstance(data.get("seek"), str)
 
-    def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
+    def add_waypoint(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a bare pair: it flies at the mission's altitude."""
         return self._listed("waypoints", edit.index, self.digits(edit.at))
 
-    def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:
+    def add_rally_point(self, edit: edits.AddRallyPoint) -> list[Splice]:
         """Add a pair to the list, which is begun if there is none."""
         count = self.source.length("rally_points")
         return self._listed("rally_points", count, self.digits(edit.at))
 
-    def area_added(self, edit: edits.AddArea) -> list[Splice]:
+    def add_area(self, edit: edits.AddArea) -> list[Splice]:
         """Add a zone under a name of its own, or the fence where there is none."""
         corners = [self.digits(corner) for corner in edit.corners]
         shape: dict[str, Any] = {"polygon": corners}
@@ -58,8 +58,9 @@ class YamlEditor(TextEditor):
             return self.source.fill(("fence",), shape)
         return self.source.add_key((), "fence", shape)
 
-    def renamed(self, region: Region, name: str) -> list[Splice]:
+    def rename(self, edit: edits.Rename) -> list[Splice]:
         """Change the name, or give one to a zone that had none."""
+        region, name = self._region(edit.keys), edit.name
         if region.is_fence:
             raise EditError("a fence has no name")
         if not self.source.is_mapping(*region.keys):
@@ -68,8 +69,9 @@ class YamlEditor(TextEditor):
             return self.source.words((*region.keys, "name"), name)
         return self.source.add_key(region.keys, "name", name)
 
-    def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
+    def set_altitude(self, edit: edits.SetAltitude) -> list[Splice]:
         """Write the altitude beside the position, or take it away."""
+        handle, altitude_m = self._handle(edit.keys), edit.altitude_m
         if handle.entry is None or handle.keys[0] != "waypoints":
             raise EditError("only waypoints have altitudes of their own")
         keys = (*handle.entry, "altitude_m")
@@ -81,8 +83,9 @@ class YamlEditor(TextEditor):
             return self.source.add_key(handle.entry, "altitude_m", metres(altitude_m))
         return self.source.wrap(handle.entry, "position", {"altitude_m": metres(altitude_m)})
 
-    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
+    def set_value(self, edit: edits.SetValue) -> list[Splice]:
         """Change a setting, add it where the default was meant, or take it away."""
+        name, value = edit.name, edit.value
         section = _SECTION_OF.get(name)
         keys: Keys = (section, name) if section else (name,)
         if value is None:
@@ -100,8 +103,9 @@ class YamlEditor(TextEditor):
             raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
         return self.source.add_key((), section, {name: written})
 
-    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
+    def seek(self, edit: edits.Seek) -> list[Splice]:
         """Change the list by the one robot that is more or less in it, or begin it."""
+        robots = edit.robots
         if not robots:
             raise EditError("a mission seeks at least one robot")
         source = self.source
@@ -120,8 +124,9 @@ class YamlEditor(TextEditor):
             return source.fill(keys, [*robots])
         return source.add_key(keys[:-1], str(keys[-1]), [*robots])
 
-    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
+    def set_crossing(self, edit: edits.SetCrossing) -> list[Splice]:
         """Write the key, or take it away."""
+        region, crosses = self._region(edit.keys), edit.crosses
         keys = (*region.keys, "crosses_fence")
         if region.is_fence:
             raise EditError("only zones cross the fence")
@@ -131,8 +136,9 @@ class YamlEditor(TextEditor):
             return self.source.add_key(region.keys, "crosses_fence", crosses)
         return self.source.remove(keys) if not crosses else self.source.rewrite(keys, crosses)
 
-    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
+    def redraw(self, edit: edits.Redraw) -> list[Splice]:
         """Write other corners, in the place of a circle too."""
+        region = self._region(edit.keys)
         corners = [self.digits(corner) for corner in edit.corners]
         if region.circle is None:
             return self.source.rewrite((*region.keys, "polygon"), corners)

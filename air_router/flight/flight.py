@@ -328,16 +328,13 @@ class Flight:
     def _on_event(self, event: Event) -> None:
         now_s = self._clock.boot_s()
         self._recorder.event(event, now_s)
-        self.stats.event(event, now_s)
-        self.page.event(event, now_s)
-        if self._leaving:
-            return  # the vehicle is let go: nothing is decided any more
-        actions = self.controller.handle(event, now_s)
-        for action in actions:  # all of them before any leads to another event
-            self._recorder.action(action, now_s)
+        # Once the vehicle is let go nothing is decided any more.
+        actions = () if self._leaving else self.controller.handle(event, now_s)
+        # All of them are noted before any leads to another event.
+        self._recorder.actions(actions, now_s)
+        self.stats.step(event, actions, now_s)
+        self.page.step(event, actions, now_s)
         for action in actions:
-            self.stats.action(action)
-            self.page.action(action, now_s)
             self._act(action, now_s)
 
     def _act(self, action: Action, now_s: float) -> None:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from air_router.controller.model.actions import Action, StateChanged
 from air_router.controller.model.events import Event
 from air_router.controller.model.states import State
-from air_router.flight.flown_track import FlownTrack
+from air_router.flight.flown_track import CHANGES_TRACK, FlownTrack
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
 from geo.frame import Point
@@ -67,8 +67,8 @@ class FlightStats:
         """Of a flight that begins; syncs with other robots count as interactions only."""
         return cls(FlownTrack(mission), mapper, {name: RobotStats() for name in robots})
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
+    def step(self, event: Event, actions: Iterable[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
         self._now_s = max(self._now_s, now_s)
         self.flown.event(event, now_s)
         match event:
@@ -82,19 +82,11 @@ class FlightStats:
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
-
-    def action(self, action: Action) -> None:
-        """Take in what was decided."""
-        self.flown.action(action)
-        if isinstance(action, StateChanged):
-            self.changes.append(action)
-            self.changed += 1
-            if action.target not in self.states:
-                self.states.append(action.target)
-            if action.target is State.COMM and action.robot in self.robots:
-                self.robots[action.robot].found += 1
-                if self.flown.points:
-                    self.meetings.append((action.robot, self.flown.points[-1]))
+        for action in actions:
+            if isinstance(action, CHANGES_TRACK):
+                self.flown.action(action)
+            if isinstance(action, StateChanged):
+                self._state_changed(action)
 
     def report(
         self, outcome: str, unix_s: float, stamps_s: Mapping[str, float] = MappingProxyType({})
@@ -134,6 +126,16 @@ class FlightStats:
                 "timed_out": self.timed_out,
             },
         }
+
+    def _state_changed(self, change: StateChanged) -> None:
+        self.changes.append(change)
+        self.changed += 1
+        if change.target not in self.states:
+            self.states.append(change.target)
+        if change.target is State.COMM and change.robot in self.robots:
+            self.robots[change.robot].found += 1
+            if self.flown.points:
+                self.meetings.append((change.robot, self.flown.points[-1]))
 
     def _synced(self, event: SyncEnded) -> None:
         robot = self.robots.get(event.peer)

@@ -14,6 +14,9 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
 
+CHANGES_TRACK: Final = (RenewPlan, StateChanged)
+"""The actions that `FlownTrack.action` knows."""
+
 TRACK_STEP_M: Final = 0.05
 """Positions closer than this to the last one add nothing to a track but noise."""
 

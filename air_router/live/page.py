@@ -1,7 +1,7 @@
 """Whether flights are shown on a live page, and where; `air_router.live` is the page itself."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
 from typing import Protocol
@@ -29,11 +29,8 @@ from mocha_link.errors import needs_extra
 class Page(Served, Protocol):
     """Shows a flight while it lasts."""
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
-
-    def action(self, action: Action, now_s: float) -> None:
-        """Take in what was decided."""
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
 
 
 class SharedPage(Served, Protocol):
@@ -46,10 +43,7 @@ class SharedPage(Served, Protocol):
 class NoPage:
     """The page of a flight that is not shown."""
 
-    def event(self, event: Event, now_s: float) -> None:
-        """No page is open."""
-
-    def action(self, action: Action, now_s: float) -> None:
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
         """No page is open."""
 
     def serving(self, say: Say) -> AbstractAsyncContextManager[object]:

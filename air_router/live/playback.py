@@ -8,7 +8,7 @@ import asyncio
 import dataclasses
 import math
 from collections import deque
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Collection, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final, Protocol
 
@@ -36,11 +36,8 @@ _STEPS: Final = 400
 class RecordConsumer(Protocol):
     """Is shown what is in a record."""
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
-
-    def action(self, action: Action, now_s: float) -> None:
-        """Take in what was decided."""
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """Take in what the node measured."""
@@ -138,11 +135,9 @@ class RecordedFlight:
                 self.mapper.paint(entry.value)
 
     def _decide(self, entry: RecordEntry, page: RecordConsumer) -> None:
-        page.event(entry.value, entry.t)
         event = about_own(entry.value, self._motions)
         self._decided = deque(self.controller.handle(event, entry.t))
-        for action in self._decided:
-            page.action(action, entry.t)
+        page.step(entry.value, self._decided, entry.t)
         due = isinstance(event, Telemetry) and entry.t - self._published_s >= MAP_INTERVAL_S
         if due or any(isinstance(action, PublishMap) for action in self._decided):
             self._published_s = entry.t

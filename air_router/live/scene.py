@@ -5,7 +5,7 @@ Pure: what a flight hands in as it happens, a recorded flight can hand in again.
 
 import math
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -70,8 +70,8 @@ class LiveScene:
 
     # What happens.
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
         self._now_s = max(self._now_s, now_s)
         match event:
             case Telemetry():
@@ -91,19 +91,19 @@ class LiveScene:
                 self._synced_s[peer] = self._now_s
             case SyncTimedOut(peer=peer, direction=direction):
                 self._syncing.pop((peer, direction), None)
+        self._take_decided(actions)
 
-    def action(self, action: Action, now_s: float) -> None:
-        """Take in what was decided."""
-        self._now_s = max(self._now_s, now_s)
-        match action:
-            case StateChanged(source=source, target=target):
-                self._tell("state", f"{source.name} → {target.name}")
-            case Announce(text=text):
-                self._tell("said", text)
-            case CommandAck(by=by, accepted=accepted, why=why):
-                self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
-            case Finish(why=why):
-                self._tell("state", why)
+    def _take_decided(self, actions: Collection[Action]) -> None:
+        for action in actions:
+            match action:
+                case StateChanged(source=source, target=target):
+                    self._tell("state", f"{source.name} → {target.name}")
+                case Announce(text=text):
+                    self._tell("said", text)
+                case CommandAck(by=by, accepted=accepted, why=why):
+                    self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
+                case Finish(why=why):
+                    self._tell("state", why)
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """What the node measures now."""

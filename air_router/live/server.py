@@ -3,7 +3,7 @@
 import asyncio
 import json
 import logging
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final
 
@@ -116,20 +116,15 @@ class LivePage:
         for kind, text in self._greeting():
             self._browsers.broadcast(kind, text)
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what happened."""
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
         with self._harmless():
-            self.scene.event(event, now_s)
+            self.scene.step(event, actions, now_s)
             self._map_feed.event(event, now_s)
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """Take in what the node measures, where it is not polled."""
         self.scene.links(links)
-
-    def action(self, action: Action, now_s: float) -> None:
-        """Take in what was decided."""
-        with self._harmless():
-            self.scene.action(action, now_s)
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:

@@ -3,7 +3,7 @@
 from typing import Final
 
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight import Check, CheckVerdict
+from air_router.preflight.preflight import Check
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 
@@ -19,9 +19,8 @@ def battery(
 ) -> Check:
     """The charge against what the mission needs, the way home included."""
     if charge is None:
-        return Check(
+        return Check.look(
             "battery",
-            CheckVerdict.LOOK,
             "its charge is not known: the reserve cannot be kept",
             "set up the power module (BAT1_ parameters), and say --duration",
         )
@@ -31,9 +30,9 @@ def battery(
     endurance_s = mission.endurance_s
     if endurance_s is None:
         if usable < SPARE:
-            return Check("battery", CheckVerdict.BAD, found, "charge it, or swap it")
+            return Check.bad("battery", found, "charge it, or swap it")
         advice = "say in the mission how long a full battery flies (endurance_s) to have it checked"
-        return Check("battery", CheckVerdict.LOOK, found, advice)
+        return Check.look("battery", found, advice)
     return_planner = ReturnPlanner(router)
     worst = return_planner.worst_waypoint
     out_s = mission.altitude_above_home_m / CLIMB_M_S
@@ -45,8 +44,8 @@ def battery(
     found += f": {max(usable_s, 0.0) / 60:.1f} min before it must come home"
     if usable_s < out_s:
         advice = f"reaching the farthest waypoint takes {out_s / 60:.1f} min: charge it or swap it"
-        return Check("battery", CheckVerdict.BAD, found, advice)
+        return Check.bad("battery", found, advice)
     if mission.duration_s is not None and usable_s < mission.duration_s:
         advice = f"it will come home before its {mission.duration_s / 60:.1f} min are over"
-        return Check("battery", CheckVerdict.LOOK, found, advice)
-    return Check("battery", CheckVerdict.GOOD, found)
+        return Check.look("battery", found, advice)
+    return Check.good("battery", found)

@@ -5,10 +5,10 @@ Pure: facts in, lines out. `preflight_survey` gathers the facts.
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Final
+from typing import Final, Self
 
 from air_router.compass import wind_words
 from air_router.controller.monitor.flight_phase import HOME_TOLERANCE_M
@@ -60,6 +60,21 @@ class Check:
     found: str  # in words
     advice: str = ""  # what to do; empty: nothing
 
+    @classmethod
+    def good(cls, name: str, found: str) -> Self:
+        """Nothing needs to be done."""
+        return cls(name, CheckVerdict.GOOD, found)
+
+    @classmethod
+    def look(cls, name: str, found: str, advice: str) -> Self:
+        """The pilot should look at it."""
+        return cls(name, CheckVerdict.LOOK, found, advice)
+
+    @classmethod
+    def bad(cls, name: str, found: str, advice: str) -> Self:
+        """Nothing takes off like that."""
+        return cls(name, CheckVerdict.BAD, found, advice)
+
     def __str__(self) -> str:
         return f"{self.name}: {self.found}" + (f"; {self.advice}" if self.advice else "")
 
@@ -95,18 +110,8 @@ class Card:
 
     def as_json(self) -> dict[str, object]:
         """For scripts."""
-        return {
-            "ready": self.ready,
-            "checks": [
-                {
-                    "name": check.name,
-                    "verdict": check.verdict.value,
-                    "found": check.found,
-                    "advice": check.advice,
-                }
-                for check in self.checks
-            ],
-        }
+        checks = [asdict(c) | {"verdict": c.verdict.value} for c in self.checks]
+        return {"ready": self.ready, "checks": checks}
 
 
 class PreflightRefusedError(RefusedError):
@@ -143,25 +148,23 @@ def vehicle(info: VehicleInfo) -> Check:
     match = re.match(r"(\d+)\.(\d+)", info.version)
     version = (int(match[1]), int(match[2])) if match else None
     if version is None:
-        return Check("vehicle", CheckVerdict.LOOK, found, "its version is not known: 1.17 is flown")
+        return Check.look("vehicle", found, "its version is not known: 1.17 is flown")
     if version < OLDEST:
-        return Check("vehicle", CheckVerdict.BAD, found, "too old: install PX4 1.17 or newer")
+        return Check.bad("vehicle", found, "too old: install PX4 1.17 or newer")
     if version not in FLOWN:
-        return Check("vehicle", CheckVerdict.LOOK, found, "not flown with this version: 1.17 is")
-    return Check("vehicle", CheckVerdict.GOOD, found)
+        return Check.look("vehicle", found, "not flown with this version: 1.17 is")
+    return Check.good("vehicle", found)
 
 
 def standing(telemetry: Telemetry) -> Check:
     """Whether it is on the ground and disarmed."""
     if telemetry.in_air:
         advice = "land it, then start the mission; --resume goes on with one under way"
-        return Check(
-            "state", CheckVerdict.BAD, f"the vehicle is flying ({_mode(telemetry)})", advice
-        )
+        return Check.bad("state", f"the vehicle is flying ({_mode(telemetry)})", advice)
     if telemetry.armed:
         advice = "disarm it, then start the mission"
-        return Check("state", CheckVerdict.BAD, "the vehicle is armed", advice)
-    return Check("state", CheckVerdict.GOOD, f"on the ground, disarmed ({_mode(telemetry)})")
+        return Check.bad("state", "the vehicle is armed", advice)
+    return Check.good("state", f"on the ground, disarmed ({_mode(telemetry)})")
 
 
 def _mode(telemetry: Telemetry) -> str:
@@ -172,41 +175,33 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     """Whether it stands at the mission's home, with a clear way up, and the fence holds home."""
     away_m = math.dist(telemetry.position, mission.home)
     if away_m > HOME_TOLERANCE_M:
-        return Check(
+        return Check.bad(
             "place",
-            CheckVerdict.BAD,
             f"the vehicle stands {_far(away_m)} from the mission's home",
             "bring it there, or put home where it stands",
         )
     nearest_m = mission.planner.home_separation_m * STANDING_SHARE
     if len(mission.layers) > 1 and away_m > nearest_m:
-        return Check(
+        return Check.bad(
             "place",
-            CheckVerdict.BAD,
             f"the vehicle stands {away_m:.1f} m from the home of '{mission.uav}'",
             f"put it within {nearest_m:g} m: the other UAVs keep out of the corridor above home",
         )
     if not router.check_leg(telemetry.position, mission.home):
-        return Check(
+        return Check.bad(
             "place",
-            CheckVerdict.BAD,
             "the way up from where the vehicle stands to home is not clear",
             "put it on the mission's home",
         )
     if info.home is None:
-        return Check(
-            "place", CheckVerdict.LOOK, "the vehicle has no home position yet", "wait for GPS"
-        )
+        return Check.look("place", "the vehicle has no home position yet", "wait for GPS")
     if not mission.airspace.point_clear(info.home):
-        return Check(
+        return Check.bad(
             "place",
-            CheckVerdict.BAD,
             "the vehicle's home is outside the fence, in a no-fly zone or too close to one",
             "PX4 ignores a fence that does not contain home: move it, or draw the fence wider",
         )
-    return Check(
-        "place", CheckVerdict.GOOD, f"{away_m:.1f} m from the mission's home, inside the fence"
-    )
+    return Check.good("place", f"{away_m:.1f} m from the mission's home, inside the fence")
 
 
 def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[Check]:
@@ -218,9 +213,8 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
         up_m = telemetry.home_moved.up_m
         side = "above" if up_m > 0 else "below"
         return [
-            Check(
+            Check.bad(
                 "altitude",
-                CheckVerdict.BAD,
                 f"the vehicle's home is {abs(up_m):.0f} m {side} where it stands",
                 "its plan would be flown so much off: set home to where it stands (DO_SET_HOME)",
             )
@@ -236,10 +230,10 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
         "correct 'altitude_amsl_m' of home"
     )
     if off_m > WRONG_ALTITUDE_M:
-        return [Check("altitude", CheckVerdict.BAD, found, advice)]
+        return [Check.bad("altitude", found, advice)]
     if off_m > max(mission.planner.vertical_margin_m, GPS_ALTITUDE_M):
-        return [Check("altitude", CheckVerdict.LOOK, found, advice)]
-    return [Check("altitude", CheckVerdict.GOOD, found)]
+        return [Check.look("altitude", found, advice)]
+    return [Check.good("altitude", found)]
 
 
 def _far(distance_m: float) -> str:
@@ -250,56 +244,48 @@ def health(inspection: Inspection) -> list[Check]:
     """The autopilot's own checks."""
     if not inspection.healthy:
         problems = inspection.problems or ("it does not say why; see the ground station",)
-        return [Check("health", CheckVerdict.BAD, "not ready to arm", "; ".join(problems))]
+        return [Check.bad("health", "not ready to arm", "; ".join(problems))]
     if inspection.warnings:
         found = "ready to arm, with warnings"
-        return [Check("health", CheckVerdict.LOOK, found, "; ".join(inspection.warnings))]
-    return [Check("health", CheckVerdict.GOOD, "ready to arm")]
+        return [Check.look("health", found, "; ".join(inspection.warnings))]
+    return [Check.good("health", "ready to arm")]
 
 
 def gps(fix: GpsFix | None) -> Check:
     """The satellite receiver."""
     if fix is None:
-        return Check(
-            "GPS", CheckVerdict.LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?"
-        )
+        return Check.look("GPS", "no word of a receiver", "is GPS_RAW_INT on this link?")
     satellites = "" if fix.satellites is None else f", {fix.satellites} satellites"
     accuracy = "" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m"
     if not fix.good:
-        return Check(
-            "GPS", CheckVerdict.BAD, f"no fix{satellites}", "wait, with a free view of the sky"
-        )
+        return Check.bad("GPS", f"no fix{satellites}", "wait, with a free view of the sky")
     found = f"fix{satellites}{accuracy}"
     if fix.satellites is not None and fix.satellites < FEWEST_SATELLITES:
-        return Check("GPS", CheckVerdict.BAD, found, f"wait for {GOOD_SATELLITES} satellites")
+        return Check.bad("GPS", found, f"wait for {GOOD_SATELLITES} satellites")
     if (fix.satellites or GOOD_SATELLITES) < GOOD_SATELLITES or (
         fix.accuracy_m or 0.0
     ) > WORST_ACCURACY_M:
-        return Check("GPS", CheckVerdict.LOOK, found, "better to wait: routes reckon with 1.5 m")
-    return Check("GPS", CheckVerdict.GOOD, found)
+        return Check.look("GPS", found, "better to wait: routes reckon with 1.5 m")
+    return Check.good("GPS", found)
 
 
 def wind(wind_m_s: tuple[float, float] | None) -> Check:
     """The wind, if the vehicle tells it; on the ground most do not."""
     if wind_m_s is None:
         advice = "go by the forecast; in flight PX4 estimates it where EKF2_DRAG_CTRL is set up"
-        return Check("wind", CheckVerdict.LOOK, "the vehicle does not tell it", advice)
+        return Check.look("wind", "the vehicle does not tell it", advice)
     if math.hypot(*wind_m_s) >= STRONG_M_S:
         advice = "gusts may take it nearer to zones than their clearance: better to wait"
-        return Check("wind", CheckVerdict.LOOK, wind_words(wind_m_s), advice)
-    return Check("wind", CheckVerdict.GOOD, wind_words(wind_m_s))
+        return Check.look("wind", wind_words(wind_m_s), advice)
+    return Check.good("wind", wind_words(wind_m_s))
 
 
 def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Check:
     """Whether our clock is right: gossip and the `hours` of no-fly zones (if any) go by it."""
     if unix_s < LEAST_UNIX_S:
-        return Check(
-            "clock", CheckVerdict.BAD, "this computer does not know the date", "set its clock"
-        )
+        return Check.bad("clock", "this computer does not know the date", "set its clock")
     if inspection.unix_s is None:
-        return Check(
-            "clock", CheckVerdict.LOOK, "the vehicle does not know the time", "wait for GPS"
-        )
+        return Check.look("clock", "the vehicle does not know the time", "wait for GPS")
     off_s = abs(unix_s - inspection.unix_s)
     if off_s > CLOCK_S:
         found = f"this computer and the vehicle's GPS differ by {off_s:.0f} s"
@@ -308,21 +294,19 @@ def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Chec
         if wrong:
             advice = "no-fly zones apply at certain hours: synchronise it (chrony)"
         return Check("clock", CheckVerdict.BAD if wrong else CheckVerdict.LOOK, found, advice)
-    return Check("clock", CheckVerdict.GOOD, f"within {off_s:.1f} s of GPS")
+    return Check.good("clock", f"within {off_s:.1f} s of GPS")
 
 
 def disk(free_bytes: int | None) -> Check:
     """Room for the log."""
     if free_bytes is None:
-        return Check(
-            "disk", CheckVerdict.LOOK, "no log is kept", "leave out --no-record to keep one"
-        )
+        return Check.look("disk", "no log is kept", "leave out --no-record to keep one")
     found = f"{free_bytes / 1e9:.1f} GB free for the log"
     if free_bytes < LEAST_DISK_B:
-        return Check("disk", CheckVerdict.BAD, found, "make room, or log elsewhere (--log-dir)")
+        return Check.bad("disk", found, "make room, or log elsewhere (--log-dir)")
     if free_bytes < GOOD_DISK_B:
-        return Check("disk", CheckVerdict.LOOK, found, "make room: an hour can take 200 MB")
-    return Check("disk", CheckVerdict.GOOD, found)
+        return Check.look("disk", found, "make room: an hour can take 200 MB")
+    return Check.good("disk", found)
 
 
 def notes(mission: Mission) -> list[Check]:
@@ -341,19 +325,10 @@ def notes(mission: Mission) -> list[Check]:
 def peers(reachable: Mapping[str, bool]) -> Check:
     """Who of the team answers now; out of range they need not."""
     if not reachable:
-        return Check(
-            "team", CheckVerdict.LOOK, "no peer to talk to", "give the UAV clients in the team"
-        )
+        return Check.look("team", "no peer to talk to", "give the UAV clients in the team")
     away = [name for name, reached in reachable.items() if not reached]
     if not away:
         found = f"{', '.join(reachable)}: their nodes answer (team files are compared in flight)"
-        return Check("team", CheckVerdict.GOOD, found)
+        return Check.good("team", found)
     found = f"{', '.join(away)}: no node answers now"
-    return Check(
-        "team", CheckVerdict.LOOK, found, "fine if out of range; else is its node running?"
-    )
-
-
-def card(checks: Iterable[Check]) -> Card:
-    """Put together."""
-    return Card(tuple(checks))
+    return Check.look("team", found, "fine if out of range; else is its node running?")

@@ -9,7 +9,7 @@ from typing import Final
 from air_router.controller.motion.pending_setpoints import BRAKING_M_S2
 from air_router.files.settings import Accepted
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight import Check, CheckVerdict
+from air_router.preflight.preflight import Check
 from air_router.routing.straight_return import straight_returns
 from geo.frame import Point
 
@@ -46,9 +46,9 @@ class WantedParameter:
         """The line of a value that is not as wanted."""
         found, advice = f"is {value:g}", f"set it to {self.wanted}: {self.why}"
         if self.stops(mission, value):
-            return Check(self.name, CheckVerdict.BAD, found, advice)
+            return Check.bad(self.name, found, advice)
         if self.accept is None:
-            return Check(self.name, CheckVerdict.LOOK, found, advice)
+            return Check.look(self.name, found, advice)
         return acceptable(mission, self.accept, self.name, found, advice)
 
 
@@ -229,10 +229,10 @@ def parameters(
         checks.append(each.check(mission, value))
     if unknown:
         found = f"not told: {', '.join(unknown)}"
-        checks.append(Check("parameters", CheckVerdict.LOOK, found, "look at them yourself"))
+        checks.append(Check.look("parameters", found, "look at them yourself"))
     wrong = {check.name for check in checks} - {"parameters"}
     good = len(NAMES) - len(unknown) - len(wrong)
-    checks.append(Check("parameters", CheckVerdict.GOOD, f"{good} of {len(NAMES)} are as wanted"))
+    checks.append(Check.good("parameters", f"{good} of {len(NAMES)} are as wanted"))
     return checks
 
 
@@ -240,9 +240,7 @@ def straight_return(mission: Mission) -> Check:
     """Whether PX4's own Return, which knows no zones, would fly through one."""
     crossing = Counter(name for way in straight_returns(mission) for name in way.cuts)
     if not crossing:
-        return Check(
-            "return", CheckVerdict.GOOD, "PX4's straight return is clear from every waypoint"
-        )
+        return Check.good("return", "PX4's straight return is clear from every waypoint")
     worst = [name for name, _ in crossing.most_common()]
     more = f" and {len(worst) - 3} more" if len(worst) > 3 else ""
     return acceptable(
@@ -258,13 +256,11 @@ def straight_return(mission: Mission) -> Check:
 def acceptable(mission: Mission, name: Accepted, line: str, found: str, advice: str) -> Check:
     """A line that stops the flight unless the mission file accepts it by name."""
     if name in mission.accepts:
-        return Check(line, CheckVerdict.LOOK, f"{found} (accepted by the mission file)", advice)
+        return Check.look(line, f"{found} (accepted by the mission file)", advice)
     where = "the mission file"
     if mission.path.suffix == ".plan":
         where = "a mission file ('air-router convert' makes one of a .plan)"
-    return Check(
-        line, CheckVerdict.BAD, found, f"{advice}; or accept it in {where}: accepts: [{name}]"
-    )
+    return Check.bad(line, found, f"{advice}; or accept it in {where}: accepts: [{name}]")
 
 
 def _farthest_m(mission: Mission, others: Iterable[Point] = ()) -> float:

@@ -144,13 +144,14 @@ class Recorder(Closeable):
         if self._drawing is not None:
             self._draw(self._drawing.event(event, self._time_s(now_s)))
 
-    def action(self, action: object, now_s: float) -> None:
+    def actions(self, actions: Iterable[object], now_s: float) -> None:
         """Record what was decided."""
         if self._idle:
             return
-        self._write("action", action, now_s)
-        if self._drawing is not None:
-            self._draw(self._drawing.action(action, self._time_s(now_s)))
+        for action in actions:
+            self._write("action", action, now_s)
+            if self._drawing is not None:
+                self._draw(self._drawing.action(action, self._time_s(now_s)))
 
     def note(self, name: str, now_s: float, fields: Mapping[str, Any]) -> None:
         """Record something else about the flight, in plain data."""

@@ -1,5 +1,6 @@
 """A browser that looks at a flight's page, as a person does."""
 
+import importlib
 import shutil
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -42,7 +43,13 @@ class Looker:
         return [url for url in self.asked if not url.startswith(own)]
 
     def shows(self, selector, text):
-        self.page.locator(selector, has_text=text).first.wait_for()
+        """Wait until the page shows it; says what it shows instead."""
+        sync_api = importlib.import_module("playwright.sync_api")  # there, or there is no page
+        try:
+            self.page.locator(selector, has_text=text).first.wait_for()
+        except sync_api.TimeoutError as error:
+            shown = [at.text_content() for at in self.page.locator(selector).all()]
+            raise AssertionError(f"{selector} shows {shown} instead of '{text}'") from error
 
     def ask(self, press, answers=1):
         """Ask, and read the answers."""

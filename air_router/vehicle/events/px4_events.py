@@ -80,7 +80,8 @@ class Px4Event:
         name = self.name
         if name is None or name not in WORDS:
             return f"event {self.number:#010x} of PX4, explained in the ground station"
-        words, layout = WORDS[name]
+        known = WORDS[name]
+        words, layout = (known, "") if isinstance(known, str) else known
         skipped = _CHECK_HEAD.size if self.is_check else 0
         values = _unpacked(layout, self.arguments[skipped:])
         return words.format(*values) if values is not None else name.replace("_", " ")

@@ -4,6 +4,7 @@ import difflib
 import os
 import stat
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from shapely import LineString, Polygon, make_valid
@@ -14,8 +15,10 @@ from air_router.editor import edits
 from air_router.editor.analysis import LegKind
 from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_file import ChangedOnDiskError, MissionFile, SaveError
+from air_router.editor.plan_editor import PlanEditor
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.editor.starter import write_starter
+from air_router.editor.yaml_editor import YamlEditor
 from air_router.errors import ExitCode, UsageError
 from mocha_link.team.document import DocumentError
 
@@ -35,6 +38,13 @@ def move(keys, to):
 def changed_lines(before, after):
     lines = difflib.ndiff(before.splitlines(), after.splitlines())
     return [line for line in lines if line[:1] in "+-"]
+
+
+@pytest.mark.parametrize("editor", [PlanEditor, YamlEditor])
+def test_every_edit_is_known_to_every_editor(editor):
+    for edit in get_args(edits.Edit):
+        (name,) = get_args(edit.model_fields["do"].annotation)
+        assert callable(getattr(editor, name))
 
 
 def test_a_mission_without_problems_shows_them_all_clear(session):

@@ -83,355 +83,176 @@ BOMB = (
 )
 OUTSIDE = '<!DOCTYPE kml [<!ENTITY x SYSTEM "file:///etc/passwd">]><kml><name>&x;</name></kml>'
 
-MALFORMED = [
-    # GeoJSON
-    ("a.geojson", "{", "", "not-json", "Expecting property name enclosed in double quotes"),
-    (
-        "a.geojson",
-        '{"type": "Feature", "type": 1}',
-        '"type": 1}',
-        "repeated-key",
-        "already on line 1",
-    ),
-    ("a.geojson", "3", "3", "unknown-format", "none of GeoJSON, KML, GPX"),
-    ("a.geojson", '{"fileType": "Plan"}', '{"fileType": "', "unknown-format", "is a mission"),
-    ("a.geojson", '{"type": "Topology"}', '"Topology"}', "wrong-type", 'found "Topology"'),
-    (
-        "a.geojson",
-        '{"type": "FeatureCollection"}',
-        '{"type": "Feat',
-        "missing-key",
-        "features must be a list",
-    ),
-    ("a.geojson", features("7"), "7", "missing-key", "has the type Feature"),
-    (
-        "a.geojson",
-        features('{"type": "Polygon"}'),
-        '"Polygon"}',
-        "wrong-type",
-        "has the type Feature",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties="[1]")),
-        '[1], "geometry',
-        "wrong-type",
-        "must be an object",
-    ),
-    ("a.geojson", features(feature("7")), "7}", "missing-key", "Polygon, MultiPolygon or Point"),
-    (
-        "a.geojson",
-        features(feature('{"type": "Circle"}')),
-        '"Circle"}}',
-        "wrong-type",
-        'found "Circle"',
-    ),
-    (
-        "a.geojson",
-        '{"type": "LineString", "coordinates": [[8,47],[8,48]]}',
-        '"LineString", ',
-        "no-area",
-        "a LineString has no area",
-    ),
-    (
-        "a.geojson",
-        features(feature('{"type": "Point", "coordinates": [8, 47]}')),
-        '{"type": "Poin',
-        "no-area",
-        "add the property radius_m",
-    ),
-    (
-        "a.geojson",
-        features(feature('{"type": "Point", "coordinates": [8, 47]}', '{"radius_m": -4}')),
-        '-4}, "geometry',
-        "out-of-range",
-        "found -4",
-    ),
-    (
-        "a.geojson",
-        features(feature('{"type": "Point", "coordinates": [8, 47]}', '{"radius_m": "4"}')),
-        '"4"}, "geometr',
-        "wrong-type",
-        'found "4"',
-    ),
-    ("a.geojson", polygon("7"), "7}}", "wrong-type", "coordinates must be a list, found 7"),
-    ("a.geojson", polygon("[]"), "[]}}", "zone-too-few-corners", "without a ring"),
-    (
-        "a.geojson",
-        polygon("[[[8,47],\n7]]"),
-        "7]]}}",
-        "wrong-type",
-        "must be [longitude, latitude]",
-    ),
-    ("a.geojson", polygon('[[[8,47],\n["8",47]]]'), '["8",47]]]}}', "wrong-type", "two numbers"),
-    (
-        "a.geojson",
-        polygon("[[[8,47],[8.1,47],[8,47]]]"),
-        "[[8,47],[8.1,4",
-        "zone-too-few-corners",
-        "2 different corners",
-    ),
-    (
-        "a.geojson",
-        polygon("[[[8,47],[8.1,47],\n[-120.5,200]]]"),
-        "[-120.5,200]]]",
-        "not-on-earth",
-        "no longitude -120.5, latitude 200; correct it",
-    ),
-    (
-        "a.geojson",
-        polygon("[[[47,-122],[47,-121],[46,-122]]]"),
-        "[47,-122],[47,",
-        "not-on-earth",
-        "exchange them (longitude comes first)",
-    ),
-    (
-        "a.geojson",
-        polygon("[[[8,47],[8.1,47],[8.1,47.1]],\n[[8,47],[8,47]]]"),
-        "[[8,47],[8,47]",
-        "zone-too-few-corners",
-        "1 different corners",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"clearance_m": "5"}')),
-        '"5"}, "geometr',
-        "wrong-type",
-        "'clearance_m' must be a number",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"clearance_m": -5}')),
-        '-5}, "geometry',
-        "out-of-range",
-        "from 0 to 1000, found -5",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"upper_m": 9e9}')),
-        '9e9}, "geometr',
-        "out-of-range",
-        "upper_m",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"upper_m": 9, "reference": "FL"}')),
-        '"FL"}, "geomet',
-        "unknown-word",
-        "one of home, amsl, ground",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"active": "always"}')),
-        '"always"}, "ge',
-        "wrong-type",
-        "list of {from, until, days, between}",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"active": [{"from": "2026-11-20"}]}')),
-        '[{"from": "202',
-        "not-a-time",
-        "has no time zone; add Z",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"active": [{"days": ["noday"]}]}')),
-        '[{"days": ["no',
-        "not-a-time",
-        "'noday' is no day",
-    ),
-    (
-        "a.geojson",
-        features(feature(properties='{"active": [{"between": ["8", "9"]}]}')),
-        '[{"between": [',
-        "not-a-time",
-        "'8' is no time of day",
-    ),
-    (
-        "a.geojson",
-        '{"crs": {"properties": {"name": "EPSG:3857"}},"type": "Feature"}',
-        '{"properties":',
-        "other-coordinates",
-        "not in WGS-84",
-    ),
-    # ED-269
-    ("z.json", '{"features": 7}', '{"features": 7', "unknown-format", "none of"),
-    (
-        "z.json",
-        '{"features": [7]}',
-        "7]}",
-        "wrong-type",
-        "what a zone says of itself must be an object",
-    ),
-    (
-        "z.json",
-        '{"features": [{"restriction": "PROHIBITED"}]}',
-        '{"restriction"',
-        "missing-key",
-        "geometry must be a list, found nothing",
-    ),
-    ("z.json", ed269('"uomDimensions": "YD"'), '"YD",', "wrong-type", "one of M, FT"),
-    (
-        "z.json",
-        ed269('"uomDimensions": "M", "upperLimit": "FL9", "upperVerticalReference": "AGL"'),
-        '"FL9", "upperV',
-        "wrong-type",
-        "an altitude must be a number",
-    ),
-    (
-        "z.json",
-        ed269('"uomDimensions": "M", "upperLimit": 9, "upperVerticalReference": "FL"'),
-        '"FL",',
-        "wrong-type",
-        "one of AGL, AMSL, WGS84",
-    ),
-    (
-        "z.json",
-        ed269(projection='{"type": "Square"}'),
-        '"Square"}}]}]}',
-        "wrong-type",
-        "Circle or a Polygon",
-    ),
-    (
-        "z.json",
-        ed269(projection='{"type": "Circle", "center": [8, 47]}'),
-        '{"type": "Circ',
-        "missing-key",
-        "the radius in metres must be a number, found nothing",
-    ),
-    (
-        "z.json",
-        ed269(projection='{"type": "Circle", "center": [47, 100], "radius": 5}'),
-        '[47, 100], "ra',
-        "not-on-earth",
-        "exchange them",
-    ),
-    # ED-318
-    (
-        "z.json",
-        ed318('{"type": "Point", "coordinates": [8, 47], "layer": {"uom": "m"}}'),
-        '{"type": "Poin',
-        "missing-key",
-        "the radius in metres",
-    ),
-    (
-        "z.json",
-        ed318(POLYGON[:-1] + ', "layer": {"upper": 3, "uom": "yd", "upperReference": "AGL"}}'),
-        '"yd"',
-        "wrong-type",
-        "the unit must be one of M, FT",
-    ),
-    (
-        "z.json",
-        features(
-            feature(properties="null"),
-            feature(properties='{"variant": "COMMON", "zoneAuthority": []}'),
+POINT = '{"type": "Point", "coordinates": [8, 47]}'
+
+
+def zone(properties):
+    return features(feature(properties=properties))
+
+
+def circle(properties):
+    return features(feature(POINT, properties))
+
+
+def at(place, text):
+    """The text with a mark before the first such place in it."""
+    assert place in text
+    return text.replace(place, f"§{place}", 1)
+
+
+MALFORMED = {
+    "a.geojson": [
+        ("{§", "not-json", "Expecting property name enclosed in double quotes"),
+        ('{"type": "Feature", §"type": 1}', "repeated-key", "already on line 1"),
+        ("§3", "unknown-format", "none of GeoJSON, KML, GPX"),
+        ('§{"fileType": "Plan"}', "unknown-format", "is a mission"),
+        ('{"type": §"Topology"}', "wrong-type", 'found "Topology"'),
+        ('§{"type": "FeatureCollection"}', "missing-key", "features must be a list"),
+        (features("§7"), "missing-key", "has the type Feature"),
+        (features('{"type": §"Polygon"}'), "wrong-type", "has the type Feature"),
+        (zone("§[1]"), "wrong-type", "must be an object"),
+        (features(feature("§7")), "missing-key", "Polygon, MultiPolygon or Point"),
+        (features(feature('{"type": §"Circle"}')), "wrong-type", 'found "Circle"'),
+        ('{"type": §"LineString", "coordinates": []}', "no-area", "a LineString has no area"),
+        (features(feature(f"§{POINT}")), "no-area", "add the property radius_m"),
+        (circle('{"radius_m": §-4}'), "out-of-range", "found -4"),
+        (circle('{"radius_m": §"4"}'), "wrong-type", 'found "4"'),
+        (polygon("§7"), "wrong-type", "coordinates must be a list, found 7"),
+        (polygon("§[]"), "zone-too-few-corners", "without a ring"),
+        (polygon("[[[8,47],\n§7]]"), "wrong-type", "must be [longitude, latitude]"),
+        (polygon('[[[8,47],\n§["8",47]]]'), "wrong-type", "two numbers"),
+        (polygon("[§[[8,47],[8.1,47],[8,47]]]"), "zone-too-few-corners", "2 different corners"),
+        (polygon("[[[8,47],\n§[-120.5,200]]]"), "not-on-earth", "latitude 200; correct it"),
+        (polygon("[[§[47,-122],[47,-121]]]"), "not-on-earth", "exchange them (longitude comes"),
+        (polygon(f"{SQUARE[:-1]},\n§[[8,47]]]"), "zone-too-few-corners", "1 different corners"),
+        (zone('{"clearance_m": §"5"}'), "wrong-type", "'clearance_m' must be a number"),
+        (zone('{"clearance_m": §-5}'), "out-of-range", "from 0 to 1000, found -5"),
+        (zone('{"upper_m": §9e9}'), "out-of-range", "upper_m"),
+        (zone('{"upper_m": 9, "reference": §"FL"}'), "unknown-word", "one of home, amsl, ground"),
+        (zone('{"active": §"always"}'), "wrong-type", "list of {from, until, days, between}"),
+        (zone('{"active": §[{"from": "2026-11-20"}]}'), "not-a-time", "has no time zone; add Z"),
+        (zone('{"active": §[{"days": ["noday"]}]}'), "not-a-time", "'noday' is no day"),
+        (zone('{"active": §[{"between": ["8", "9"]}]}'), "not-a-time", "'8' is no time of day"),
+        (
+            '{"crs": §{"properties": {"name": "EPSG:3857"}},"type": "Feature"}',
+            "other-coordinates",
+            "not in WGS-84",
         ),
-        'null, "geometr',
-        "missing-key",
-        "what a zone says of itself must be an object",
-    ),
-    # KML
-    ("a.kml", "", "", "not-xml", "no element found"),
-    ("a.kml", "<kml><Document>\n</kml>", "kml>", "not-xml", "mismatched tag"),
-    ("a.kml", "<kml>\n <name>&amp</name></kml>", "</name></kml>", "not-xml", "not well-formed"),
-    (
-        "a.kml",
-        '<?xml version="1.0" encoding="klingon"?><kml/>',
-        "<?xml version=",
-        "not-utf8",
-        "encoding",
-    ),
-    ("a.kml", "<gpx></gpx>", "<gpx></gpx>", "not-kml", "the outermost element is <gpx>"),
-    ("a.kml", BOMB, '[<!ENTITY a "h', "xml-doctype", "is not read; remove it"),
-    ("a.kml", OUTSIDE, "[<!ENTITY x SY", "xml-doctype", "is not read; remove it"),
-    (
-        "a.kml",
-        kml(placemark("8,47 8.1,47")),
-        "<coordinates>8",
-        "zone-too-few-corners",
-        "2 different corners",
-    ),
-    ("a.kml", kml(placemark("")), "<coordinates><", "zone-too-few-corners", "no coordinates"),
-    (
-        "a.kml",
-        kml(placemark("8;47")),
-        "<coordinates>8",
-        "wrong-type",
-        "'8;47' is not longitude,latitude",
-    ),
-    (
-        "a.kml",
-        kml(placemark("47,122 47,123 46,122")),
-        "<coordinates>4",
-        "not-on-earth",
-        "exchange them",
-    ),
-    (
-        "a.kml",
-        kml(placemark(boundary="innerBoundaryIs")),
-        "<Polygon><inne",
-        "missing-key",
-        "found 0",
-    ),
-    (
-        "a.kml",
-        kml("<Placemark><Point><coordinates>8,47</coordinates></Point></Placemark>"),
-        "<Point><coordi",
-        "no-area",
-        "give a point the data 'radius_m'",
-    ),
-    (
-        "a.kml",
-        kml("<Placemark><LineString/></Placemark>"),
-        "<LineString/><",
-        "no-area",
-        "draw a polygon",
-    ),
-    (
-        "a.kml",
-        kml(placemark(data=data("upper_m", "high"))),
-        '<Data name="up',
-        "wrong-type",
-        "'upper_m' must",
-    ),
-    (
-        "a.kml",
-        kml(placemark(data=data("radius_m", "-1"))),
-        "<Placemark><na",
-        "out-of-range",
-        "'radius_m'",
-    ),
-    ("a.kml", "<kml>" + "<Folder>" * 100, "<Folder><Folde", "too-deep", "nested more than 60 deep"),
-    # OpenAir
-    ("a.txt", "hello", "hello", "unknown-format", "no airspace begins in it"),
-    ("a.air", openair("DP 47:00:00 N"), "47:00:00 N", "wrong-form", "is not a place like"),
-    ("a.air", openair("DP 47:60:00 N 8:00:00 E"), "47:60", "not-on-earth", "no place '47:60"),
-    ("a.air", openair("DP 91:00:00 N 8:00:00 E"), "91", "not-on-earth", "no place '91"),
-    ("a.air", openair("DC 5"), "5", "wrong-form", "no centre"),
-    ("a.air", openair("V X=1N 1E", "DC nan"), "nan", "wrong-form", "not a radius in nautical"),
-    ("a.air", openair("V X=1N 1E", "DC 0"), "0", "out-of-range", "a radius of 0 nautical"),
-    ("a.air", openair("V X=1N 1E", "DA 5,90"), "5,90", "wrong-form", "first, last direction"),
-    ("a.air", openair("V X=1N 1E", "DB 1N 2E"), "1N 2E", "wrong-form", "is not 2 places"),
-    ("a.air", openair("V D=left"), "D=left", "wrong-form", "none of V X="),
-    ("a.air", openair("DY 1N 1E"), "1N 1E", "wrong-form", "'DY' is not read"),
-    ("a.air", openair("XX y"), "y", "wrong-form", "'XX' is no OpenAir command"),
-    ("a.air", openair("DP 1N 1E", "DP 1N 2E"), "AC R", "zone-too-few-corners", "2 different"),
-    # GPX
-    ("a.gpx", "<kml/>", "<kml/>", "unknown-format", "not <gpx>"),
-    ("a.gpx", BOMB, "[<!ENTITY", "xml-doctype", "a document type"),
-    ("a.gpx", gpx('lat="47"'), "<trkpt", "wrong-type", "<trkpt> needs 'lat' and 'lon'"),
-    ("a.gpx", gpx('lat="nan" lon="8"'), "<trkpt", "not-on-earth", "there is no place nan"),
-    ("a.gpx", gpx('lat="8" lon="1e999"'), "<trkpt", "not-on-earth", "no place 8, 1e999"),
-    (
-        "a.gpx",
-        gpx('lat="8" lon="47"', 'lat="8" lon="48"', 'lat="9" lon="48"'),
-        "<trkseg>",
-        "no-area",
-        "from where it begins",
-    ),
-]
+    ],
+    "ed269.json": [
+        ('§{"features": 7}', "unknown-format", "none of"),
+        ('{"features": [§7]}', "wrong-type", "what a zone says of itself must be an object"),
+        ('{"features": [§{"restriction": "CONDITIONAL"}]}', "missing-key", "found nothing"),
+        (ed269('"uomDimensions": §"YD"'), "wrong-type", "one of M, FT"),
+        (
+            ed269('"uomDimensions": "M", "upperLimit": §"FL9", "upperVerticalReference": "AGL"'),
+            "wrong-type",
+            "an altitude must be a number",
+        ),
+        (
+            ed269('"uomDimensions": "M", "upperLimit": 9, "upperVerticalReference": §"FL"'),
+            "wrong-type",
+            "one of AGL, AMSL, WGS84",
+        ),
+        (ed269(projection='{"type": §"Square"}'), "wrong-type", "Circle or a Polygon"),
+        (
+            ed269(projection='§{"type": "Circle", "center": [8, 47]}'),
+            "missing-key",
+            "the radius in metres must be a number, found nothing",
+        ),
+        (
+            ed269(projection='{"type": "Circle", "center": §[47, 100], "radius": 5}'),
+            "not-on-earth",
+            "exchange them",
+        ),
+    ],
+    "ed318.json": [
+        (ed318(f'§{POINT[:-1]}, "layer": {{"uom": "m"}}}}'), "missing-key", "the radius in metres"),
+        (
+            ed318(POLYGON[:-1] + ', "layer": {"upper": 3, "uom": §"yd", "upperReference": "AGL"}}'),
+            "wrong-type",
+            "the unit must be one of M, FT",
+        ),
+        (
+            features(feature(properties="§null"), feature(properties='{"variant": "COMMON"}')),
+            "missing-key",
+            "what a zone says of itself must be an object",
+        ),
+    ],
+    "a.kml": [
+        ("§", "not-xml", "no element found"),
+        ("<kml><Document>\n</§kml>", "not-xml", "mismatched tag"),
+        ("<kml>\n <name>&amp§</name></kml>", "not-xml", "not well-formed"),
+        ('§<?xml version="1.0" encoding="klingon"?><kml/>', "not-utf8", "encoding"),
+        ("§<gpx></gpx>", "not-kml", "the outermost element is <gpx>"),
+        (at("[<!ENTITY a", BOMB), "xml-doctype", "is not read; remove it"),
+        (at("[<!ENTITY x", OUTSIDE), "xml-doctype", "is not read; remove it"),
+        (
+            at("<coordinates>", kml(placemark("8,47 8.1,47"))),
+            "zone-too-few-corners",
+            "2 different corners",
+        ),
+        (at("<coordinates>", kml(placemark(""))), "zone-too-few-corners", "no coordinates"),
+        (
+            at("<coordinates>", kml(placemark("8;47"))),
+            "wrong-type",
+            "'8;47' is not longitude,latitude",
+        ),
+        (at("<coordinates>", kml(placemark("47,122"))), "not-on-earth", "exchange them"),
+        (
+            at("<Polygon>", kml(placemark(boundary="innerBoundaryIs"))),
+            "missing-key",
+            "found 0",
+        ),
+        (
+            kml("<Placemark>§<Point><coordinates>8,47</coordinates></Point></Placemark>"),
+            "no-area",
+            "give a point the data 'radius_m'",
+        ),
+        (kml("<Placemark>§<LineString/></Placemark>"), "no-area", "draw a polygon"),
+        (
+            at("<Data", kml(placemark(data=data("upper_m", "high")))),
+            "wrong-type",
+            "'upper_m' must",
+        ),
+        (
+            at("<Placemark>", kml(placemark(data=data("radius_m", "-1")))),
+            "out-of-range",
+            "'radius_m'",
+        ),
+        (f"<kml>{'<Folder>' * 59}§{'<Folder>' * 41}", "too-deep", "nested more than 60 deep"),
+    ],
+    "a.air": [
+        (openair("DP §47:00:00 N"), "wrong-form", "is not a place like"),
+        (openair("DP §47:60:00 N 8:00:00 E"), "not-on-earth", "no place '47:60"),
+        (openair("DP §91:00:00 N 8:00:00 E"), "not-on-earth", "no place '91"),
+        (openair("DC §5"), "wrong-form", "no centre"),
+        (openair("V X=1N 1E", "DC §nan"), "wrong-form", "not a radius in nautical"),
+        (openair("V X=1N 1E", "DC §0"), "out-of-range", "a radius of 0 nautical"),
+        (openair("V X=1N 1E", "DA §5,90"), "wrong-form", "first, last direction"),
+        (openair("V X=1N 1E", "DB §1N 2E"), "wrong-form", "is not 2 places"),
+        (openair("V §D=left"), "wrong-form", "none of V X="),
+        (openair("DY §1N 1E"), "wrong-form", "'DY' is not read"),
+        (openair("XX §y"), "wrong-form", "'XX' is no OpenAir command"),
+        (at("AC R", openair("DP 1N 1E", "DP 1N 2E")), "zone-too-few-corners", "2 different"),
+    ],
+    "a.txt": [("§hello", "unknown-format", "no airspace begins in it")],
+    "a.gpx": [
+        ("§<kml/>", "unknown-format", "not <gpx>"),
+        (at("[<!ENTITY", BOMB), "xml-doctype", "a document type"),
+        (at("<trkpt", gpx('lat="47"')), "wrong-type", "<trkpt> needs 'lat' and 'lon'"),
+        (at("<trkpt", gpx('lat="nan" lon="8"')), "not-on-earth", "there is no place nan"),
+        (at("<trkpt", gpx('lat="8" lon="1e999"')), "not-on-earth", "no place 8, 1e999"),
+        (
+            at("<trkseg>", gpx('lat="8" lon="47"', 'lat="8" lon="48"', 'lat="9" lon="48"')),
+            "no-area",
+            "from where it begins",
+        ),
+    ],
+}
+"""By the file's name: a text with a mark (§) where the problem is, its code, what is said."""
+
+ROWS = [(name, *row) for name, rows in MALFORMED.items() for row in rows]
 
 
 def problems(folder, name, text):
@@ -443,14 +264,14 @@ def problems(folder, name, text):
         return error.problems
 
 
-@pytest.mark.parametrize("row", MALFORMED, ids=[row[4][:30] for row in MALFORMED])
-def test_a_malformed_file_gets_its_own_error(tmp_path, row):
-    name, text, at_place, code, words = row
-    first = problems(tmp_path, name, text)[0]
+@pytest.mark.parametrize(("name", "marked", "code", "words"), ROWS)
+def test_a_malformed_file_gets_its_own_error(tmp_path, name, marked, code, words):
+    before, mark, after = marked.partition("§")
+    assert mark
+    first = problems(tmp_path, name, before + after)[0]
     assert (first.code, words in first.message) == (code, True), str(first)
-    rest = text.split("\n")[first.line - 1][first.column - 1 :]
-    assert rest.startswith(at_place), str(first)
-    assert bool(rest) == bool(at_place)
+    place = (before.count("\n") + 1, len(before.rpartition("\n")[2]) + 1)
+    assert (first.line, first.column) == place, str(first)
     assert first.path == tmp_path / name
 
 

@@ -28,7 +28,7 @@ def fly(stats, *places, start_s=10.0):
     for second, (east_m, north_m) in enumerate(places):
         now_s = start_s + second
         position = Point(east_m, north_m)
-        stats.event(Telemetry(now_s, position, 40.0, armed=True, in_air=True), now_s)
+        stats.step(Telemetry(now_s, position, 40.0, armed=True, in_air=True), (), now_s)
 
 
 def seen(mapper, rows, row=0):
@@ -38,8 +38,8 @@ def seen(mapper, rows, row=0):
 
 
 def sync(stats, peer, direction, at_s, size=100):
-    stats.event(SyncStarted(peer, at_s, direction), at_s)
-    stats.event(SyncEnded(peer, at_s, direction, 1, size, 0.1), at_s + 0.1)
+    stats.step(SyncStarted(peer, at_s, direction), (), at_s)
+    stats.step(SyncEnded(peer, at_s, direction, 1, size, 0.1), (), at_s + 0.1)
 
 
 def test_distance_duration_and_closest_approach(stats, pennovation):
@@ -56,7 +56,7 @@ def test_distance_duration_and_closest_approach(stats, pennovation):
 def test_what_the_pilot_flies_afterwards_is_the_pilot_s(stats):
     fly(stats, (0.0, 0.0), (5.0, 0.0))
     before = stats.report("pilot", 0.0)["closest_approach_m"]
-    stats.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
+    stats.step(None, (StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None),), 0.0)
     fly(stats, (10.0, -40.0), start_s=20.0)  # into a zone
     report = stats.report("pilot", 0.0)
     assert report["closest_approach_m"] == before
@@ -65,9 +65,9 @@ def test_what_the_pilot_flies_afterwards_is_the_pilot_s(stats):
 
 def test_what_is_flown_after_the_pilot_gave_it_back_counts_again(stats, pennovation):
     fly(stats, (0.0, 0.0), (5.0, 0.0))
-    stats.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
+    stats.step(None, (StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None),), 0.0)
     fly(stats, (10.0, -40.0), start_s=20.0)  # into a zone, and across it
-    stats.action(StateChanged(State.PASSIVE, Signal.RESUMED, State.EXPL, None))
+    stats.step(None, (StateChanged(State.PASSIVE, Signal.RESUMED, State.EXPL, None),), 0.0)
     fly(stats, (75.0, -150.0), start_s=30.0)
     ours = [[Point(0.0, 0.0), Point(5.0, 0.0)], [Point(75.0, -150.0)]]
     closest_m, _ = min(map(pennovation.airspace.track_distance_m, ours))
@@ -76,17 +76,16 @@ def test_what_is_flown_after_the_pilot_gave_it_back_counts_again(stats, pennovat
 
 def test_zones_that_the_controller_refused_are_not_judged_by(stats, pennovation):
     fly(stats, (0.0, 0.0), (5.0, 0.0))
-    stats.event(AirspaceChanged(pennovation.fences, pennovation.zones), 12.0)
-    stats.action(RenewPlan())
+    stats.step(AirspaceChanged(pennovation.fences, pennovation.zones), (RenewPlan(),), 12.0)
     drawn = Zone("refused", Circle(Point(5.0, 3.0), 4.0))
-    stats.event(AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn)), 12.5)
-    stats.event(PlanRenewed(), 13.0)
+    stats.step(AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn)), (), 12.5)
+    stats.step(PlanRenewed(), (), 13.0)
     fly(stats, (5.0, 0.2), (5.0, 0.4), start_s=14.0)
     assert stats.report("done", 0.0)["closest_approach_to"] != "refused"
     accepted = AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn))
-    stats.event(accepted, 16.0)
-    stats.action(RenewPlan())
-    stats.event(PlanRenewed(), 17.0)
+    stats.step(accepted, (), 16.0)
+    stats.step(None, (RenewPlan(),), 0.0)
+    stats.step(PlanRenewed(), (), 17.0)
     fly(stats, (5.0, 0.2), (5.0, 0.4), start_s=18.0)
     assert stats.report("done", 0.0)["closest_approach_to"] == "refused"
 
@@ -109,10 +108,10 @@ def test_syncs_are_counted_by_direction_and_unknown_robots_only_as_interactions(
     sync(stats, "io", Direction.OUT, 2.0, size=500)
     sync(stats, "basestation", Direction.IN, 3.0)
     cut = SyncEnded("io", 3.5, Direction.IN, messages=1, bytes=9, duration_s=0.1, complete=False)
-    stats.event(SyncStarted("io", 3.4, Direction.IN), 3.4)
-    stats.event(cut, 3.5)
-    stats.event(SyncStarted("io", 4.0, Direction.IN), 4.0)
-    stats.event(SyncTimedOut("io", 9.0, Direction.IN, "silent"), 9.0)
+    stats.step(SyncStarted("io", 3.4, Direction.IN), (), 3.4)
+    stats.step(cut, (), 3.5)
+    stats.step(SyncStarted("io", 4.0, Direction.IN), (), 4.0)
+    stats.step(SyncTimedOut("io", 9.0, Direction.IN, "silent"), (), 9.0)
     report = stats.report("done", 0.0)
     io = report["robots"]["io"]
     assert (io["syncs_in"], io["syncs_out"], io["bytes_in"], io["bytes_out"]) == (2, 1, 79, 500)
@@ -129,7 +128,7 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(stats):
         (State.EXPL, Signal.TIMER, State.SEARCH, None),
         (State.SEARCH, Signal.FOUND, State.COMM, "io"),
     ):
-        stats.action(StateChanged(source, signal, target, robot))
+        stats.step(None, (StateChanged(source, signal, target, robot),), 0.0)
     report = stats.report("done", 0.0)
     assert report["states_visited"] == ["INIT", "SEARCH", "COMM", "EXPL"]
     assert report["robots"]["io"]["found"] == 2

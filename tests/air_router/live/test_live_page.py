@@ -58,9 +58,10 @@ class Shown:
     def tell(self):
         flight = self.flight
         for event, now_s in flight.events[self._told[0] :]:
-            self.page.event(event, now_s)
-        for action in flight.actions[self._told[1] :]:
-            self.page.action(action, flight.now_s)
+            self.page.step(event, (), now_s)
+        decided = flight.actions[self._told[1] :]
+        self.page.step(None, decided, flight.now_s)
+        for action in decided:
             if isinstance(action, CommandAck):
                 self.commands.answered(action)
         self._told = [len(flight.events), len(flight.actions)]
@@ -144,17 +145,17 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
 def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene = LiveScene(flight.mission, flight.controller, "titan")
     scene.links({"io": LinkMetrics("io", rssi_dbm=float("nan"))})
-    scene.event(SyncStarted("io", 0.0, Direction.IN), 50.0)
+    scene.step(SyncStarted("io", 0.0, Direction.IN), (), 50.0)
     assert scene.link_lines()[0]["lit"]
-    scene.event(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), 50.5)
+    scene.step(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), (), 50.5)
     assert scene.link_lines()[0]["lit"]
-    scene.event(flight.telemetry(), 52.0)
+    scene.step(flight.telemetry(), (), 52.0)
     line = scene.link_lines()[0]
     assert line["syncs"] == 1
     assert (line["lit"], line["rssi_dbm"], line["synced_ago_s"]) == (False, None, 1.5)
-    scene.event(flight.telemetry(), 52.5)  # the same second counts once
-    scene.event(SyncStarted("io", 0.0, Direction.IN), 53.0)
-    scene.event(flight.telemetry(), 53.1)
+    scene.step(flight.telemetry(), (), 52.5)  # the same second counts once
+    scene.step(SyncStarted("io", 0.0, Direction.IN), (), 53.0)
+    scene.step(flight.telemetry(), (), 53.1)
     rows = scene.rows()
     assert [row[0] for row in rows] == [52.0, 53.1]
     assert [row[-1] for row in rows] == [{"io": [None, 0, 0]}, {"io": [None, 1, 0]}]
@@ -162,7 +163,7 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
     assert scene.rows(1) == rows[1:]
     for number in range(MOST_NEWS + 10):
-        scene.action(CommandAck(str(number), "eve", False, "no"), 53.0)
+        scene.step(None, (CommandAck(str(number), "eve", False, "no"),), 53.0)
     assert scene.news_count == MOST_NEWS + 10
     assert len(scene.news()) == MOST_NEWS
     assert [line["n"] for line in scene.news(MOST_NEWS + 8)] == [MOST_NEWS + 9, MOST_NEWS + 10]

@@ -28,11 +28,8 @@ class Silent:
     def __init__(self):
         self.actions = []
 
-    def event(self, event, now_s):
-        pass
-
-    def action(self, action, now_s):
-        self.actions.append(action)
+    def step(self, event, actions, now_s):
+        self.actions.extend(actions)
 
     def links(self, links):
         pass
@@ -140,7 +137,7 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
 def test_a_page_that_fails_to_show_something_says_so_some_times_and_goes_on(record, caplog):
     film = RecordedFlight(record)
     page = LivePage(film.controller.mission, film.controller, None, dict, mapper=film.mapper)
-    page.scene.event = lambda *_: 1 / 0
+    page.scene.step = lambda *_: 1 / 0
     for _ in range(10):
-        page.event(record[5].value, 1.0)
+        page.step(record[5].value, (), 1.0)
     assert caplog.text.count("ZeroDivisionError: ") == 3

@@ -54,137 +54,91 @@ def test_the_file_itself_is_in_order(tmp_path):
     assert mission.notes == ()
 
 
+HALL, HOLES = "[[-20, 20], [20, 20], [20, 40], [-20, 40]]", "[[[-90, 60], [-60, 60], [-60, 90]]]"
+RING = "[[-99, -99], [99, -99], [99, 99], [-99, 99]]"
+MAST = "{name: mast, circle: {centre: [50, -50], radius_m: 10}"
+
 WRONG = [
-    ("altitude_m: 30", "altitude_m: high", "4: high", "wrong-type"),
-    ("altitude_m: 30", "altitude_m: -3", "4: -3", "out-of-range"),
-    ("altitude_m: 30", "altitude_m: .nan", "4: .nan", "wrong-value"),
-    ("altitude_m: 30", "altitude_m: 30\naltitude_m: 31", "5: altitude_m: 31", "repeated-key"),
-    ("speed_m_s: 4", "speed_m_s: 400", "5: 400", "out-of-range"),
-    ("speed_m_s: 4", "sped_m_s: 4", "5: sped_m_s: 4", "unknown-key"),
-    ("duration_s: 600", "duration_s: 0", "6: 0", "out-of-range"),
-    ("coordinates: local", "coordinates: metres", "1: metres", "unknown-word"),
-    ("frame: {origin: [38.5, -98.5]}", "frame: {}", "2: {}", "missing-key"),
-    ("frame: {origin: [38.5, -98.5]}", "frame: {origin: [38.5]}", "2: [38.5]}", "wrong-length"),
-    (
-        "frame: {origin: [38.5, -98.5]}",
-        "frame: {origin: [98.5, 38]}",
-        "2: [98.5, 38]}",
-        "not-on-earth",
-    ),
-    ("frame: {origin: [38.5, -98.5]}", "", "1: local", "frame-missing"),
-    ("altitude_amsl_m: 300", "altitude_amsl_m: 30000", "3: 30000}", "out-of-range"),
-    ("battery_reserve: 0.3", "battery_reserve: 30", "24: 30", "out-of-range"),
-    ("kind: waypoints", "kind: fastest", "23: fastest}", "unknown-word"),
-    ("battery_reserve: 0.3", "accepts: [rtl_crosses]", "24: rtl_crosses]", "unknown-word"),
-    ("tracking_margin_m: 1.5", "tracking_margin_m: 0", "23: 0, max_edge_m:", "out-of-range"),
-    ("max_edge_m: 100", "vertical_margin_m: 1", "23: 1, kind: waypo", "out-of-range"),
-    ("  - [50, 0]", "  - [50]", "8: [50]", "wrong-length"),
-    ("  - [50, 0]", "  - {altitude_m: 20}", "8: {altitude_m: 2", "missing-key"),
-    ("  - [50, 0]", "  - [1e308, 0]", "8: [1e308, 0]", "not-on-earth"),
-    ("[[-99, -99]", "[[-99e9, -99]", "11: [-99e9, -99]", "not-on-earth"),
-    ("  - [50, 0]", "  - [50, 50]", "9: [50, 50], alti", "same-place"),
-    ("  - [50, 0]", "  - [15, 30]", "8: [15, 30]", "waypoint-in-zone"),
-    ("  - [50, 0]", "  - [120, 0]", "8: [120, 0]", "waypoint-outside-fence"),
-    ("  - [50, 0]", "  - [-65, 65]", "8: [-65, 65]", "waypoint-outside-fence"),
-    ("  - [50, 0]", "  - [95, 0]", "8: [95, 0]", "waypoint-too-near"),
-    ("altitude_m: 25", "altitude_m: 0", "9: 0}", "out-of-range"),
-    ("[-50, -50]]", "[50, -50]]", "22: [50, -50]]", "rally-point-in-zone"),
-    ("[-50, -50]]", "[50, -66]]", "22: [50, -66]]", "rally-point-too-near"),
-    ("[-50, -50]]", "[-150, -50]]", "22: [-150, -50]]", "rally-point-outside-fence"),
-    ("position: [0, 0]", "position: [0, 17]", "3: [0, 17], altit", "home-too-near"),
-    ("position: [0, 0]", "position: [50, -50]", "3: [50, -50], alt", "home-in-zone"),
-    ("radius_m: 150", "radius_m: 0", "13: 0}", "out-of-range"),
-    ("fences:", "fence: null\nfences:", "12: - polygon: [[-", "one-fence-key"),
-    ("[99, 99], [-99, 99]]", "[-99, 99], [99, 99]]", "11: [[-99, -99], [", "zone-self-intersects"),
-    ("[-60, 60], [-60, 90]]]", "[-60, 160], [-60, 90]]]", "12: [[[-90, 60], [", "holes-touch"),
-    (
-        "[[[-90, 60], [-60, 60], [-60, 90]]]",
-        "[[[200, 200], [210, 200], [210, 210]]]",
-        "12: [[[200, 200],",
-        "hole-outside-ring",
-    ),
-    ("[20, 20], [20, 40], [-20, 40]]", "[20, 20]]", "16: [[-20, 20], [2", "zone-too-few-corners"),
-    ("[20, 20], [20, 40], [-20, 40]]", "[20, 20], [30, 20]]", "16: [[-20, 20], [2", "zone-no-area"),
-    (
-        "[20, 20], [20, 40], [-20, 40]]",
-        "[20, 40], [20, 20], [-20, 40]]",
-        "16: [[-20, 20], [2",
-        "zone-self-intersects",
-    ),
-    ("[10, 25], [10, 35]]]", "[10, 25], [10, 45]]]", "17: [[[-10, 25], [", "holes-touch"),
-    ("clearance_m: 4\n", "clearance_m: -4\n", "18: -4", "out-of-range"),
-    ("name: mast", "name: hall", "21: {name: hall, c", "same-name"),
-    ("name: mast", "name: fence", "21: {name: fence,", "same-name"),
-    (
-        "name: mast",
-        "name: mast, polygon: [[1, 2], [3, 4], [5, 9]]",
-        "21: {name: mast, p",
-        "one-shape",
-    ),
-    (
-        "name: mast, circle: {centre: [50, -50], radius_m: 10}",
-        "name: mast",
-        "21: {name: mast, a",
-        "one-shape",
-    ),
-    (
-        "centre: [50, -50], radius_m: 10",
-        "centre: [50, -95], radius_m: 10",
-        "21: {name: mast, c",
-        "zone-crosses-fence",
-    ),
-    ("centre: [50, -50], radius_m: 10", "radius_m: 10", "21: {radius_m: 10}", "missing-key"),
-    (
-        "centre: [50, -50], radius_m: 10}",
-        "centre: [50, -50], radius_m: 10}, holes: [[[1, 2], [2, 2], [2, 3]]]",
-        "21: {name: mast, c",
-        "one-shape",
-    ),
-    (
-        "lower_m: 0, upper_m: 100",
-        "lower_m: 150, upper_m: 100",
-        "15: name: hall",
-        "zone-altitudes-inverted",
-    ),
-    ("reference: ground", "reference: sea", "19: sea}", "unknown-word"),
-    ('from: "2026-01-01T00:00:00Z"', 'from: "2026-01-01"', '20: "2026-01-01"', "not-a-time"),
-    (
-        'from: "2026-01-01T00:00:00Z"',
-        'from: "2026-01-01T00:00:00"',
-        '20: "2026-01-01T00:00:00"',
-        "not-a-time",
-    ),
-    ('from: "2026-01-01T00:00:00Z"', "from: 2026", '20: 2026, until: "', "not-a-time"),
-    (
-        'until: "2099-01-01T00:00:00Z"',
-        'until: "2019-01-01T00:00:00Z"',
-        '20: {from: "2026-0',
-        "ends-before-start",
-    ),
-    ("[{days: [mon]", "[{days: [moon]", "21: moon], between", "not-a-day"),
-    ('between: ["08:00", "18:00"]', 'between: ["8:00", "18:00"]', '21: "8:00"', "not-a-time"),
-    ('between: ["08:00", "18:00"]', 'between: ["08:00", "24:30"]', '21: "24:30"]}]}', "not-a-time"),
-    ('between: ["08:00", "18:00"]', 'between: ["08:00"]', '21: ["08:00"]}]}', "wrong-length"),
-    ('[{days: [mon], between: ["08:00", "18:00"]}]', "[]", "21: []}", "wrong-length"),
-    ("battery_reserve: 0.3", "no_fly_files: [nowhere.geojson]", None, "unreadable"),
-    ("battery_reserve: 0.3", "no_fly_files: [{allow: [x]}]", "24: {allow: [x]}]", "missing-key"),
-    ("battery_reserve: 0.3", "team: nowhere.yaml", "24: nowhere.yaml", "no-such-file"),
-    ("battery_reserve: 0.3", "seek: [a, a]", "24: [a, a]", "named-twice"),
+    ("altitude_m: 30", "altitude_m: §high", "wrong-type"),
+    ("altitude_m: 30", "altitude_m: §-3", "out-of-range"),
+    ("altitude_m: 30", "altitude_m: §.nan", "wrong-value"),
+    ("altitude_m: 30", "altitude_m: 30\n§altitude_m: 31", "repeated-key"),
+    ("speed_m_s: 4", "speed_m_s: §400", "out-of-range"),
+    ("speed_m_s: 4", "§sped_m_s: 4", "unknown-key"),
+    ("duration_s: 600", "duration_s: §0", "out-of-range"),
+    ("coordinates: local", "coordinates: §metres", "unknown-word"),
+    ("frame: {origin: [38.5, -98.5]}", "frame: §{}", "missing-key"),
+    ("frame: {origin: [38.5, -98.5]}", "frame: {origin: §[38.5]}", "wrong-length"),
+    ("frame: {origin: [38.5, -98.5]}", "frame: {origin: §[98.5, 38]}", "not-on-earth"),
+    ("local\nframe: {origin: [38.5, -98.5]}", "§local", "frame-missing"),
+    ("altitude_amsl_m: 300", "altitude_amsl_m: §30000", "out-of-range"),
+    ("battery_reserve: 0.3", "battery_reserve: §30", "out-of-range"),
+    ("kind: waypoints", "kind: §fastest", "unknown-word"),
+    ("battery_reserve: 0.3", "accepts: [§rtl_crosses]", "unknown-word"),
+    ("tracking_margin_m: 1.5", "tracking_margin_m: §0", "out-of-range"),
+    ("max_edge_m: 100", "vertical_margin_m: §1", "out-of-range"),
+    ("  - [50, 0]", "  - §[50]", "wrong-length"),
+    ("  - [50, 0]", "  - §{altitude_m: 20}", "missing-key"),
+    ("  - [50, 0]", "  - §[1e308, 0]", "not-on-earth"),
+    ("[[-99, -99]", "[§[-99e9, -99]", "not-on-earth"),
+    ("{position: [50, 50]", "{position: §[50, 0]", "same-place"),
+    ("  - [50, 0]", "  - §[15, 30]", "waypoint-in-zone"),
+    ("  - [50, 0]", "  - §[120, 0]", "waypoint-outside-fence"),
+    ("  - [50, 0]", "  - §[-65, 65]", "waypoint-outside-fence"),
+    ("  - [50, 0]", "  - §[95, 0]", "waypoint-too-near"),
+    ("altitude_m: 25", "altitude_m: §0", "out-of-range"),
+    ("[-50, -50]]", "§[50, -50]]", "rally-point-in-zone"),
+    ("[-50, -50]]", "§[50, -66]]", "rally-point-too-near"),
+    ("[-50, -50]]", "§[-150, -50]]", "rally-point-outside-fence"),
+    ("position: [0, 0]", "position: §[0, 17]", "home-too-near"),
+    ("position: [0, 0]", "position: §[50, -50]", "home-in-zone"),
+    ("radius_m: 150", "radius_m: §0", "out-of-range"),
+    ("fences:\n  ", "fence: null\nfences:\n  §", "one-fence-key"),
+    (RING, "§[[-99, -99], [99, -99], [-99, 99], [99, 99]]", "zone-self-intersects"),
+    (HOLES, "§[[[-90, 60], [-60, 160], [-60, 90]]]", "holes-touch"),
+    (HOLES, "§[[[200, 200], [210, 200], [210, 210]]]", "hole-outside-ring"),
+    (HALL, "§[[-20, 20], [20, 20]]", "zone-too-few-corners"),
+    (HALL, "§[[-20, 20], [20, 20], [30, 20]]", "zone-no-area"),
+    (HALL, "§[[-20, 20], [20, 40], [20, 20], [-20, 40]]", "zone-self-intersects"),
+    ("[[[-10, 25], [10, 25], [10, 35]]]", "§[[[-10, 25], [10, 25], [10, 45]]]", "holes-touch"),
+    ("clearance_m: 4\n", "clearance_m: §-4\n", "out-of-range"),
+    ("{name: mast", "§{name: hall", "same-name"),
+    ("{name: mast", "§{name: fence", "same-name"),
+    ("{name: mast", "§{name: mast, polygon: [[1, 2], [3, 4], [5, 9]]", "one-shape"),
+    (MAST, "§{name: mast", "one-shape"),
+    (MAST, "§{name: mast, circle: {centre: [50, -95], radius_m: 10}", "zone-crosses-fence"),
+    ("{centre: [50, -50], radius_m: 10", "§{radius_m: 10", "missing-key"),
+    (MAST, f"§{MAST}, holes: [[[1, 2], [2, 2], [2, 3]]]", "one-shape"),
+    ("{name: m", "§{altitude: {lower_m: 2, upper_m: 1}, name: m", "zone-altitudes-inverted"),
+    ("reference: ground", "reference: §sea", "unknown-word"),
+    ('from: "2026-01-01T00:00:00Z"', 'from: §"2026-01-01"', "not-a-time"),
+    ('from: "2026-01-01T00:00:00Z"', 'from: §"2026-01-01T00:00:00"', "not-a-time"),
+    ('from: "2026-01-01T00:00:00Z"', "from: §2026", "not-a-time"),
+    ('{from: "2026-01-01T00:00:00Z"', '§{from: "2100-01-01T00:00:00Z"', "ends-before-start"),
+    ("[{days: [mon]", "[{days: [§moon]", "not-a-day"),
+    ('between: ["08:00", "18:00"]', 'between: [§"8:00", "18:00"]', "not-a-time"),
+    ('between: ["08:00", "18:00"]', 'between: ["08:00", §"24:30"]', "not-a-time"),
+    ('between: ["08:00", "18:00"]', 'between: §["08:00"]', "wrong-length"),
+    ('[{days: [mon], between: ["08:00", "18:00"]}]', "§[]", "wrong-length"),
+    ("battery_reserve: 0.3", "no_fly_files: [nowhere.geojson]", "unreadable"),
+    ("battery_reserve: 0.3", "no_fly_files: [§{allow: [x]}]", "missing-key"),
+    ("battery_reserve: 0.3", "team: §nowhere.yaml", "no-such-file"),
+    ("battery_reserve: 0.3", "seek: §[a, a]", "named-twice"),
 ]
-"""What is changed into what, the line and what stands at the problem's place, its code."""
+"""What is changed into what, with a mark (§) at the problem's place, and its code."""
 
 
-@pytest.mark.parametrize(("before", "after", "place", "code"), WRONG)
-def test_one_mistake_is_one_problem(tmp_path, before, after, place, code):
+@pytest.mark.parametrize(("before", "after", "code"), WRONG)
+def test_one_mistake_is_one_problem(tmp_path, before, after, code):
     assert FILE.count(before) == 1
-    text = FILE.replace(before, after)
-    (problem,) = problems(tmp_path, text)
+    begin, mark, end = FILE.replace(before, after).partition("§")
+    (problem,) = problems(tmp_path, begin + end)
     assert problem.code == code
-    if place is None:  # the problem is in another file, the one that is named
+    if mark:
+        place = (begin.count("\n") + 1, len(begin.rpartition("\n")[2]) + 1)
+        assert (problem.line, problem.column) == place
+    else:  # the problem is in another file, the one that is named
         assert problem.path.name in after
-    else:
-        there = text.splitlines()[problem.line - 1][problem.column - 1 :]
-        assert f"{problem.line}: {there}".startswith(place)
     assert problem.message[0].islower() or problem.message[0] == "'"
     assert not problem.message.endswith(".")
 
@@ -193,11 +147,7 @@ def test_far_off_places_are_told_once_each(tmp_path):
     text = FILE.replace("  - [50, 0]", "  - [99e3, 0]").replace("[-50, -50]]", "[0, -70e3]]")
     text = text.replace("centre: [50, -50]", "centre: [50e3, -50e3]")
     found = [(p.line, p.column, p.code) for p in problems(tmp_path, text)]
-    assert found == [
-        (8, 5, "far-from-home"),
-        (21, 5, "far-from-home"),
-        (22, 16, "far-from-home"),
-    ]
+    assert found == [(*place, "far-from-home") for place in ((8, 5), (21, 5), (22, 16))]
 
 
 def test_a_frame_whose_origin_is_far_is_refused(tmp_path):

@@ -58,12 +58,12 @@ def flown(tmp_path, pennovation):
         rec.begin(FlightSetup(pennovation, ("io",), name="titan"), arm=True)
         rec.file(pennovation.path)
         rec.event(telemetry(0.1 + 0.2), 0.1 + 0.2)
-        rec.action(StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None), 0.3)
-        rec.action(FlyToNode(3, Point(math.nan, 2.0)), 0.3)
+        rec.actions((StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None),), 0.3)
+        rec.actions((FlyToNode(3, Point(math.nan, 2.0)),), 0.3)
         rec.event(SyncStarted("io", 9.0, Direction.OUT), 0.4)
         rec.event(RobotPose("io", Point(5.0, 6.0), 8.0, "io"), 0.5)
         rec.event(ComeHome(), 0.6)
-        rec.action(Announce("coming home"), 0.6)
+        rec.actions((Announce("coming home"),), 0.6)
         rec.links(
             lambda: {"io": LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)}, held, 0.7
         )

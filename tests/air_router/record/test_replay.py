@@ -58,8 +58,7 @@ def fly(pretend, pennovation, folder):
         def recorded(event, now_s):
             recorder.event(event, now_s)
             actions = handle(event, now_s)
-            for action in actions:
-                recorder.action(action, now_s)
+            recorder.actions(actions, now_s)
             return actions
 
         flight.controller.handle = recorded
@@ -187,8 +186,7 @@ def test_of_two_motions_alike_the_right_one_is_confirmed(tmp_path):
     """The controller goes by the object; a record tells them apart by their number."""
     first, second = FlyToNode(1, Point(1.0, 2.0)), FlyToNode(1, Point(1.0, 2.0))
     with Recorder(tmp_path, "m") as recorder:
-        for motion in (first, second):
-            recorder.action(motion, 1.0)
+        recorder.actions((first, second), 1.0)
         for motion in (first, second):
             recorder.event(CommandConfirmed(motion), 2.0)
     one, two, about_one, about_two = (e.value for e in read(recorder.path) if e.kind in KINDS)

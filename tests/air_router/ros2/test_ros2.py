@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from dataclasses import dataclass
+from types import new_class
 
 import numpy as np
 import pytest
@@ -76,8 +77,7 @@ class FakeClient(ControlClient):
     def request(self, values):
         if self.gone:
             raise ControlUnreachableError("no answer")
-        for action in self.flight.actions[self.told :]:
-            self.stats.action(action)
+        self.stats.step(None, self.flight.actions[self.told :], 0.0)
         self.told = len(self.flight.actions)
         asked = {key: value for key, value in values.items() if value is not None}
         try:
@@ -89,126 +89,49 @@ class FakeClient(ControlClient):
 # What a ROS program that was built with our package has, as rmw_cyclonedds serializes it.
 
 
-@dataclass
-class TriggerRequest(IdlStruct, typename="std_srvs.srv.dds_.Trigger_Request_"):
-    client: types.uint64
-    number: types.int64
-    nothing: types.uint8 = 0
+def idl(name, **fields):
+    """A dataclass of CycloneDDS's for a type of ROS, e.g. ``std_msgs.msg.String``."""
+    space, _, kind = name.rpartition(".")
+    typename = {"typename": f"{space}.dds_.{kind}_"}
+    made = new_class(kind, (IdlStruct,), typename, lambda body: body.update(__annotations__=fields))
+    return dataclass(made)
 
 
-@dataclass
-class TriggerResponse(IdlStruct, typename="std_srvs.srv.dds_.Trigger_Response_"):
-    client: types.uint64
-    number: types.int64
-    success: bool
-    message: str
-
-
-@dataclass
-class Uuid(IdlStruct, typename="unique_identifier_msgs.msg.dds_.UUID_"):
-    uuid: types.array[types.uint8, 16]
-
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: types.int32
-    nanosec: types.uint32
-
-
-@dataclass
-class GoalInfo(IdlStruct, typename="action_msgs.msg.dds_.GoalInfo_"):
-    goal_id: Uuid
-    stamp: Time
-
-
-@dataclass
-class GoalStatus(IdlStruct, typename="action_msgs.msg.dds_.GoalStatus_"):
-    goal_info: GoalInfo
-    status: types.int8
-
-
-@dataclass
-class GoalStatusArray(IdlStruct, typename="action_msgs.msg.dds_.GoalStatusArray_"):
-    status_list: types.sequence[GoalStatus]
-
-
-@dataclass
-class CancelRequest(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Request_"):
-    client: types.uint64
-    number: types.int64
-    goal_info: GoalInfo
-
-
-@dataclass
-class CancelResponse(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Response_"):
-    client: types.uint64
-    number: types.int64
-    return_code: types.int8
-    goals_canceling: types.sequence[GoalInfo]
-
-
-@dataclass
-class GeoPoint(IdlStruct, typename="geographic_msgs.msg.dds_.GeoPoint_"):
-    latitude: types.float64
-    longitude: types.float64
-    altitude: types.float64 = 0.0
-
-
-@dataclass
-class GoToGoal(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Goal_"):
-    points: types.sequence[GeoPoint]
-    hold_s: types.float64
-
-
-@dataclass
-class GoToRequest(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_SendGoal_Request_"):
-    client: types.uint64
-    number: types.int64
-    goal_id: Uuid
-    goal: GoToGoal
-
-
-@dataclass
-class GoToResponse(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_SendGoal_Response_"):
-    client: types.uint64
-    number: types.int64
-    accepted: bool
-    stamp: Time
-
-
-@dataclass
-class ResultRequest(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_GetResult_Request_"):
-    client: types.uint64
-    number: types.int64
-    goal_id: Uuid
-
-
-@dataclass
-class Result(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Result_"):
-    message: str
-    code: str
-
-
-@dataclass
-class ResultResponse(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_GetResult_Response_"):
-    client: types.uint64
-    number: types.int64
-    status: types.int8
-    result: Result
-
-
-@dataclass
-class Feedback(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Feedback_"):
-    state: str
-    points_left: types.uint32
-    distance_m: types.float32
-    time_left_s: types.float32
-
-
-@dataclass
-class FeedbackMessage(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_FeedbackMessage_"):
-    goal_id: Uuid
-    feedback: Feedback
+ASKED = {"client": types.uint64, "number": types.int64}
+TriggerRequest = idl("std_srvs.srv.Trigger_Request", **ASKED, nothing=types.uint8)
+TriggerResponse = idl("std_srvs.srv.Trigger_Response", **ASKED, success=bool, message=str)
+String = idl("std_msgs.msg.String", data=str)
+Uuid = idl("unique_identifier_msgs.msg.UUID", uuid=types.array[types.uint8, 16])
+Time = idl("builtin_interfaces.msg.Time", sec=types.int32, nanosec=types.uint32)
+GoalInfo = idl("action_msgs.msg.GoalInfo", goal_id=Uuid, stamp=Time)
+GoalStatus = idl("action_msgs.msg.GoalStatus", goal_info=GoalInfo, status=types.int8)
+GoalStatusArray = idl("action_msgs.msg.GoalStatusArray", status_list=types.sequence[GoalStatus])
+CancelRequest = idl("action_msgs.srv.CancelGoal_Request", **ASKED, goal_info=GoalInfo)
+CancelResponse = idl(
+    "action_msgs.srv.CancelGoal_Response",
+    **ASKED,
+    return_code=types.int8,
+    goals_canceling=types.sequence[GoalInfo],
+)
+GeoPoint = idl(
+    "geographic_msgs.msg.GeoPoint",
+    **dict.fromkeys(("latitude", "longitude", "altitude"), types.float64),
+)
+OURS = "air_router_msgs.action"
+GoToGoal = idl(f"{OURS}.GoTo_Goal", points=types.sequence[GeoPoint], hold_s=types.float64)
+GoToRequest = idl(f"{OURS}.GoTo_SendGoal_Request", **ASKED, goal_id=Uuid, goal=GoToGoal)
+GoToResponse = idl(f"{OURS}.GoTo_SendGoal_Response", **ASKED, accepted=bool, stamp=Time)
+ResultRequest = idl(f"{OURS}.GoTo_GetResult_Request", **ASKED, goal_id=Uuid)
+Result = idl(f"{OURS}.GoTo_Result", message=str, code=str)
+ResultResponse = idl(f"{OURS}.GoTo_GetResult_Response", **ASKED, status=types.int8, result=Result)
+Feedback = idl(
+    f"{OURS}.GoTo_Feedback",
+    state=str,
+    points_left=types.uint32,
+    distance_m=types.float32,
+    time_left_s=types.float32,
+)
+FeedbackMessage = idl(f"{OURS}.GoTo_FeedbackMessage", goal_id=Uuid, feedback=Feedback)
 
 
 class RosProgram:
@@ -323,20 +246,15 @@ def test_services_answer_in_the_flights_words(client, program):
         verb: program.client(f"/titan/{verb}", TriggerRequest, TriggerResponse)
         for verb in ("hold", "resume", "home")
     }
-    answer = call["resume"]()
+    answer = call["resume"](0)
     assert (answer.success, answer.message) == (False, client.resume().why)
-    answer = call["hold"]()
+    answer = call["hold"](0)
     assert (answer.success, answer.message) == (True, "it stops and hovers")
     assert client.flight.controller.state is State.HOLD
-    assert call["home"]().success
+    assert call["home"](0).success
     client.gone = True
-    answer = call["hold"]()
+    answer = call["hold"](0)
     assert (answer.success, answer.message) == (False, "no answer")
-
-
-@dataclass
-class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
-    data: str
 
 
 def test_words_are_answered_to_programs_of_any_middleware(client, program):
@@ -375,7 +293,7 @@ class GoTo:
         self.feedback = program.reader(f"rt{ACTION}/feedback", FeedbackMessage)
 
     def go(self, goal_id, *places, hold_s=2.0):
-        points = [GeoPoint(*self.frame.to_geodetic(place)) for place in places]
+        points = [GeoPoint(*self.frame.to_geodetic(place), 0.0) for place in places]
         answer = self.send(goal_id, GoToGoal(points, hold_s))
         return answer.accepted
 

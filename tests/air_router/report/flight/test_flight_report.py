@@ -259,8 +259,10 @@ def record(pennovation, tmp_path):
     with Recorder(tmp_path, "m", unix_s=lambda: UNIX_S) as recorder:
         recorder.begin(FlightSetup(pennovation, ("io",), name="titan"))
         for t, value in things():
-            take = recorder.action if type(value).__module__.endswith("actions") else recorder.event
-            take(value, t)
+            if type(value).__module__.endswith("actions"):
+                recorder.actions((value,), t)
+            else:
+                recorder.event(value, t)
     return recorder.path
 
 
