@@ -8,11 +8,14 @@ thread, so a call that never answers costs a forgotten future and nothing else.
 import asyncio
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.mavsdk import Mavsdk
+from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkMessage
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 _log = logging.getLogger(__name__)
 
@@ -85,6 +88,17 @@ def subscribe(direct: MavlinkDirect, name: str, callback: Callable[[Received], N
         _from_thread(loop, callback, Received(json.loads(message.fields_json), sender, arrived_s))
 
     direct.subscribe_message(name, on_message)
+
+
+def destroy(mavsdk: Mavsdk, plugins: Collection[MavlinkDirect | MissionRaw | Geofence]) -> None:
+    """End MAVSDK and its threads; blocks until they have ended.
+
+    MAVSDK 4.1 lets go of a plugin's callbacks before its threads have ended: what is still on its
+    way would be handed to freed memory, and the process would die of it. So they are kept here.
+    """
+    kept = [(list(each._callbacks), dict(each._subscriptions)) for each in plugins]  # noqa: SLF001
+    mavsdk.destroy()
+    kept.clear()
 
 
 def message(name: str, fields: dict[str, Any], target: int = 0) -> MavlinkMessage:

@@ -22,7 +22,7 @@ from mavsdk.system import System
 
 from air_router.errors import NoVehicleError
 from air_router.vehicle.mavlink.mavlink_elsewhere import USUAL_PORTS, advice, listen
-from air_router.vehicle.mavlink.mavsdk_bridge import route_log
+from air_router.vehicle.mavlink.mavsdk_bridge import destroy, route_log
 from air_router.vehicle.mavlink.px4_link import Px4Link
 
 _log = logging.getLogger(__name__)
@@ -79,6 +79,8 @@ class Px4Connection:
         self.system_id = system_id
         self._mavsdk: Mavsdk | None = None  # None: closed
         self._link: Px4Link | None = None  # our own port, for UDP
+        # opened with the connection
+        self._plugins: tuple[()] | tuple[MavlinkDirect, MissionRaw, Geofence] = ()
 
     async def open(self) -> Plugins:
         """Wait for a PX4.
@@ -106,12 +108,8 @@ class Px4Connection:
                 f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
                 "only PX4 is flown"
             )
-        return Plugins(
-            MavlinkDirect(system),
-            MissionRaw(system),
-            Geofence(system),
-            lambda: Events(system),
-        )
+        self._plugins = (MavlinkDirect(system), MissionRaw(system), Geofence(system))
+        return Plugins(*self._plugins, lambda: Events(system))
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
         """The system that was asked for, where several send here."""
@@ -149,7 +147,8 @@ class Px4Connection:
         if link is not None:  # it must not hand MAVSDK anything any more
             link.close()
         if mavsdk is not None:
-            await asyncio.get_running_loop().run_in_executor(None, mavsdk.destroy)
+            plugins, self._plugins = self._plugins, ()
+            await asyncio.get_running_loop().run_in_executor(None, destroy, mavsdk, plugins)
 
     def _bound(self) -> socket.socket | None:
         """The port of a `udpin` URL; None of any other, which MAVSDK opens."""

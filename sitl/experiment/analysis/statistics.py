@@ -19,7 +19,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+
+from mocha_link.errors import needs_extra
+
+with needs_extra("an experiment", "experiments", "air-router"):
+    from scipy import stats
 
 Numbers = npt.NDArray[np.float64]
 

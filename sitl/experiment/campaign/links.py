@@ -14,13 +14,16 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
-from scipy.special import expit
 
 from geo.grid import Terrain
+from mocha_link.errors import needs_extra
 from sitl.experiment.campaign.plan import Record
 from sitl.experiment.engine.result import RunResult
 from sitl.world.terrain import Raster
+
+with needs_extra("an experiment", "experiments", "air-router"):
+    from scipy.optimize import minimize
+    from scipy.special import expit
 
 Numbers = npt.NDArray[np.float64]
 
