@@ -153,6 +153,7 @@ class RealFlight:
             waits = any(a.what == "restart" for a in todo)
             if "-> DONE" in self._companion.last:
                 wait_until(lambda: not self._seen.armed, DISARMED_S)  # it reports once a second
+                self._watch(self._seen.time_s)  # that may be what was waited for
                 self._programs.end_vehicles()  # the companion draws its track meanwhile
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
