@@ -250,7 +250,7 @@ class Gossip:
                 said_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
-            words = (
+            words = sanitize(
                 f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
                 f"{error}; correct its publisher, or its type or 'ros' in the team file "
                 "(docs/robot.md)"
@@ -258,4 +258,4 @@ class Gossip:
             told = (message.robot, message.topic) in self._unreadable
             self._unreadable.add((message.robot, message.topic))
             _log.debug(words)
-            return None if told else PeerFault(sanitize(words))
+            return None if told else PeerFault(words)

@@ -21,7 +21,7 @@ from typing import Any, Final, get_args, get_origin
 
 import numpy as np
 
-from air_router.record.plain_values import (
+from air_router.record.single_values import (
     READERS,
     CodecError,
     Plain,

@@ -32,8 +32,8 @@ from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
 from air_router.record.codec import TYPE_KEY, decoder
 from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT, RecordChannel
-from air_router.record.plain_values import CodecError, shown
 from air_router.record.record_channels import NOTES
+from air_router.record.single_values import CodecError, shown
 from mocha_link.links.metrics import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20

@@ -10,7 +10,7 @@ from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.record import codec
 from air_router.record.codec import TYPE_KEY, decoder, recorded_name
-from air_router.record.plain_values import CodecError
+from air_router.record.single_values import CodecError
 
 
 def encode(value: object) -> dict[str, Any]:

@@ -30,9 +30,12 @@ BRAKED_S: Final = 3.0
 """After so long in Hold the place that it hovers at is where we stopped it."""
 
 HOVERS_M: Final = 2.0
+"""A vehicle that was stopped and is nearer than this to the target that it reports hovers there.
+
+One that is farther off reports the target of before the stop: its stream may be late."""
+
 HOVERS_M_S: Final = 1.0
-"""What is slower, and nearer to its target, hovers there. Another target it has not told anew since
-it was stopped: streams may be late by seconds of a fast simulation."""
+"""A vehicle that is faster than this has not stopped yet."""
 
 BRAKING_M: Final = 15.0
 """It stops nearer than this to where it is then; a place farther off is another's order."""

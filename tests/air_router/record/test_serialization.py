@@ -22,9 +22,9 @@ from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record import codec
 from air_router.record.codec import decoder, recorded_name
-from air_router.record.plain_values import CodecError
 from air_router.record.record_channels import schema_of
 from air_router.record.serialization import decode, encode, members
+from air_router.record.single_values import CodecError
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Shape, Zone
