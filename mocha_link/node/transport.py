@@ -192,10 +192,11 @@ class Transport:
         if observe:
             self._observed_s = now.steady_s
             self._look()
-        for peer, connection in list(self._connections.items()):
+        for peer in list(self._connections):
+            connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open_connection(peer, connection)
-            elif observe or connection.is_ready(ready, now.steady_s):
+            elif connection and (observe or connection.is_ready(ready, now.steady_s)):
                 self._attend(connection, peer, now)
         with self._lock:
             self._gossip.tick(now)

@@ -9,15 +9,20 @@ import socket
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.node import transport
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.pull import LOOK_S
 from tests.mocha_link.conftest import WAIT_S, free_ports
+
+if TYPE_CHECKING:
+    from mocha_link.clock import Instant
 
 IN, OUT = Direction.IN, Direction.OUT
 FDS = Path("/proc/self/fd")
@@ -94,6 +99,37 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
     io.sync("titan")
     assert saw.wait(SyncEnded, direction=IN).messages == 1
     assert "io: an error in the node" in caplog.text
+
+
+def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
+    """What is done for one peer may replace the connection to the next one of the same turn."""
+    monkeypatch.setattr(transport, "OBSERVE_S", -1.0)  # every connection in every turn
+    with contextlib.ExitStack() as stack:
+        io, callisto = (stack.enter_context(socket.socket()) for _ in range(2))
+        for listener, peer in ((io, "io"), (callisto, "callisto")):
+            listener.bind((field.host, field.team.robot(peer).port_for("titan")))
+            listener.listen()
+        titan, _, saw = field.node("titan")
+        lost = Gossip.lost
+
+        def lose_both(gossip: Gossip, peer: str, reason: str, now: Instant) -> None:
+            lost(gossip, peer, reason, now)
+            if peer == "io":
+                lost(gossip, "callisto", "a test", now)
+                gossip.sync("callisto", now)
+
+        monkeypatch.setattr(Gossip, "lost", lose_both)
+        titan.sync("io")
+        first, _ = io.accept()
+        titan.sync("callisto")
+        stack.enter_context(callisto.accept()[0])
+        first.close()
+        saw.wait(SyncTimedOut, peer="io")
+        saw.wait(SyncTimedOut, peer="callisto", reason="a test")
+        again, _ = callisto.accept()
+        again.close()
+        reason = saw.wait(SyncTimedOut, peer="callisto").reason
+        assert "broke in the ZeroMQ handshake" in reason
 
 
 def test_robots_with_several_addresses(field):
