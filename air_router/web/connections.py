@@ -12,6 +12,8 @@ from weakref import WeakSet
 
 PER_ADDRESS: Final = 64
 IN_ALL: Final = 128
+BACKLOG: Final = 16
+"""So many are accepted at once, before any of them can be refused."""
 REQUEST_S: Final = 10.0
 """So long a new connection has for its first request."""
 

@@ -14,7 +14,7 @@ from aiohttp import web
 from air_router.errors import AirRouterError
 from air_router.web.assets import Assets
 from air_router.web.backdrop import Backdrop
-from air_router.web.connections import ConnectionLimit
+from air_router.web.connections import BACKLOG, ConnectionLimit
 from air_router.web.guard import TOKEN, Guard, Handler, add_headers
 from air_router.web.serving import HERE, Web
 from air_router.web.tile_service import TileService
@@ -113,7 +113,7 @@ class Site:
                 assert runner.server is not None  # noqa: S101 - it was set up
                 self._limit = ConnectionLimit(runner.server)
                 loop = asyncio.get_running_loop()
-                server = await loop.create_server(self._limit, host, port)
+                server = await loop.create_server(self._limit, host, port, backlog=BACKLOG)
             except (OSError, OverflowError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ServeError(

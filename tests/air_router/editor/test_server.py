@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import socket
 import threading
 from http import HTTPStatus
 from pathlib import Path
@@ -27,6 +28,7 @@ from tests.air_router.tile_maker import around, write_tiles
 
 ROOT = Path(__file__).parents[3]
 LIMIT_S = 60
+OPEN_FILES = Path("/proc/self/fd")
 TILES = around(17, 39.942, -75.2, reach=0)
 FREE = [39.9426, -75.2002]
 MOVE = {"do": "move", "keys": ["waypoints", 0, "position"], "to": FREE}
@@ -205,6 +207,37 @@ def test_connections_that_are_left_open_cost_the_others_nothing(path, monkeypatc
         assert answer.status == HTTPStatus.OK
         for writer in writers:
             writer.close()
+
+    visit(path, talk)
+    assert caplog.text == ""
+
+
+@pytest.mark.skipif(not OPEN_FILES.is_dir(), reason="what is open can be listed on Linux only")
+def test_many_connections_at_once_do_not_take_the_descriptors(path, monkeypatch, caplog):
+    """A connection is accepted before it can be refused: so a few at a time."""
+    monkeypatch.setattr(connections, "PER_ADDRESS", 5)
+    enter, opened, all_in = connections.ConnectionLimit.enter, [], asyncio.Event()
+
+    def count():
+        return len(list(OPEN_FILES.iterdir()))
+
+    def counted(limit, transport):
+        opened.append(count())
+        if len(opened) == connections.BACKLOG:
+            all_in.set()
+        enter(limit, transport)
+
+    monkeypatch.setattr(connections.ConnectionLimit, "enter", counted)
+
+    async def talk(page):
+        with contextlib.ExitStack() as stack:
+            crowd = [stack.enter_context(socket.socket()) for _ in range(90)]
+            before = count()
+            for each in crowd:
+                each.setblocking(False)
+                each.connect_ex(("127.0.0.1", URL(page.address).port))
+            await all_in.wait()
+            assert max(opened) - before < 40
 
     visit(path, talk)
     assert caplog.text == ""
