@@ -50,8 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         metavar="NAME|FILE",
         help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
-        f"(*{ENDING}), from which table and claims are remade; or fidelity, which flies missions "
-        "here and by `air-router sim`, two minutes for each of --seeds, and compares the two",
+        f"(*{ENDING}), from which table and claims are remade",
     )
     parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
     parser.add_argument(
@@ -102,10 +101,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the experiment, and say what came out."""
-    if arguments.experiment == "fidelity":
-        from sitl.cli import fidelity_command  # noqa: PLC0415 - only with SciPy
-
-        return fidelity_command.run(arguments)
     if arguments.list:
         _print_list(arguments.json)
         return ExitCode.DONE
@@ -256,7 +251,8 @@ def _evaluate(
         "claims": [{**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in claims],
     }
     results.write_json(summary, folder / "summary.json")
-    figures = [] if arguments.no_figures else _figures(experiment, records, folder)
+    drawn = not arguments.no_figures and any(record["curves"] for record in records)
+    figures = _figures(experiment, records, folder) if drawn else []
     if arguments.json:
         answer = {**summary, "figures": [str(p) for p in figures], "folder": str(folder)}
         print_json(results.without_nan(answer))

@@ -183,6 +183,9 @@ class RunSettings:
 
     Attributes:
         town: The file of the town: roads, buildings, goals (`sitl.experiment.towns.town`).
+        world: What is flown in: the `town`; or the `mission`'s own world, with its patrols, radios,
+            timers and battery, where of all else only the policy counts. `processes`: that world
+            by `air-router sim`.
         mission: The mission that the UAVs fly over it: waypoints, fence, no-fly zones. Its timers,
             speed and altitude are replaced by those below. None: lanes over the whole town.
         uavs: How many UAVs. The first explores and searches, the others only search.
@@ -220,6 +223,7 @@ class RunSettings:
     """
 
     town: Path
+    world: Literal["town", "mission", "processes"] = "town"
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
     ugvs: Annotated[int, Field(ge=0, le=200)] = 3

@@ -2,9 +2,10 @@
 
 A block of the document begins with `<!-- begin NAME WHAT -->` and ends with `<!-- end -->`; NAME is
 the experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, table,
-claims, links. What is between is replaced, so the document can be made again from any runs. Figures
-go beside it, into `images/experiments`; tables, rows compared by seeds, and the numbers behind
-claims into `evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
+claims, links, fidelity. What is between is replaced, so the document can be made again from any
+runs. Figures go beside it, into `images/experiments`; tables, rows compared by seeds, and the
+numbers behind claims into `evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these
+exist.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Final
 
 from air_router.counted import counted
 from air_router.errors import UsageError
-from sitl.experiment.analysis import tables
+from sitl.experiment.analysis import fidelity, tables
 from sitl.experiment.analysis.claims import Claim, claims_of
 from sitl.experiment.analysis.comparison import as_rows, compared
 from sitl.experiment.analysis.effects import Runs
@@ -127,6 +128,7 @@ def blocks_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, st
     found = tables.lines(experiment, records)
     links = [record for record in records if "links" in record["curves"]]
     return {
+        "fidelity": fidelity.as_markdown(fidelity.likeness(experiment, records)),
         "links": links_text(links) if all(halves(links)) else "",
         "table": tables.as_markdown(experiment, found),
         "claims": claims_text(claims_of(experiment, records)),

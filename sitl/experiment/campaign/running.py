@@ -5,17 +5,18 @@ from __future__ import annotations
 import platform
 import resource
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.settings import Timers
+from air_router.files.settings import SeekPolicy, Timers
 from sitl.experiment.campaign.links import seen_links
 from sitl.experiment.campaign.plan import Record, Task
 from sitl.experiment.campaign.plan_file import content_hash, files_of
 from sitl.experiment.campaign.run_log import program
 from sitl.experiment.engine.engine import Run, run
+from sitl.experiment.engine.flights import flown_here, flown_in_processes
 from sitl.experiment.engine.result import RunResult, curves, measured
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.settings import (
@@ -50,8 +51,12 @@ def put_together(task: Task) -> None:
         AirRouterError, DocumentError: a file that the row names is not what it should be.
         UnfitSettingsError: settings that no run can be made of.
     """
+    settings = run_settings(task)
     try:
-        Run(run_settings(task), task.seed)
+        if settings.world == "town":
+            Run(settings, task.seed)
+        else:
+            _mission_and_policy(settings)
     except ValueError as error:
         raise UnfitSettingsError(f"row '{task.row.label}': {error}") from None
 
@@ -63,7 +68,19 @@ def make_run(task: Task) -> Record:
         OtherFilesError: a file that the experiment names has another content on this machine.
     """
     settings = run_settings(task)
+    if settings.world != "town":
+        fly = flown_here if settings.world == "mission" else flown_in_processes
+        mission, policy = _mission_and_policy(settings)
+        flown = fly(mission, task.seed, policy)
+        return _record(task, flown.measures, {}, flown.digest)
     return recorded(task, settings, run(settings, task.seed))
+
+
+def _mission_and_policy(settings: RunSettings) -> tuple[Path, SeekPolicy]:
+    """What is flown in a mission's own world. Raises ValueError."""
+    if settings.mission is None or settings.policy == "oracle":
+        raise ValueError("a world of its own needs a mission, and a policy that flies")
+    return settings.mission, settings.policy
 
 
 def run_settings(task: Task) -> RunSettings:
@@ -100,6 +117,12 @@ def recorded(task: Task, settings: RunSettings, result: RunResult) -> Record:
     kept = curves(result, settings.duration_s, places=task.number == 0)
     if settings.channel == "path_loss":
         kept["links"] = seen_links(result, scenery_of(settings).town.raster)
+    return _record(task, measured(result, settings.duration_s), kept, result.digest)
+
+
+def _record(
+    task: Task, measures: Mapping[str, float | None], kept: Mapping[str, Any], digest: str
+) -> Record:
     return {
         "experiment": task.experiment,
         "row": task.row.label,
@@ -109,9 +132,9 @@ def recorded(task: Task, settings: RunSettings, result: RunResult) -> Record:
         "seed": task.seed,
         "fingerprint": task.row.fingerprint,
         "settings": dict(task.row.settings),
-        "measures": measured(result, settings.duration_s),
+        "measures": measures,
         "curves": kept,
-        "digest": result.digest,
+        "digest": digest,
         "program": program(),
         "machine": platform.node(),
         "peak_memory_MB": round(_peak_memory_mb()),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.errors import UsageError
+from air_router.files.settings import SeekPolicy
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
@@ -90,6 +92,7 @@ class WorldRun:
         seed: Of the world.
         queue: Tells the time.
         log: Takes what the controller is told, and what it asks for.
+        policy: Whom it seeks, whatever the mission says.
 
     Attributes:
         uav: Flies it.
@@ -99,8 +102,10 @@ class WorldRun:
         AirRouterError: the files are not what they should be.
     """
 
-    def __init__(self, path: Path, seed: int, queue: EventQueue, log: EventLog) -> None:
-        mission = load_mission(path)
+    def __init__(
+        self, path: Path, seed: int, queue: EventQueue, log: EventLog, policy: SeekPolicy
+    ) -> None:
+        mission = replace(load_mission(path), seek_policy=policy)
         if mission.team is None:
             raise UsageError(f"{path} names no team; add 'team: team.yaml' to it")
         team = Team.load(mission.team)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from air_router.errors import UsageError
-from sitl.experiment.analysis import claims, comparison, statistics, tables
+from sitl.experiment.analysis import claims, comparison, fidelity, statistics, tables
 from sitl.experiment.analysis.document_part import (
     NoMarksError,
     fill,
@@ -400,3 +400,33 @@ def test_the_map_helps_where_walls_matter():
     without, with_map = (judged(counts, counts, buildings=flag) for flag in (False, True))
     assert with_map.brier < without.brier
     assert with_map.area > without.area
+
+
+@pytest.mark.parametrize(
+    ("syncs", "within"),
+    [((100, 101, 99), "yes"), ((150, 151, 149), "no"), ((60, 100, 150), "open")],
+)
+def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, within):
+    experiment, _ = load_experiment("fidelity")
+
+    def flights(numbers):
+        measures = dict.fromkeys(fidelity._COLUMNS, 1.0)
+        return [
+            {"row": row.label, "number": number, "measures": measures | {"syncs": each}}
+            for row in experiment.rows
+            for number, each in enumerate(numbers[row.settings["world"]])
+        ]
+
+    both = flights({"mission": syncs, "processes": (100, 100, 100)})
+    found = {one.name: one for one in fidelity.likeness(experiment, both)}
+    one = found["syncs, both directions"]
+    assert one.within == within
+    assert one.ratio.low <= one.ratio.value <= one.ratio.high
+    assert one.here == pytest.approx(math.prod(syncs) ** (1 / 3))
+    assert one.ratio.value == pytest.approx(one.here / 100)
+    assert found["searches"].within == "yes"
+    # Fading that both sides meet alike is no doubt about their ratio.
+    alike = fidelity.likeness(experiment, flights({"mission": syncs, "processes": syncs}))
+    assert {one.ratio for one in alike} == {(1.0, 1.0, 1.0)}
+    assert "| searches | 1.0 | 1.0 | 1.00 (1.00 to 1.00) | yes |" in fidelity.as_markdown(alike)
+    assert fidelity.likeness(experiment, both[:3]) == []

@@ -59,7 +59,7 @@ def short(tmp_path_factory):
     )
     queue = EventQueue()
     log = Kept(queue)
-    run = WorldRun(path, 1, queue, log)
+    run = WorldRun(path, 1, queue, log, "round_robin")
     return log, run.finish(), run
 
 
@@ -103,4 +103,4 @@ def test_a_mission_without_a_team_is_told(tmp_path):
         tmp_path, team=("team: team.yaml\n", ""), uav=("uav: titan\n", ""), world=("world: w", "#w")
     )
     with pytest.raises(UsageError, match="names no team"):
-        WorldRun(path, 1, EventQueue(), Kept(EventQueue()))
+        WorldRun(path, 1, EventQueue(), Kept(EventQueue()), "round_robin")
