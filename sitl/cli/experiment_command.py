@@ -25,7 +25,7 @@ from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
 from sitl.experiment.campaign.rows import chosen_rows
 from sitl.experiment.campaign.run_log import RunLog, program, read_runs
-from sitl.experiment.campaign.shipped import experiment_names
+from sitl.experiment.shipped import experiment_names
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,

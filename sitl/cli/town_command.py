@@ -13,7 +13,7 @@ from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.whole_file import write_whole
 from mocha_link.team.document import DocumentError
-from sitl.experiment.towns.town import Town
+from sitl.world.towns.town import Town
 
 _EPILOG = """\
 TOWN is a file, or COLUMNSxROWS: a new town of so many blocks of about 65 m. With --out a folder is
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; returns the exit code."""
-    from sitl.experiment.towns.town_file import load_town  # noqa: PLC0415 - needs scipy
-    from sitl.experiment.towns.town_generator import generate, scatter  # noqa: PLC0415
+    from sitl.world.towns.town_file import load_town  # noqa: PLC0415 - needs scipy
+    from sitl.world.towns.town_generator import generate, scatter  # noqa: PLC0415
 
     new = _BLOCKS.fullmatch(arguments.town)
     if not new:
@@ -106,8 +106,8 @@ def _facts(town: Town) -> dict[str, Any]:
 
 
 def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
-    from sitl.experiment.towns.town_file import town_text  # noqa: PLC0415
-    from sitl.experiment.towns.town_mission import mission_text  # noqa: PLC0415 - it is slow to load
+    from sitl.world.towns.town_file import town_text  # noqa: PLC0415
+    from sitl.world.towns.town_mission import mission_text  # noqa: PLC0415 - it is slow to load
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -119,6 +119,6 @@ def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
 
 
 def _draw(town: Town, path: Path) -> None:
-    from sitl.experiment.towns.town_picture import draw_town  # noqa: PLC0415 - needs matplotlib
+    from sitl.world.towns.town_picture import draw_town  # noqa: PLC0415 - needs matplotlib
 
     draw_town(town, path)

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy, Timers
+from sitl.world.towns.town import REACHED_M, SAME_GOAL_M
 
 ChannelKind = Literal["paper", "path_loss", "trace"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
@@ -168,8 +169,8 @@ class ExplorerSettings:
     progress: Annotated[float, Field(gt=0, le=1)] = 0.2
     sight_m: Positive = 7.0
     recognition_m: Positive = 7.0
-    same_goal_m: Positive = 17.85
-    arrival_m: Positive = 5.0
+    same_goal_m: Positive = SAME_GOAL_M
+    arrival_m: Positive = REACHED_M
     patience_s_m: Positive = 10.0
     thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
@@ -182,7 +183,7 @@ class RunSettings:
     """One run but for its seed. Everything in it can be pickled and compared.
 
     Attributes:
-        town: The file of the town: roads, buildings, goals (`sitl.experiment.towns.town`).
+        town: The file of the town: roads, buildings, goals (`sitl.world.towns.town`).
         world: What is flown in: the `town`; or the `mission`'s own world, with its patrols, radios,
             timers and battery, where of all else only the policy counts. `processes`: that world
             by `air-router sim`.

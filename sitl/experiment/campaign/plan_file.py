@@ -17,12 +17,6 @@ from mocha_link.team.document import Document, DocumentError, Problem
 from sitl.experiment.campaign.claim_rules import ClaimRule
 from sitl.experiment.campaign.plan import Experiment, Row, varied
 from sitl.experiment.campaign.rows import phrase, rows_with
-from sitl.experiment.campaign.shipped import (
-    UnknownPlaceError,
-    experiment_file,
-    mission_file,
-    town_file,
-)
 from sitl.experiment.settings import (
     ExplorerSettings,
     PaperModel,
@@ -30,6 +24,12 @@ from sitl.experiment.settings import (
     Positive,
     RunSettings,
     TraceModel,
+)
+from sitl.experiment.shipped import (
+    UnknownPlaceError,
+    experiment_file,
+    mission_file,
+    town_file,
 )
 
 MOST_ROWS = 1000

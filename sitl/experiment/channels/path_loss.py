@@ -15,8 +15,8 @@ import numpy as np
 from geo.grid import Terrain
 from sitl.experiment.channels.channel import Change, Link, Load, Places, SpatialReuse
 from sitl.experiment.settings import PathLossModel
-from sitl.experiment.towns.town import Town
 from sitl.world.radio import Antenna, RadioModel
+from sitl.world.towns.town import Town
 
 FULL_RATE_DB: Final = 30.0
 """So much above the trigger a link carries all that it can."""

@@ -16,11 +16,11 @@ import numpy as np
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.errors import needs_extra
-from sitl.experiment.lattice import GRAIN_M
 from sitl.experiment.robots.explorer import NO_VEHICLE_M
 from sitl.experiment.settings import ExplorerSettings
-from sitl.experiment.towns.town import Town
-from sitl.experiment.ways import PASSABLE, Ways
+from sitl.world.towns.lattice import GRAIN_M
+from sitl.world.towns.town import Town
+from sitl.world.towns.ways import PASSABLE, Ways
 
 with needs_extra("an experiment", "experiments", "air-router"):
     from scipy.optimize import linear_sum_assignment

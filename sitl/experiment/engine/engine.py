@@ -42,8 +42,8 @@ from sitl.experiment.robots.node import BaseStation, Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
-from sitl.experiment.towns.town import Town
-from sitl.experiment.towns.town_generator import drawn_starts, scatter
+from sitl.world.towns.town import Town
+from sitl.world.towns.town_generator import drawn_starts, scatter
 
 GROUND_S: Final = 1.0
 """Ground robots drive and think in steps of this."""

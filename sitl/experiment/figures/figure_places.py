@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.campaign.shipped import town_file
 from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, Chart, example_chart
-from sitl.experiment.towns.town import Town
-from sitl.experiment.towns.town_file import load_town
+from sitl.experiment.shipped import town_file
+from sitl.world.towns.town import Town
+from sitl.world.towns.town_file import load_town
 
 _KINDS = {"base": COLOURS[4], "uav": COLOURS[1], "ugv": COLOURS[0]}
 _WORDS = {"base": "base station", "uav": "UAV", "ugv": "ground robot"}

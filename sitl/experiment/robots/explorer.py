@@ -14,7 +14,6 @@ from typing import Final, NamedTuple
 from air_router.messages import MAP_TOPIC, MessageError
 from geo.frame import FrameError, Point
 from geo.grid import GridError, Terrain
-from sitl.experiment.lattice import Cell
 from sitl.experiment.robots.knowledge import GoalBook, Knowledge, read_map
 from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
@@ -26,8 +25,9 @@ from sitl.experiment.robots.messages import (
     read_places,
 )
 from sitl.experiment.settings import ExplorerSettings
-from sitl.experiment.towns.town import Town
-from sitl.experiment.ways import PASSABLE, Ways, length_m
+from sitl.world.towns.lattice import Cell
+from sitl.world.towns.town import Town
+from sitl.world.towns.ways import PASSABLE, Ways, length_m
 
 PACE: Final = {
     Terrain.ROAD: 1.0,

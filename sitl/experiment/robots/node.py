@@ -21,7 +21,7 @@ from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.messages import TARGETS_TOPIC, degrees, target_goals
-from sitl.experiment.towns.town import Town
+from sitl.world.towns.town import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""

@@ -12,8 +12,8 @@ from sitl.experiment.campaign.plan import Task, seed_of
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.rows import NoSuchRowError, chosen_rows
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
-from sitl.experiment.campaign.shipped import UnknownPlaceError, experiment_names
 from sitl.experiment.settings import PaperModel, RunSettings
+from sitl.experiment.shipped import UnknownPlaceError, experiment_names
 
 PAIRED = """
 name: pair

@@ -28,9 +28,9 @@ from sitl.experiment.robots.messages import (
     target_goals,
 )
 from sitl.experiment.settings import ExplorerSettings
-from sitl.experiment.towns.town_file import load_town
-from sitl.experiment.towns.town_generator import generate
-from sitl.experiment.ways import PASSABLE, Ways
+from sitl.world.towns.town_file import load_town
+from sitl.world.towns.town_generator import generate
+from sitl.world.towns.ways import PASSABLE, Ways
 
 URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
 START = URBAN.starts[0]

@@ -11,7 +11,7 @@ from sitl.experiment.channels.channel import Link, Load, PaperChannel, Stage
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel, TraceError
 from sitl.experiment.settings import PaperModel, PathLossModel, TraceModel
-from sitl.experiment.towns.town_file import load_town
+from sitl.world.towns.town_file import load_town
 
 TOWN = load_town(Path(__file__).parents[4] / "missions" / "urban" / "town.yaml")
 NAMES = ("base", "uav01", "ugv01", "ugv02")

@@ -15,10 +15,10 @@ import shapely
 
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import MAX_CELLS
-from sitl.experiment.lattice import GRAIN_M, Bounds
-from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
-from sitl.experiment.ways import Ways
 from sitl.world.terrain import Road
+from sitl.world.towns.lattice import GRAIN_M, Bounds
+from sitl.world.towns.town import RESOLUTION_M, Goal, Ring, Town
+from sitl.world.towns.ways import Ways
 
 APART_M: Final = 25.0
 """Vehicles are at least so far apart, so that two are not taken for one."""

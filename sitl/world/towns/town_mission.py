@@ -16,7 +16,7 @@ from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
 from geo.frame import Point
 from mocha_link.team.document import Document
-from sitl.experiment.towns.town import Town
+from sitl.world.towns.town import Town
 
 _BEYOND_M: Final = 15.0
 """The fence is so far outside of the town."""

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -19,13 +19,19 @@ from shapely.geometry.base import BaseGeometry
 
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells, Terrain
-from sitl.experiment.lattice import GRAIN_M, Bounds, Cell, Lattice, coarse
 from sitl.world.terrain import VEHICLE_RADIUS_M, Raster, Road
+from sitl.world.towns.lattice import GRAIN_M, Bounds, Cell, Lattice, coarse
 
 Ring = tuple[Point, ...]
 
 RESOLUTION_M = 0.5
 """Edge of a cell of the town's raster, and of the UAV's map: 2 px/m as in the paper."""
+
+REACHED_M: Final = 5.0
+"""A robot within this distance has reached a goal."""
+
+SAME_GOAL_M: Final = 17.85
+"""Robots take two sightings within this distance for one goal."""
 
 
 class Goal(NamedTuple):

@@ -13,7 +13,7 @@ import shapely
 from air_router.counted import counted
 from geo.frame import Point
 from mocha_link.errors import needs_extra
-from sitl.experiment.towns.town import Town
+from sitl.world.towns.town import Town
 
 with needs_extra("a picture", "plot", "air-router"):
     from air_router.report.map_marks import draw_shape

@@ -15,13 +15,13 @@ from geo.frame import Point
 from geo.grid import SemanticGrid, Terrain
 from mocha_link.team.document import DocumentError
 from sitl.cli import cli
-from sitl.experiment.lattice import Bounds, Lattice, coarse
 from sitl.experiment.robots.uav import MapPainter
-from sitl.experiment.towns.town_file import load_town, town_text
-from sitl.experiment.towns.town_generator import APART_M, drawn_starts, generate, scatter
-from sitl.experiment.towns.town_mission import mission_over
-from sitl.experiment.ways import PASSABLE, Ways
 from sitl.world.camera import Camera
+from sitl.world.towns.lattice import Bounds, Lattice, coarse
+from sitl.world.towns.town_file import load_town, town_text
+from sitl.world.towns.town_generator import APART_M, drawn_starts, generate, scatter
+from sitl.world.towns.town_mission import mission_over
+from sitl.world.towns.ways import PASSABLE, Ways
 from sitl.world.world_file import load_world
 
 URBAN = Path(__file__).parents[4] / "missions" / "urban"

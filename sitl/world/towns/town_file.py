@@ -14,17 +14,15 @@ from pydantic import BaseModel, Field
 from geo.airspace.zone import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
-from sitl.experiment.lattice import GRAIN_M, Bounds
-from sitl.experiment.settings import ExplorerSettings
-from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
-from sitl.experiment.ways import PASSABLE, Ways
 from sitl.world.terrain import MAX_CELLS, Road
+from sitl.world.towns.lattice import GRAIN_M, Bounds
+from sitl.world.towns.town import REACHED_M, RESOLUTION_M, SAME_GOAL_M, Goal, Ring, Town
+from sitl.world.towns.ways import PASSABLE, Ways
 
 Keys = tuple[str | int, ...]
 _Metres = Annotated[float, Field(ge=-1e4, le=1e4)]
 _Pair = Annotated[list[_Metres], Field(min_length=2, max_length=2)]
 _Name = Annotated[str, Field(min_length=1, max_length=64)]
-_SETTINGS = ExplorerSettings()
 
 
 class _Frame(BaseModel):
@@ -148,16 +146,16 @@ class _Reader:
                 self._report(("starts", index), message, "start-unreachable")
         for goal in town.goals:
             keys = ("goals", goal.id)
-            if ways.nearest(goal.position, _SETTINGS.arrival_m) is None:
+            if ways.nearest(goal.position, REACHED_M) is None:
                 message = f"no way leads from the first start to {goal.id}; open one, or move it"
                 self._report(keys, message, "goal-unreachable")
         for index, goal in enumerate(town.goals):
             for other in town.goals[:index]:
                 distance_m = math.dist(goal.position, other.position)
-                if distance_m <= _SETTINGS.same_goal_m:
+                if distance_m <= SAME_GOAL_M:
                     message = (
                         f"{distance_m:.1f} m from {other.id}: robots take both for one goal; "
-                        f"move it beyond {_SETTINGS.same_goal_m} m"
+                        f"move it beyond {SAME_GOAL_M} m"
                     )
                     self._report(("goals", goal.id), message, "goals-too-near")
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from air_router.errors import UsageError
 
-_HERE: Final = Path(__file__).parents[1]
+_HERE: Final = Path(__file__).parent
 _PLANS: Final = _HERE / "plans"
 
 
