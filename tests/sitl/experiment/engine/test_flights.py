@@ -1,6 +1,7 @@
 """Flights of a mission in its own world: what is counted of them."""
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -68,6 +69,15 @@ def test_ages_are_areas_under_saw_teeth_from_init_to_the_way_home():
     assert found["given_age_mean_s"] == pytest.approx((50**2 + 50**2) / 2 / 100)
     # A robot that is never met has the age of the flight.
     assert meter.measures(["io", "europa"], [])["given_age_mean_s"] == pytest.approx((25 + 50) / 2)
+
+
+def test_the_columns_of_a_flight_are_told():
+    meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
+    page = (Path(__file__).parents[4] / "docs" / "experiments.md").read_text(encoding="utf-8")
+    _, part, *_ = re.split("### The columns of a flight|## Questions", page)
+    heads = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
+    columns = meter.measures(["io"], []).keys() | {"wall_s", "cpu_s", "speed_up"}
+    assert set(re.findall(r"`(\w+)`", " ".join(heads))) == columns
 
 
 def test_a_row_says_in_which_world_its_mission_is_flown(monkeypatch):
