@@ -253,7 +253,7 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
 
 @pytest.mark.usefixtures("vehicle")
 def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it_took_off(
-    mission, udp_port
+    mission, udp_port, monkeypatch
 ):
     plan = FlightPlan.of(mission)
     place = mission.waypoints[4].position
@@ -293,6 +293,12 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         return took_off_s
 
     async def come_later(vehicle):
+        heard = vehicle.telemetry._on_flight_information
+
+        def late(fields):
+            asyncio.get_running_loop().call_later(0.3, heard, fields)
+
+        monkeypatch.setattr(vehicle.telemetry, "_on_flight_information", late)
         return (await vehicle.connect()).took_off_s
 
     took_off_s = run(mission, udp_port, script)

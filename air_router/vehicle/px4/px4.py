@@ -94,7 +94,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         requests = Px4Requests(self._direct, telemetry, self._connection.system_id)
         await requests.begin()
         await self._connection.heard(telemetry.complete, "positions")
-        await telemetry.shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
+        await telemetry.shows(telemetry.introduced, ONCE_S)
         work = (self._watch_silence(), requests.go_on())
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(

@@ -82,7 +82,8 @@ class Px4Telemetry(Px4Inbox):
         self.home: Point | None = None  # of the autopilot, in the mission frame
         self.home_altitude_amsl_m: float | None = None  # of the autopilot's home
         self.version: str | None = None  # of PX4, once it was asked
-        self.took_off_s: float | None = None  # since boot, as PX4 says
+        self.told_flight = False  # FLIGHT_INFORMATION has come
+        self.took_off_s: float | None = None  # since boot, as it says
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
         """Take the messages of the autopilot with this system id."""
@@ -112,6 +113,10 @@ class Px4Telemetry(Px4Inbox):
     def complete(self) -> bool:
         """Whether everything that a flight rests on was heard once."""
         return self._position is not None and self._mode.known and self.in_air is not None
+
+    def introduced(self) -> bool:
+        """Whether what is asked for once has come: version, home, since when it flies."""
+        return self.version is not None and self.home is not None and self.told_flight
 
     def missing(self, age_s: float) -> list[str]:
         """Messages that have not come for so long while others do, seconds of the vehicle's."""
@@ -324,6 +329,7 @@ class Px4Telemetry(Px4Inbox):
         since_boot_s = fields["takeoff_time_utc"] / 1e6
         flies = 0.0 < since_boot_s <= fields["time_boot_ms"] / 1e3
         self.took_off_s = since_boot_s if flies else None
+        self.told_flight = True
 
     def _on_version(self, fields: dict[str, Any]) -> None:
         number = fields["flight_sw_version"]
