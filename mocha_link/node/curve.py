@@ -6,6 +6,7 @@ where one side has no key stay as they are in the original (NULL).
 
 from __future__ import annotations
 
+import errno
 import logging
 from collections import Counter
 from collections.abc import Mapping
@@ -22,10 +23,11 @@ _ZAP = "inproc://zeromq.zap.01"  # where libzmq asks, https://rfc.zeromq.org/spe
 _ZAP_VERSION = b"1.0"
 _ZAP_FRAMES = 6  # version, request id, domain, address, identity, mechanism; then the credentials
 
-_WRONG_KEY, _NO_KEY, _NO_ZMTP = (
+_WRONG_KEY, _NO_KEY, _NO_ZMTP, _LEFT = (
     "with a wrong key",
     "without encryption",
     "not as a node of ours does",
+    "and left before it had shown a key, as who has none does",
 )
 _PROTOCOL_FAILURES: dict[int, str] = {
     zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC: _WRONG_KEY,
@@ -103,7 +105,9 @@ class ZapHandler:
 
     def watch(self, port: zmq.Socket[bytes], peer: str) -> None:
         """Count also who fails at a port before its key is known, e.g. because it has none."""
-        monitor = port.get_monitor_socket(zmq.Event.HANDSHAKE_FAILED_PROTOCOL)
+        monitor = port.get_monitor_socket(
+            zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL
+        )
         self._watched.append((port, monitor, peer))
 
     def serve(self) -> list[Refusal]:
@@ -155,6 +159,10 @@ def _failures(monitor: zmq.Socket[bytes]) -> list[str]:
             break
         if event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
             failures.append(_PROTOCOL_FAILURES.get(event["value"], _NO_ZMTP))
+        # A client that sees from our greeting what we want may hang up before we have read its own.
+        # A link that breaks shows another error.
+        elif event["value"] == errno.EPIPE:
+            failures.append(_LEFT)
     return failures
 
 

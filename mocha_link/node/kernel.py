@@ -7,6 +7,7 @@ import os
 import resource
 import socket
 import struct
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -107,22 +108,36 @@ def let_address_come_later(unbound: socket.socket) -> None:
     unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)
 
 
-def early_listener(address: str, port: int) -> socket.socket:
-    """Listens on an IPv4 address, also on one that the machine does not have yet.
+def tune(connection: socket.socket, dead_s: int) -> None:
+    """Send small frames at once, and notice within so many seconds that the other end is gone."""
+    connection.setblocking(False)
+    with contextlib.suppress(OSError):  # it is gone already
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        if sys.platform == "linux":
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, dead_s // 2)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, dead_s // 6)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, dead_s * 1000)
+
+
+def listener(address: str, port: int, *, early: bool = False) -> socket.socket:
+    """Listens on an IPv4 address; `early`: on one, too, that the machine does not have yet.
 
     Raises OSError.
     """
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        let_address_come_later(listener)
-        listener.setblocking(False)
-        listener.bind((address, port))
-        listener.listen(_BACKLOG)
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if early:
+            let_address_come_later(made)
+        made.setblocking(False)
+        made.bind((address, port))
+        made.listen(_BACKLOG)
     except BaseException:
-        listener.close()
+        made.close()
         raise
-    return listener
+    return made
 
 
 def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> socket.socket:

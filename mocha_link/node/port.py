@@ -1,4 +1,8 @@
-"""The port of a node for one peer: requests over ZeroMQ, datagrams of the same number."""
+"""The ports of a node, one for each peer: requests over ZeroMQ, datagrams of the same number.
+
+`Port` is what both kinds have in common. A `ProtectedPort` is libzmq's, which encrypts; for peers
+without a key see `open_port`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import contextlib
 import errno
 import logging
 import socket
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,21 +19,103 @@ import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
-from mocha_link.node.connection_limiter import ConnectionLimiter
 from mocha_link.node.curve import protect_port
-from mocha_link.sync.frames import Frame
+from mocha_link.node.zmtp import Part
 from mocha_link.sync.server import Route
 from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Robot
 
 MAX_REQUEST_BYTES = 65_536 + 1024
-QUEUE_REPLIES = 16  # to one connection that does not read
-QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
-IGNORED = 256  # messages in a row that are not for the node
+BURST = 64  # requests of one connection in a row, so that none starves the others
 DEAD_PEER_S = 60
-DATAGRAM_BUFFER_BYTES = 1024 * 1024
+IDLE_MS = 250  # a clock may be set, and a radio has its own thread
+
+QUEUE_REPLIES = 16  # to one connection of a protected port that does not read
+QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
+_FULL_MS = 1  # libzmq does not tell when one of many connections takes more
+_LATE_MS = 3  # the same for replies; a connection may sleep for a minute before it breaks
+_DATAGRAM_BUFFER_BYTES = 1024 * 1024
 
 LOG = logging.getLogger("mocha_link")
+
+
+class Port(ABC):
+    """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
+
+    `caller` is where the peer's datagrams come from. Raises PortInUseError or ListenError.
+    """
+
+    def __init__(self, me: Robot, peer: str) -> None:
+        self.peer = peer
+        self.caller: tuple[str, int] | None = None
+        number = me.port_for(peer)
+        try:
+            self._listen(me, number)
+        except (OSError, zmq.ZMQError) as error:
+            raise _listen_error(me, peer, number, error) from None
+        self._datagrams = _datagram_socket(me, number)  # None: none are taken
+
+    @abstractmethod
+    def _listen(self, me: Robot, number: int) -> None:
+        """Bind. Raises OSError or ZMQError."""
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for requests and datagrams."""
+        if self._datagrams:
+            poller.register(self._datagrams.fileno(), zmq.POLLIN)
+
+    def is_ready(self, ready: set[object]) -> bool:
+        """Whether anything has come, or waits."""
+        return self._datagrams is not None and self._datagrams.fileno() in ready
+
+    @abstractmethod
+    def requests(self, ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+        """Those whose turn it is: on which connection each came, and its body parts.
+
+        Reply before you fetch the next. Those of a connection that does not take its replies wait,
+        as with REP, whose turn does not come while its reply does not leave.
+        """
+
+    @property
+    @abstractmethod
+    def wait_ms(self) -> int:
+        """How long nothing is to be done here if nothing comes."""
+
+    @property
+    def push_wait_ms(self) -> int:
+        """Likewise while `flush` says no."""
+        return self.wait_ms
+
+    def look(self, _now_s: float) -> list[str]:
+        """Who was sent away since the last call, and why; call it a few times a second."""
+        return []
+
+    @abstractmethod
+    def reply(self, route: Route, frame: bytes) -> None:
+        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
+
+    @abstractmethod
+    def push(self, route: Route, parts: list[Part]) -> None:
+        """Send a frame of a sync, or keep it until `flush` gets it out."""
+
+    @abstractmethod
+    def flush(self, route: Route | None) -> bool:
+        """Try to send what waits for a connection; whether it takes more."""
+
+    def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+        """The datagrams that have come, and where from."""
+        return kernel.received(self._datagrams, limit) if self._datagrams else iter(())
+
+    def send_datagram(self, packet: bytes) -> None:
+        """Send a datagram to where the peer's come from."""
+        if self._datagrams and self.caller:
+            with contextlib.suppress(OSError):
+                self._datagrams.sendto(packet, self.caller)
+
+    def close(self) -> None:
+        """Close at once; nothing that is queued is sent any more."""
+        if self._datagrams:
+            self._datagrams.close()
 
 
 @dataclass(slots=True)
@@ -39,91 +126,73 @@ class _Late:
     requests: deque[list[bytes]] = field(default_factory=deque)  # not answered yet
 
 
-class Port:
-    """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
+class ProtectedPort(Port):
+    """A port that only the holder of the peer's key can open: no other fills our memory there."""
 
-    `caller` is where the peer's datagrams come from. Raises PortInUseError or ListenError.
-    """
+    DESCRIPTORS = 5  # a listener, datagrams, and three of libzmq
 
     def __init__(
-        self,
-        context: zmq.Context[zmq.Socket[bytes]],
-        me: Robot,
-        peer: str,
-        secret: SecretKey | None,
+        self, context: zmq.Context[zmq.Socket[bytes]], me: Robot, peer: str, secret: SecretKey
     ) -> None:
-        self.peer = peer
-        self.caller: tuple[str, int] | None = None
         # pushed frames that the socket did not take
-        self._stuck: tuple[Route, list[Frame]] | None = None
+        self._stuck: tuple[Route, list[Part]] | None = None
         self._late: dict[Route, _Late] = {}  # by connection
-        number = me.port_for(peer)
         self.socket = context.socket(zmq.ROUTER)
-        self.socket.setsockopt(zmq.LINGER, 0)
-        self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
-        self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
-        self.socket.setsockopt(zmq.SNDHWM, QUEUE_REPLIES)
-        # Links break without a word: do not keep the connections of peers that are gone.
-        self.socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        self.socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, DEAD_PEER_S // 2)
-        self.socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, DEAD_PEER_S // 6)
-        self.socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
-        self.socket.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
         try:
-            if secret:
-                protect_port(self.socket, secret, peer)
-            _bind(self.socket, me, number)
-        except zmq.ZMQError as error:
-            self.socket.close(0)
-            raise _listen_error(me, peer, number, error) from None
+            self.socket.setsockopt(zmq.LINGER, 0)
+            self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+            self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
+            self.socket.setsockopt(zmq.SNDHWM, QUEUE_REPLIES)
+            # Links break without a word: do not keep the connections of peers that are gone.
+            self.socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
+            self.socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, DEAD_PEER_S // 2)
+            self.socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, DEAD_PEER_S // 6)
+            self.socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
+            self.socket.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
+            protect_port(self.socket, secret, peer)
+            super().__init__(me, peer)
         except BaseException:
             self.socket.close(0)
             raise
-        # protected ports have none
-        self._limiter = None if secret else ConnectionLimiter(self.socket, number)
-        self._datagrams = _datagram_socket(me, number)  # None: none are taken
+
+    def _listen(self, me: Robot, number: int) -> None:
+        endpoint = f"tcp://{me.listen}:{number}"
+        try:
+            self.socket.bind(endpoint)
+        except zmq.ZMQError as error:
+            if error.errno != errno.EADDRNOTAVAIL:
+                raise
+            listener = early_listener(me, number, error)
+            self.socket.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
+            self.socket.bind(endpoint)
 
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for requests and datagrams."""
+        super().watch(poller)
         poller.register(self.socket, zmq.POLLIN)
-        if self._datagrams:
-            poller.register(self._datagrams, zmq.POLLIN)
 
     def is_ready(self, ready: set[object]) -> bool:
-        """Whether anything has come."""
-        datagrams = self._datagrams
-        return self.socket in ready or (datagrams is not None and datagrams.fileno() in ready)
+        """Whether anything has come, or waits."""
+        return bool(self._late) or self.socket in ready or super().is_ready(ready)
 
-    def look(self) -> int:
-        """Look who is connected, a few times a second; how many had to be sent away."""
-        return self._limiter.look() if self._limiter else 0
-
-    def receive(self) -> tuple[Route, list[bytes]] | None:
-        """The next request: on which connection it came, and its body parts.
-
-        Those of a connection that has not taken its last reply wait, see `resumed`.
-        """
-        for _ in range(IGNORED):  # then the others have their turn
+    def requests(self, _ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+        """Those whose turn it is: on which connection each came, and its body parts."""
+        yield from self._resumed()
+        for _ in range(BURST):
             try:
                 frames = self.socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
-                return None
+                return
             if b"" in frames[1:-1]:  # without an envelope REP sockets ignore it, too
                 body = frames.index(b"", 1) + 1
                 route, parts = tuple(frames[:body]), frames[body:]
                 late = self._late.get(route)
                 if late is None:
-                    return route, parts
-                if len(late.requests) < QUEUE_REQUESTS:
+                    yield route, parts
+                elif len(late.requests) < QUEUE_REQUESTS:
                     late.requests.append(parts)
-        return None
 
-    @property
-    def is_late(self) -> bool:
-        """Whether replies wait."""
-        return bool(self._late)
-
-    def resumed(self) -> Iterator[tuple[Route, list[bytes]]]:
+    def _resumed(self) -> Iterator[tuple[Route, list[bytes]]]:
         """The requests whose turn it is because their connection takes replies again."""
         for route in list(self._late):
             late = self._late.pop(route)
@@ -133,9 +202,15 @@ class Port:
             if route in self._late:
                 self._late[route].requests = late.requests
 
-    def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
-        """The datagrams that have come, and where from."""
-        return kernel.received(self._datagrams, limit) if self._datagrams else iter(())
+    @property
+    def wait_ms(self) -> int:
+        """How long nothing is to be done here if nothing comes."""
+        return _LATE_MS if self._late else IDLE_MS
+
+    @property
+    def push_wait_ms(self) -> int:
+        """Likewise while `flush` says no."""
+        return _FULL_MS
 
     def reply(self, route: Route, frame: bytes) -> None:
         """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
@@ -146,7 +221,7 @@ class Port:
         except zmq.ZMQError:
             pass
 
-    def push(self, route: Route, parts: list[Frame]) -> None:
+    def push(self, route: Route, parts: list[Part]) -> None:
         """Send a frame of a sync, or keep it until `flush` gets it out."""
         try:
             self.socket.send_multipart([*route, *parts], flags=zmq.NOBLOCK)
@@ -156,9 +231,9 @@ class Port:
             pass  # the peer is gone; it comes again and asks for what is missing
 
     def flush(self, route: Route | None) -> bool:
-        """Try to send what waits; whether nothing waits any more.
+        """Try to send what waits for a connection; whether it takes more.
 
-        What is for another connection than `route` goes: that one sleeps, the peer has a new one.
+        What is for another connection goes: that one sleeps, the peer has a new one.
         """
         if self._stuck:
             (to, parts), self._stuck = self._stuck, None
@@ -166,55 +241,42 @@ class Port:
                 self.push(to, parts)
         return self._stuck is None
 
-    def send_datagram(self, packet: bytes) -> None:
-        """Send a datagram to where the peer's come from."""
-        if self._datagrams and self.caller:
-            with contextlib.suppress(OSError):
-                self._datagrams.sendto(packet, self.caller)
-
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
-        if self._limiter:
-            self._limiter.close()
+        super().close()
         self.socket.close(0)
-        if self._datagrams:
-            self._datagrams.close()
 
 
-def _bind(router: zmq.Socket[bytes], me: Robot, number: int) -> None:
-    """Bind; if the machine does not have the address (yet), be there when it comes."""
-    endpoint = f"tcp://{me.listen}:{number}"
+def early_listener(me: Robot, number: int, error: OSError | zmq.ZMQError) -> socket.socket:
+    """At an address that the machine does not have (yet): be there when it comes.
+
+    Raises OSError, or `error` where that cannot be.
+    """
     try:
-        router.bind(endpoint)
-    except zmq.ZMQError as error:
-        if error.errno != errno.EADDRNOTAVAIL:
-            raise
-        try:
-            listener = kernel.early_listener(me.listen, number)
-        except OSError as why:
-            raise (zmq.ZMQError(why.errno) if why.errno == errno.EADDRINUSE else error) from None
-        router.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
-        router.bind(endpoint)
-        LOG.warning(
-            "%s is no address of this machine now: no peer reaches port %d of %s before it is "
-            "('listen' in the team file)",
-            me.listen,
-            number,
-            me.name,
-        )
+        listener = kernel.listener(me.listen, number, early=True)
+    except OSError as why:
+        raise (why if why.errno == errno.EADDRINUSE else error) from None
+    LOG.warning(
+        "%s is no address of this machine now: no peer reaches port %d of %s before it is "
+        "('listen' in the team file)",
+        me.listen,
+        number,
+        me.name,
+    )
+    return listener
 
 
 def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
     """None if the port is taken: then all goes over ZeroMQ."""
     try:
-        return kernel.datagram_socket(me.listen, number, DATAGRAM_BUFFER_BYTES)
+        return kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
     except OSError as error:
         LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
         return None
 
 
 def _listen_error(
-    me: Robot, peer: str, number: int, error: zmq.ZMQError
+    me: Robot, peer: str, number: int, error: OSError | zmq.ZMQError
 ) -> PortInUseError | ListenError:
     what = f"{me.name} cannot listen for {peer} on tcp://{me.listen}:{number}"
     if error.errno == errno.EADDRINUSE:
@@ -224,6 +286,6 @@ def _listen_error(
             "team file of every robot"
         )
     return ListenError(
-        f"{what}: {zmq.strerror(error.errno or 0)}; set 'listen' of {me.name} to * or to an "
+        f"{what}: {error.strerror}; set 'listen' of {me.name} to * or to an "
         "address of this machine, and its base_port to one that you may use"
     )

@@ -17,7 +17,8 @@ from mocha_link.node import kernel
 from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
 from mocha_link.node.curve import ZapHandler
 from mocha_link.node.gossip import Gossip
-from mocha_link.node.port import Port
+from mocha_link.node.open_port import Callers, OpenPort
+from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
 from mocha_link.node.resolver import Resolver
 from mocha_link.sync.actions import (
     Action,
@@ -28,18 +29,12 @@ from mocha_link.sync.actions import (
     Send,
     SendDatagram,
 )
-from mocha_link.sync.server import Route
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team
 
 TICK_MS = 20  # while a sync is under way, and with a simulated clock, which may run fast
-IDLE_MS = 250  # a clock may be set, and a radio has its own thread
-FULL_MS = 1  # ZeroMQ does not tell when one of many connections takes more
-LATE_MS = 3  # the same for replies; a connection may sleep for a minute before it breaks
 OBSERVE_S = 0.25
-BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
-PORT_DESCRIPTORS = 5  # a listener, datagrams, and three of libzmq
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
 PATIENT_S = 300.0
@@ -81,6 +76,7 @@ class Transport:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of all its sockets
         self._poller = zmq.Poller()
         self._ports: dict[str, Port] = {}  # by peer
+        self._callers = Callers()  # of those without a key
         self._gate: ZapHandler | None = None  # None: no peer is protected
         self._connections: dict[
             str, Connection | list[bytes]
@@ -105,10 +101,7 @@ class Transport:
                 self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
                 self._gate = ZapHandler(self._context, self._keys)
             for peer in self._me.peers if self._serves else ():
-                secret = self._secret if peer in self._keys else None
-                self._ports[peer] = Port(self._context, self._me, peer, secret)
-                if secret and self._gate:
-                    self._gate.watch(self._ports[peer].socket, peer)
+                self._ports[peer] = self._new_port(peer)
             self._datagram_socket = _datagram_socket(self._me.listen)
         except BaseException:
             self._close_all()
@@ -126,10 +119,20 @@ class Transport:
                 self._poller.register(each, zmq.POLLIN)
         self._thread.start()
 
+    def _new_port(self, peer: str) -> Port:
+        if not self._secret or not self._gate or peer not in self._keys:
+            return OpenPort(self._poller, self._callers, self._me, peer)
+        port = ProtectedPort(self._context, self._me, peer, self._secret)
+        self._gate.watch(port.socket, peer)
+        return port
+
     def _provide_descriptors(self) -> None:
         """Without enough of them libzmq waits for ever, or ends the process."""
         peers = len(self._me.peers)
-        needed = OWN_DESCRIPTORS + peers * (PORT_DESCRIPTORS + LINK_DESCRIPTORS)
+        needed = OWN_DESCRIPTORS + peers * LINK_DESCRIPTORS
+        for peer in self._me.peers:
+            kind = ProtectedPort if self._secret and peer in self._keys else OpenPort
+            needed += kind.DESCRIPTORS
         lacking = kernel.descriptors_lacking(needed)
         if lacking:
             raise ListenError(
@@ -181,8 +184,8 @@ class Transport:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
         for port in self._ports.values():
-            if port.is_late or port.is_ready(ready):
-                self._serve(port)
+            if port.is_ready(ready):
+                self._serve(port, ready)
         if self._gate and not ready.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
         if self._datagram_socket and self._datagram_socket.fileno() in ready:
@@ -191,7 +194,7 @@ class Transport:
         observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
         if observe:
             self._observed_s = now.steady_s
-            self._look()
+            self._look(now)
         for peer in list(self._connections):
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
@@ -223,14 +226,11 @@ class Transport:
                 waits_s.append(connection.wake_s - now.steady_s)
         return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
-    def _serve(self, port: Port) -> None:
-        for route, parts in port.resumed():
-            self._answer(port, route, parts)
-        for _ in range(BURST):
-            request = port.receive()
-            if request is None:
-                break
-            self._answer(port, *request)
+    def _serve(self, port: Port, ready: set[object]) -> None:
+        for route, parts in port.requests(ready):
+            with self._lock:
+                self._gossip.request(port.peer, route, parts, self._now())
+            self._act()
         address = self._resolver.address(self._team.robot(port.peer).address)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
@@ -244,16 +244,11 @@ class Transport:
                 port.caller = source
             self._act()
 
-    def _answer(self, port: Port, route: Route, parts: list[bytes]) -> None:
-        with self._lock:
-            self._gossip.request(port.peer, route, parts, self._now())
-        self._act()
-
-    def _look(self) -> None:
+    def _look(self, now: Instant) -> None:
         for port in self._ports.values():
-            for _ in range(port.look()):
+            for why in port.look(now.steady_s):
                 with self._lock:
-                    self._gossip.refused(port.peer, "a client connected too often or sent too much")
+                    self._gossip.refused(port.peer, why)
 
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
@@ -261,11 +256,11 @@ class Transport:
             with self._lock:
                 route = self._gossip.route(port.peer)
             if not port.flush(route):
-                return FULL_MS
+                return port.push_wait_ms
             with self._lock:
                 supplied = self._gossip.supply(port.peer)
             if supplied is None:
-                return LATE_MS if port.is_late else IDLE_MS
+                return port.wait_ms
             port.push(*supplied)
         return 0
 

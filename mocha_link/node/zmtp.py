@@ -1,7 +1,7 @@
-"""The asking end of a ZeroMQ connection (ZMTP 3.1, NULL mechanism), without sockets.
+"""Either end of a ZeroMQ connection (ZMTP 3.1, NULL mechanism), without sockets.
 
 libzmq waits for the other side before it sends each part of its handshake: the first answer costs
-four round trips, which eat a short contact. The protocol does not ask for that. This end sends its
+four round trips, which eat a short contact. The protocol does not ask for that. Our ends send their
 whole handshake at once; so the first answer costs three, or two when requests follow without
 waiting for the other side's READY. A libzmq that reads them together with the handshake closes
 the connection; so they have to come a moment later (see `connection`).
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
+from collections.abc import Iterator, Sequence
 
 from mocha_link.errors import MochaLinkError
 
@@ -37,17 +38,33 @@ def _frame(flags: int, body: bytes) -> bytes:
     return struct.pack(">BQ", flags | _LONG, len(body)) + body
 
 
-_HELLO = _GREETING + _frame(
-    _COMMAND, _READY + _property(b"Socket-Type", b"DEALER") + _property(b"Identity", b"")
-)
+def _hello(kind: bytes) -> bytes:
+    properties = _property(b"Socket-Type", kind) + _property(b"Identity", b"")
+    return _GREETING + _frame(_COMMAND, _READY + properties)
+
+
 _DELIMITER = b"\x01\x00"  # the empty frame that REP expects before a request
 
 
 class ZmtpError(MochaLinkError):
-    """What came is not the answering end of a ZeroMQ connection that we can use."""
+    """What came is not the other end of a ZeroMQ connection that we can use."""
 
 
 Part = bytes | memoryview
+
+
+def encoded(parts: Sequence[Part]) -> list[Part]:
+    """The bytes of a message, in pieces; large parts are not copied."""
+    pieces: list[Part] = []
+    head = b""
+    for number, part in enumerate(parts, 1):
+        flags = _MORE if number < len(parts) else 0
+        if len(part) < OWN_BYTES:
+            head += _frame(flags, bytes(part))
+        else:
+            pieces += [head + struct.pack(">BQ", flags | _LONG, len(part)), part]
+            head = b""
+    return [*pieces, head] if head else pieces
 
 
 class _Large:
@@ -75,18 +92,24 @@ class _Large:
 
 
 class ZmtpSession:
-    """Turns requests into bytes and bytes into replies; one per TCP connection.
+    """Turns requests into bytes and bytes into messages; one per TCP connection.
 
-    `hello` is to be sent first, without waiting for anything. Requests may follow when the other
-    side is `ready`. Parts of replies are bytes; large ones are read-only views of all of a buffer
-    that no other session has.
+    `hello` (of the end that answers: `hello_of_router`) is to be sent first, without waiting for
+    anything. Requests may follow when the other side is `ready`. Parts of messages are bytes; large
+    ones are read-only views of all of a buffer that no other session has.
+
+    Args:
+        max_bytes: of a message.
+        max_waiting: messages at once; beyond that the other side is not what it should be.
     """
 
-    hello = _HELLO
+    hello = _hello(b"DEALER")
+    hello_of_router = _hello(b"ROUTER")
 
-    def __init__(self, max_bytes: int) -> None:
+    def __init__(self, max_bytes: int, max_waiting: int = _MAX_WAITING) -> None:
         self.ready = False
         self._max_bytes = max_bytes
+        self._max_waiting = max_waiting
         self._buffer = bytearray()  # bytes not parsed yet
         self._greeted = False  # the peer's greeting came
         self._parts: list[Part] = []  # of the message under way
@@ -156,8 +179,13 @@ class ZmtpSession:
         self._filled(count, answer)
         return bytes(answer)
 
-    def replies(self) -> deque[list[Part]]:
+    def replies(self) -> Iterator[list[Part]]:
         """The replies since the last call: the body parts of each (a good one has one)."""
+        for parts in self.messages():
+            yield parts[1:] if parts[0] == b"" else parts
+
+    def messages(self) -> deque[list[Part]]:
+        """The messages since the last call: all parts of each."""
         messages, self._messages = self._messages, deque()
         return messages
 
@@ -198,8 +226,8 @@ class ZmtpSession:
         self._parts.append(body)
         if not flags & _MORE:
             parts, self._parts = self._parts, []
-            if len(self._messages) == _MAX_WAITING:
-                raise ZmtpError("more replies at once than requests")
-            self._messages.append(parts[1:] if parts[0] == b"" else parts)
+            if len(self._messages) == self._max_waiting:
+                raise ZmtpError("more messages at once than can be meant")
+            self._messages.append(parts)
         elif len(self._parts) > _MAX_PARTS or sum(map(len, self._parts)) > self._max_bytes:
-            raise ZmtpError("a reply of too many parts")
+            raise ZmtpError("a message of too many parts")

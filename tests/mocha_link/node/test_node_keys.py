@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import re
 import socket
 import stat
 import threading
@@ -268,6 +269,24 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
     assert refused.wait(WAIT_S)
     assert titan.links()["io"].refused >= 1
     assert "refused at the port for io: it came with a wrong key" in caplog.text
+
+
+@pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
+def test_a_client_without_encryption_is_refused_and_counted(locked, caplog, kind):
+    """As an original node asks; it hangs up when it sees that a key is wanted, maybe first."""
+    titan, _, _ = locked(*NAMES).node("titan")
+    refused = refusal(titan)
+    titan.publish("/map", SECRET_TEXT)
+    context = zmq.Context()
+    with context, context.socket(kind) as client:
+        client.setsockopt(zmq.LINGER, 0)
+        client.connect(f"tcp://{titan.robot.listen}:{titan.robot.port_for('io')}")
+        client.send_multipart([b"idididGHEAD"] if kind == zmq.REQ else [b"", b"idididGHEAD"])
+        assert refused.wait(WAIT_S)
+        assert not client.poll(0)
+    assert titan.links()["io"].refused >= 1
+    told = "it came (without encryption|and left before it had shown a key)"
+    assert re.search(f"refused at the port for io: {told}", caplog.text)
 
 
 # --- a mixed team

@@ -1,0 +1,239 @@
+"""A port for a peer without a key: a ROUTER of our own, since anyone may connect to it.
+
+libzmq keeps the parts of a message until its last part has come, however many there are, and takes
+in whatever a connection brings while nobody looks. Here each connection has one buffer of the size
+of a request, and is not read while it does not take its replies; a node has so many connections at
+most, and so much that waits for all of them together.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import itertools
+import time
+from collections.abc import Iterator
+
+import zmq
+
+from mocha_link.node import kernel
+from mocha_link.node.caller import OWED_BYTES, Caller
+from mocha_link.node.port import BURST, DEAD_PEER_S, IDLE_MS, Port, early_listener
+from mocha_link.node.zmtp import Part, ZmtpError
+from mocha_link.store import payload
+from mocha_link.sync.server import Route
+from mocha_link.team.team import Robot
+
+MAX_CONNECTIONS = 32  # of a port; most beyond that are of links that broke
+MAX_ALL_CONNECTIONS = 256  # of a node: each may hold a request that has come in part
+MAX_WAITING_BYTES = 2 * payload.MAX_BYTES  # replies of a node that its peers have not taken yet
+HANDSHAKE_S = 30.0  # as libzmq has it
+
+_MAX_ACCEPTED = 8  # in a turn
+
+
+class Callers:
+    """The connections to all open ports of a node: how many there may be, and what they hold."""
+
+    def __init__(self) -> None:
+        self.ports: dict[Caller, OpenPort] = {}
+        self._moves = itertools.count(1)
+
+    def moved(self, caller: Caller) -> None:
+        """It has taken or brought something."""
+        caller.moved = next(self._moves)
+
+    def relieve(self) -> None:
+        """Send away those that are too much.
+
+        Of too many the one goes for which nothing has moved for the longest time; of too much the
+        one that holds most.
+        """
+        while len(self.ports) > MAX_ALL_CONNECTIONS:
+            self._send_away(min(self.ports, key=lambda each: each.moved))
+        while sum(each.waiting_bytes for each in self.ports) > MAX_WAITING_BYTES:
+            self._send_away(max(self.ports, key=lambda each: (each.waiting_bytes, -each.moved)))
+
+    def _send_away(self, caller: Caller) -> None:
+        self.ports[caller].send_away(caller, "connected too often or did not take its replies")
+
+
+class OpenPort(Port):
+    """A port that asks for no key.
+
+    Args:
+        poller: waits for its connections, too.
+        callers: shared by the open ports of a node.
+    """
+
+    DESCRIPTORS = 2  # a listener and datagrams
+
+    def __init__(self, poller: zmq.Poller, callers: Callers, me: Robot, peer: str) -> None:
+        self._poller = poller
+        self._callers = callers
+        self._inside: dict[bytes, Caller] = {}  # by name
+        self._names = itertools.count(1)
+        self._refusals: list[str] = []
+        self._served: Caller | None = None  # flushed when its requests are through
+        super().__init__(me, peer)
+
+    def _listen(self, me: Robot, number: int) -> None:
+        address = "" if me.listen == "*" else me.listen
+        try:
+            self._listener = kernel.listener(address, number)
+        except OSError as error:
+            if error.errno != errno.EADDRNOTAVAIL:
+                raise
+            self._listener = early_listener(me, number, error)
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for requests and datagrams."""
+        super().watch(poller)
+        poller.register(self._listener.fileno(), zmq.POLLIN)
+
+    def is_ready(self, ready: set[object]) -> bool:
+        """Whether anything has come, or waits."""
+        return (
+            self._listener.fileno() in ready
+            or any(self._has_turn(caller, ready) for caller in self._inside.values())
+            or super().is_ready(ready)
+        )
+
+    @staticmethod
+    def _has_turn(caller: Caller, ready: set[object]) -> bool:
+        return caller.number in ready or bool(caller.requests and not caller.is_late)
+
+    def requests(self, ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+        """Those whose turn it is: on which connection each came, and its body parts."""
+        if self._listener.fileno() in ready:
+            self._accept()
+        for caller in [each for each in self._inside.values() if self._has_turn(each, ready)]:
+            if caller.name in self._inside:  # none before it has sent it away
+                self._flush(caller)
+                self._served = caller
+                try:
+                    yield from self._requests_of(caller, ready)
+                finally:
+                    self._served = None
+                    self._settle(caller)
+
+    def _requests_of(
+        self, caller: Caller, ready: set[object]
+    ) -> Iterator[tuple[Route, list[bytes]]]:
+        if caller.number in ready and not caller.requests and not caller.is_late:
+            try:
+                if caller.read():
+                    self._callers.moved(caller)
+            except ZmtpError:
+                self.send_away(caller, "sent what is no request")
+                return
+        for _ in range(BURST):
+            if caller.is_late:
+                self._flush(caller)
+            if caller.is_late or not caller.requests:
+                break
+            parts = caller.requests.popleft()
+            if b"" in parts[:-1]:  # without an envelope REP sockets ignore it, too
+                body = parts.index(b"") + 1
+                route = (caller.name, *map(bytes, parts[:body]))
+                yield route, [bytes(each) for each in parts[body:]]
+
+    def _accept(self) -> None:
+        for _ in range(_MAX_ACCEPTED):
+            try:
+                connection, _ = self._listener.accept()
+            except BlockingIOError:
+                break
+            except OSError:  # it has gone again, or there are no descriptors left
+                self._drop_oldest()
+                break
+            kernel.tune(connection, DEAD_PEER_S)
+            name = b"\0" + next(self._names).to_bytes(8, "big")
+            caller = Caller(connection, name, time.monotonic())
+            self._inside[name] = caller
+            self._callers.ports[caller] = self
+            self._callers.moved(caller)
+            self._settle(caller)
+            if len(self._inside) > MAX_CONNECTIONS:
+                self._drop_oldest()
+        self._callers.relieve()
+
+    def _drop_oldest(self) -> None:
+        if self._inside:
+            oldest = min(self._inside.values(), key=lambda each: each.moved)
+            self.send_away(oldest, "connected too often")
+
+    def _flush(self, caller: Caller) -> None:
+        if caller.flush():
+            self._callers.moved(caller)
+        if caller.waiting_bytes > OWED_BYTES:
+            self._callers.relieve()
+
+    def _settle(self, caller: Caller) -> None:
+        """Send what waits, and have the poller wait for what is to come."""
+        self._flush(caller)
+        if caller.name not in self._inside:
+            return
+        if caller.ended and not caller.requests:
+            self._drop(caller)
+            return
+        wanted = 0 if caller.requests or caller.is_late or caller.ended else zmq.POLLIN
+        wanted |= zmq.POLLOUT if caller.waiting_bytes else 0
+        if wanted != caller.watched:
+            caller.watched = wanted
+            self._poller.register(caller.number, wanted)
+
+    def send_away(self, caller: Caller, why: str) -> None:
+        """Close a connection that does what no node does."""
+        self._refusals.append(f"a client {why}")
+        self._drop(caller)
+
+    def _drop(self, caller: Caller) -> None:
+        if self._inside.pop(caller.name, None):
+            del self._callers.ports[caller]
+            caller.requests.clear()
+            with contextlib.suppress(KeyError):
+                self._poller.unregister(caller.number)
+            caller.connection.close()
+
+    @property
+    def wait_ms(self) -> int:
+        """How long nothing is to be done here if nothing comes."""
+        return 0 if any(self._has_turn(each, set()) for each in self._inside.values()) else IDLE_MS
+
+    def look(self, now_s: float) -> list[str]:
+        """Who was sent away since the last call; call it a few times a second."""
+        for caller in list(self._inside.values()):
+            if not caller.ready and now_s - caller.began_s > HANDSHAKE_S:
+                self._drop(caller)
+        refusals, self._refusals = self._refusals, []
+        return refusals
+
+    def reply(self, route: Route, frame: bytes) -> None:
+        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
+        caller = self._inside.get(route[0])
+        if caller:
+            caller.reply(route[1:], frame)
+            if caller is not self._served:
+                self._settle(caller)
+
+    def push(self, route: Route, parts: list[Part]) -> None:
+        """Send a frame of a sync, or keep it until `flush` gets it out."""
+        caller = self._inside.get(route[0])
+        if caller:
+            caller.push([*route[1:], *parts])
+            self._settle(caller)
+
+    def flush(self, route: Route | None) -> bool:
+        """Try to send what waits for a connection; whether it takes more."""
+        caller = self._inside.get(route[0]) if route else None
+        if caller and caller.waiting_bytes:
+            self._settle(caller)
+        return caller is None or not caller.waiting_bytes
+
+    def close(self) -> None:
+        """Close at once; nothing that is queued is sent any more."""
+        super().close()
+        for caller in list(self._inside.values()):
+            self._drop(caller)
+        self._listener.close()

@@ -1,0 +1,279 @@
+"""Clients that flood an open port: none fills the memory of the node, nor do several together."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zmq
+
+from mocha_link.links.metrics import Direction, SyncEnded
+from mocha_link.node import open_port
+from mocha_link.node.open_port import HANDSHAKE_S, Callers, OpenPort
+from mocha_link.node.port import MAX_REQUEST_BYTES
+from mocha_link.node.zmtp import ZmtpSession
+from mocha_link.sync.protocol import GDATA
+from mocha_link.team.team import Robot
+from tests.mocha_link.conftest import WAIT_S
+from tests.mocha_link.node.test_port import WAIT_MS, Clients, Shell, titan
+
+__all__ = ["titan"]  # a fixture
+
+PART = struct.pack(">BQ", 0b011, 60_000) + bytes(60_000)  # more parts follow, and a long size
+FLOODS = 8
+FLOOD_BYTES = 40_000_000  # of each
+GROWTH_KB = 24 * 1024
+STATUS = Path("/proc/self/status")
+
+NODE = """
+import sys
+from pathlib import Path
+from mocha_link import Node, Team
+with Node(Team.load(Path(sys.argv[1])), "titan") as node:
+    print("ready", flush=True)
+    sys.stdin.readline()
+    print(sum(link.refused for link in node.links().values()))
+"""
+
+
+@pytest.fixture
+def shell(titan) -> Iterator[Shell]:
+    with contextlib.closing(Shell(OpenPort, titan)) as shell:
+        yield shell
+
+
+@pytest.fixture
+def clients() -> Iterator[Clients]:
+    with contextlib.closing(Clients(protected=False)) as clients:
+        yield clients
+
+
+def dial(robot: Robot, peer: str = "io") -> socket.socket:
+    connection = socket.create_connection((robot.listen, robot.port_for(peer)), timeout=20)
+    connection.sendall(ZmtpSession.hello)
+    return connection
+
+
+def flood(robot: Robot, peer: str) -> int:
+    """Messages whose parts never end, on one connection after the other; how many it took."""
+    left, dials = FLOOD_BYTES, 0
+    while left > 0:
+        dials += 1
+        with contextlib.suppress(ConnectionError), dial(robot, peer) as connection:
+            while left > 0:
+                connection.sendall(PART)
+                left -= len(PART)
+    return dials
+
+
+def memory_kb(pid: int, which: str) -> int:
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(status.split(f"{which}:")[1].split()[0])
+
+
+@pytest.mark.skipif(not STATUS.is_file(), reason="the memory of a process can be read on Linux")
+def test_several_floods_together_take_no_memory(field, tmp_path):
+    """The highest mark of the whole process counts, not what is left of it."""
+    team_file = tmp_path / "team.yaml"
+    team_file.write_text(field.team.dump())
+    robot = field.team.robot("titan")
+    with subprocess.Popen(
+        [sys.executable, "-c", NODE, str(team_file)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stdout.readline() == "ready\n"
+        before_kb = memory_kb(process.pid, "VmHWM")
+        floods = [
+            threading.Thread(target=flood, args=(robot, ("io", "callisto")[number % 2]))
+            for number in range(FLOODS)
+        ]
+        for each in floods:
+            each.start()
+        for each in floods:
+            each.join(WAIT_S)
+        assert not any(each.is_alive() for each in floods)
+        assert memory_kb(process.pid, "VmHWM") - before_kb < GROWTH_KB
+        refused, _ = process.communicate("\n", timeout=WAIT_S)
+    assert int(refused) >= FLOODS
+
+
+def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypatch):
+    """A small request for a large message, again and again, from those who read nothing."""
+    size, most = 6_000_000, 10_000_000
+    monkeypatch.setattr(open_port, "MAX_WAITING_BYTES", most)
+    waited: list[int] = []
+    relieved: list[int] = []
+    relieve = Callers.relieve
+
+    def watched(callers: Callers) -> None:
+        waited.append(sum(each.waiting_bytes for each in callers.ports))
+        relieve(callers)
+        relieved.append(sum(each.waiting_bytes for each in callers.ports))
+
+    monkeypatch.setattr(Callers, "relieve", watched)
+    node, _, _ = field.node("titan")
+    header = node.publish("/map", os.urandom(size))
+    request = ZmtpSession.request(b"ididid" + GDATA + header.pack())
+    with contextlib.ExitStack() as stack:
+        while not node.links()["io"].refused:
+            assert len(relieved) < 10_000
+            greedy = stack.enter_context(dial(node.robot))
+            greedy.sendall(request * 3)
+            assert greedy.recv(1)
+        assert most < max(waited) < most + 2 * size
+        assert max(relieved) <= most
+        io, _, saw = field.node("io", datagrams=False)
+        io.sync("titan")
+        assert saw.wait(SyncEnded, peer="titan", direction=Direction.IN).messages == 1
+    while len(node._transport._callers.ports) > 1:  # that of io, which follows
+        pass
+
+
+def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
+    """Many requests on one connection, and one of the largest size."""
+    client = clients.dial(titan)
+    for size in (*[17] * 200, MAX_REQUEST_BYTES):
+        client.send_multipart([b"", bytes(size)])
+        route, (request,) = shell.request()
+        assert len(request) == size
+        shell.port.reply(route, b"done")
+        assert client.recv_multipart() == [b"", b"done"]
+    assert shell.port.look(0.0) == []
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"GET / HTTP/1.1\r\nHost: titan\r\n\r\n",
+        ZmtpSession.hello + struct.pack(">BQ", 2, MAX_REQUEST_BYTES + 1),
+        ZmtpSession.hello + bytes(2) * 3000,
+        ZmtpSession.hello + b"\x01\x00" * 200,
+    ],
+    ids=["no ZeroMQ", "too large", "too many", "too many parts"],
+)
+def test_who_says_what_no_node_says_is_sent_away_and_counted(shell, titan, said):
+    with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20) as client:
+        client.sendall(said)
+        while not (told := shell.port.look(0.0)):
+            assert shell.turn(20) == []
+        assert told == ["a client sent what is no request"]
+        with contextlib.suppress(ConnectionError):
+            while client.recv(1000):
+                pass
+    assert shell.port.wait_ms > 100
+
+
+def test_what_was_asked_before_the_end_is_still_a_request(shell, titan):
+    """A peer says its last word and closes."""
+    with dial(titan) as client:
+        for number in range(3):
+            client.sendall(ZmtpSession.request(b"%d" % number))
+    got = []
+    while len(got) < 3:
+        got += [request for _, (request,) in shell.turn(20)]
+    assert got == [b"0", b"1", b"2"]
+    while shell.port._inside:
+        shell.turn(20)
+
+
+def inside(shell: Shell, count: int) -> None:
+    """Until so many connections have made their handshake."""
+    while sum(caller.ready for caller in shell.port._inside.values()) != count:
+        shell.turn(20)
+
+
+def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
+    """The one that has said nothing for the longest time."""
+    monkeypatch.setattr(open_port, "MAX_CONNECTIONS", 3)
+    with contextlib.ExitStack() as stack:
+        clients = []
+        for number in range(1, 4):
+            clients.append(stack.enter_context(dial(titan)))
+            inside(shell, number)
+        clients[0].sendall(ZmtpSession.request(b"?"))
+        shell.request()
+        stack.enter_context(dial(titan))
+        while not (told := shell.port.look(0.0)):
+            shell.turn(20)
+        assert told == ["a client connected too often"]
+        with contextlib.suppress(ConnectionError):
+            while clients[1].recv(1000):
+                pass
+        inside(shell, 3)
+        clients[0].sendall(ZmtpSession.request(b"!"))
+        assert shell.request()[1] == [b"!"]
+
+
+def test_all_ports_together_have_so_many(titan, monkeypatch):
+    monkeypatch.setattr(open_port, "MAX_ALL_CONNECTIONS", 2)
+    poller, callers = zmq.Poller(), Callers()
+    with contextlib.ExitStack() as stack:
+        ports = {}
+        for peer in titan.peers:
+            ports[peer] = stack.enter_context(
+                contextlib.closing(OpenPort(poller, callers, titan, peer))
+            )
+            ports[peer].watch(poller)
+            for _ in range(2):
+                stack.enter_context(dial(titan, peer))
+            told: list[str] = []
+            while len(callers.ports) < 2 or (len(ports) == 2 and len(told) < 2):
+                ready = {each for each, _ in poller.poll(20)}
+                for port in ports.values():
+                    assert list(port.requests(ready)) == []
+                    told += port.look(0.0)
+        assert told == ["a client connected too often or did not take its replies"] * 2
+        first, second = ports.values()
+        assert list(callers.ports.values()) == [second, second]
+        assert not first._inside
+
+
+def test_who_says_nothing_at_all_does_not_stay(shell, titan):
+    with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20):
+        while not shell.port._inside:
+            shell.turn(20)
+        (caller,) = shell.port._inside.values()
+        shell.port.look(caller.began_s + HANDSHAKE_S - 1)
+        assert shell.port._inside
+        shell.port.look(caller.began_s + HANDSHAKE_S + 1)
+        assert not shell.port._inside
+
+
+@pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
+def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, kind):
+    before = len(shell.poller.sockets)
+    for _ in range(5):
+        client = clients.dial(titan, kind)
+        client.send_multipart([b"one"] if kind == zmq.REQ else [b"", b"one"])
+        route, _ = shell.request()
+        shell.port.reply(route, b"done")
+        assert client.poll(WAIT_MS)
+        client.recv_multipart()
+        client.close(0)
+    while shell.port._inside:
+        shell.turn(20)
+    assert len(shell.poller.sockets) == before
+
+
+def test_a_heartbeat_is_answered(shell, titan):
+    with dial(titan) as client:
+        client.sendall(b"\x04\x0b\x04PING\x00\x00here")
+        heard = b""
+        while b"\x04PONGhere" not in heard:
+            shell.turn(20)
+            client.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                heard += client.recv(1000)
