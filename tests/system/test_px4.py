@@ -305,6 +305,11 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
     assert run(mission, udp_port, come_later) == pytest.approx(took_off_s, abs=2.0)
 
 
+def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
+    run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed"))
+    assert "was not told 'zones changed': no vehicle is connected yet" in caplog.text
+
+
 def test_no_answer(mission, udp_port, monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
     with pytest.raises(NoVehicleError, match="nothing heard within"):

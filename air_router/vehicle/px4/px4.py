@@ -75,7 +75,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._plan_guard = PlanGuard(self._compare, self._on_compared)
         self._telemetry.subscribe(self._on_event)
         self._texts_sent = 0  # id of a text in pieces
-        self._watches: list[asyncio.Task[None]] = []  # run while it is connected
+        self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
         self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
 
     @property
@@ -169,6 +169,9 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def announce(self, text: str) -> None:
         """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
+        if not self._watches:
+            _log.warning("the pilot was not told %r: no vehicle is connected yet", text)
+            return
         self._texts_sent = self._texts_sent % 0xFFFF + 1
         chunks = chunks_of(text)
         for chunk, part in enumerate(chunks):
