@@ -98,7 +98,7 @@ class SpaceJudge:
         rooms = rooms_m(track, area, first, last, fence=fence)
         limit_m, leaving, before = area.clearance_m, False, Responsible.OURS
         worst: tuple[float, int, float] | None = None
-        for index, room_m in zip(range(first, last), rooms, strict=True):
+        for index, room_m in zip(range(first, last), rooms.tolist(), strict=True):
             by = track.by[index]
             self.nearest_m[by] = min(self.nearest_m.get(by, math.inf), room_m)
             if by is Responsible.OURS and math.isfinite(room_m):
@@ -200,6 +200,7 @@ def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> 
     """
     rooms = np.full(last - first, math.inf)
     places = np.column_stack((track.east_m, track.north_m))
+    near: list[int] = []
     for begin in range(first, last, _PART):
         end = min(begin + _PART, last)
         counts = track.flying[begin:end]
@@ -211,55 +212,66 @@ def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> 
             if roughly_m > 4 * area.clearance_m:
                 rooms[begin - first : end - first][counts] = roughly_m
                 continue
-        for index in map(int, np.flatnonzero(counts) + begin):
-            step = _clipped(track, area, places, index)
-            if step is not None:
-                rooms[index - first] = room_m(area, step, fence=fence)
+        near.extend(map(int, np.flatnonzero(counts) + begin))
+    if near:
+        numbers, ways = _clipped(track, area, places, np.array(near))
+        rooms[numbers - first] = _rooms_m(area, ways, fence=fence)
     return rooms
 
 
-def _clipped(track: Track, area: Area, places: Floats, index: int) -> Any:
-    """The part of the way to the next sample that is within the area's altitudes; None: none."""
-    after = min(index + 1, len(places) - 1)
-    this, that = (track.evidence.samples[at] for at in (index, after))
-    if this.armed and not that.armed and that.landed:
-        after = index  # down at once: a simulated vehicle that was started anew stands at home
-    heights = track.above_m[[index, after]] + track.ground_m
-    span = heights[1] - heights[0]
-    if span == 0.0:
-        shares = (0.0, 1.0) if area.lower_m <= heights[0] <= area.upper_m else None
-    else:
-        ends = sorted(
-            (limit - heights[0]) / span
-            if math.isfinite(limit)
-            else math.copysign(math.inf, limit * span)
-            for limit in (area.lower_m, area.upper_m)
-        )
-        begin, end = max(ends[0], 0.0), min(ends[1], 1.0)
-        shares = (begin, end) if begin <= end else None
-    if shares is None:
-        return None
-    step = places[after] - places[index]
-    return shapely.LineString([places[index] + share * step for share in shares])
+def _clipped(track: Track, area: Area, places: Floats, numbers: Any) -> tuple[Any, Any]:
+    """Of the ways from these samples to the next, the parts within the area's altitudes.
+
+    Returns the numbers of those that have one, and it.
+    """
+    after = np.minimum(numbers + 1, len(places) - 1)
+    # Down at once: a simulated vehicle that was started anew stands at home.
+    down = track.armed[numbers] & ~track.armed[after] & ~track.flying[after]
+    after = np.where(down, numbers, after)
+    heights = track.above_m[numbers] + track.ground_m
+    span = track.above_m[after] + track.ground_m - heights
+    level = span == 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        limits = [(limit - heights) / span for limit in (area.lower_m, area.upper_m)]
+    begin = np.where(level, 0.0, np.maximum(np.minimum(*limits), 0.0))
+    end = np.where(level, 1.0, np.minimum(np.maximum(*limits), 1.0))
+    within = np.where(level, (area.lower_m <= heights) & (heights <= area.upper_m), begin <= end)
+    here = places[numbers]
+    step = places[after] - here
+    ends = np.stack((here + begin[:, None] * step, here + end[:, None] * step), axis=1)
+    return numbers[within], shapely.linestrings(ends[within])
 
 
 def room_m(area: Area, way: Any, *, fence: bool) -> float:
     """What a line keeps from a zone, or from the border within a fence; negative: how deep."""
-    corners = shapely.points(shapely.get_coordinates(way))
+    return float(_rooms_m(area, np.array([way], dtype=object), fence=fence)[0])
+
+
+def _rooms_m(area: Area, ways: Any, *, fence: bool) -> Floats:
+    """`room_m` of many."""
+    if not len(ways):
+        return np.empty(0)
     outline = area.outline
+    coordinates, owners = shapely.get_coordinates(ways, return_index=True)
+    corners, starts = shapely.points(coordinates), np.searchsorted(owners, np.arange(len(ways)))
+
+    def farthest_m(shape: BaseGeometry) -> Any:
+        """From it, of each way's corners."""
+        return np.maximum.reduceat(shapely.distance(shape, corners), starts)
+
     if area.radius_m:
         if fence:
-            return area.radius_m - float(shapely.distance(outline, corners).max())
-        return float(outline.distance(way)) - area.radius_m
-    border_m = float(outline.boundary.distance(way))
+            return np.asarray(area.radius_m - farthest_m(outline))
+        return np.asarray(shapely.distance(outline, ways) - area.radius_m)
+    border_m = shapely.distance(outline.boundary, ways)
     if fence:
-        outside_m = float(shapely.distance(outline, corners).max())
-        return -outside_m if outside_m > 0 else (border_m if outline.covers(way) else 0.0)
-    if not outline.intersects(way):
-        return border_m
-    inside = shapely.intersects(outline, corners)
-    depths_m = np.asarray(shapely.distance(outline.boundary, corners))[inside]
-    return -float(depths_m.max(initial=0.0))
+        outside_m = farthest_m(outline)
+        within_m = np.where(shapely.covers(outline, ways), border_m, 0.0)
+        return np.where(outside_m > 0, -outside_m, within_m)
+    depths_m = shapely.distance(outline.boundary, corners)
+    depths_m = np.where(shapely.intersects(outline, corners), depths_m, 0.0)
+    deepest_m = np.maximum.reduceat(depths_m, starts)
+    return np.where(shapely.intersects(outline, ways), -deepest_m, border_m)
 
 
 def straight_room_m(

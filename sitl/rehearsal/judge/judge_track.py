@@ -111,6 +111,7 @@ class Track:
         north_m: Of home.
         above_m: Above the ground at home.
         flying: Whether it is off the ground.
+        armed: Whether its motors may turn.
         off_m: How wrong the estimate is, by the scene.
         by: Who answers.
         given: From when to when the vehicle was not ours: a pilot's, a failsafe's; until we moved
@@ -138,6 +139,7 @@ class Track:
         self.east_m, self.north_m = self.mission.frame.metres(latitudes, longitudes)
         self.above_m: Floats = np.array([s.altitude_amsl_m for s in samples]) - self.ground_m
         self.flying = np.array([not s.landed for s in samples], dtype=bool)
+        self.armed = np.array([s.armed for s in samples], dtype=bool)
         self.off_m = self._estimate_off()
         self.given = list(self._given())
         self.by = [self._answers(s.time_s) for s in samples]

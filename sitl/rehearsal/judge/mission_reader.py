@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,10 +42,7 @@ class Frame:
     """
 
     def __init__(self, origin: Pair) -> None:
-        latitude, longitude = origin
-        projection = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
-        self._to_metres = Transformer.from_crs("EPSG:4326", projection, always_xy=True)
-        self._to_degrees = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
+        self._to_metres, self._to_degrees = _transformers(*origin)
 
     def metres(self, latitude_deg: Any, longitude_deg: Any) -> tuple[Any, Any]:
         """East and north of places: numbers or arrays."""
@@ -55,6 +53,16 @@ class Frame:
         """Latitude and longitude of a place."""
         longitude, latitude = self._to_degrees.transform(east_m, north_m)
         return latitude, longitude
+
+
+@cache  # a tenth of a second each, and every file of a flight has the same home
+def _transformers(latitude: float, longitude: float) -> tuple[Transformer, Transformer]:
+    """From degrees to metres of a place, and back."""
+    projection = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
+    return (
+        Transformer.from_crs("EPSG:4326", projection, always_xy=True),
+        Transformer.from_crs(projection, "EPSG:4326", always_xy=True),
+    )
 
 
 @dataclass(frozen=True, slots=True)

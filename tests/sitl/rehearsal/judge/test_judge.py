@@ -7,6 +7,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -68,8 +69,9 @@ def track(corners=ROUND, height=40.0, *, land=True, step_s=0.05, speed=5.0):
 
 
 def samples(states, *, failsafe=()):
-    for number, (east, north, above, armed, landed, mode) in enumerate(states):
-        latitude, longitude = FRAME.degrees(east, north)
+    places = zip(*FRAME.degrees(*np.array([state[:2] for state in states]).T), strict=True)
+    for number, ((latitude, longitude), state) in enumerate(zip(places, states, strict=True)):
+        _, _, above, armed, landed, mode = state
         acting = any(a <= number * 0.05 < b for a, b in failsafe)
         yield Sample(number * 0.05, latitude, longitude, 6.7 + above, armed, landed, mode, acting)
 
