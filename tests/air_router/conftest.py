@@ -42,6 +42,7 @@ from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 STEP_S = 0.1
+FLIGHT_STEP_S = 0.2  # a controller alone: no rule of its counts shorter times
 ACCELERATION_M_S2 = 3.0
 CLIMB_M_S = 1.5
 SYNC_EVERY_S = 2.0
@@ -52,8 +53,9 @@ CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io":
 class Airframe:
     """A point with inertia that flies straight to its target and stops there."""
 
-    def __init__(self, mission):
+    def __init__(self, mission, step_s=STEP_S):
         self.mission = mission
+        self.step_s = step_s
         self.now_s = 100.0
         self.position = mission.home
         self.velocity = (0.0, 0.0)
@@ -76,31 +78,32 @@ class Airframe:
         self.altitude_m = self.mission.altitude_above_home_m
 
     def move(self):
-        self.now_s += STEP_S
+        self.now_s += self.step_s
         wanted = self._wanted()
         change = (wanted[0] - self.velocity[0], wanted[1] - self.velocity[1])
-        size, limit = math.hypot(*change), ACCELERATION_M_S2 * STEP_S
+        size, limit = math.hypot(*change), ACCELERATION_M_S2 * self.step_s
         if size > limit:
             change = (change[0] / size * limit, change[1] / size * limit)
         self.velocity = (self.velocity[0] + change[0], self.velocity[1] + change[1])
         self.position = Point(
-            self.position[0] + self.velocity[0] * STEP_S,
-            self.position[1] + self.velocity[1] * STEP_S,
+            self.position[0] + self.velocity[0] * self.step_s,
+            self.position[1] + self.velocity[1] * self.step_s,
         )
         if self.in_air:
             self.track.append(self.position)
         if self.mode is FlightMode.HOLD and self.target_altitude_m is not None:
             missing_m = self.target_altitude_m - self.altitude_m
-            self.altitude_m += max(-CLIMB_M_S * STEP_S, min(CLIMB_M_S * STEP_S, missing_m))
+            change_m = CLIMB_M_S * self.step_s
+            self.altitude_m += max(-change_m, min(change_m, missing_m))
         if self.mode is FlightMode.LAND and self.in_air:
-            self.altitude_m -= 0.7 * STEP_S
+            self.altitude_m -= 0.7 * self.step_s
             if self.altitude_m <= 0:
                 self.in_air = self.armed = False
 
     def telemetry(self):
         return Telemetry(
             time_s=self.now_s,
-            position=Point(*(self._chance.gauss(x, self.noise_m) for x in self.position)),
+            position=self._measured(),
             altitude_m=self.altitude_m,
             velocity_m_s=self.velocity,
             armed=self.armed,
@@ -113,6 +116,11 @@ class Airframe:
             home_moved=self.home_moved,
         )
 
+    def _measured(self):
+        if not self.noise_m:
+            return self.position
+        return Point(*(self._chance.gauss(x, self.noise_m) for x in self.position))
+
     def _wanted(self):
         if self.target is None:
             return (0.0, 0.0)
@@ -120,7 +128,8 @@ class Airframe:
         away = math.hypot(east, north)
         if away < 1e-9:
             return (0.0, 0.0)
-        pace = min(self.mission.speed_m_s, math.sqrt(2 * ACCELERATION_M_S2 * away), away / STEP_S)
+        brakes = math.sqrt(2 * ACCELERATION_M_S2 * away)
+        pace = min(self.mission.speed_m_s, brakes, away / self.step_s)
         return (east / away * pace, north / away * pace)
 
 
@@ -128,7 +137,7 @@ class PretendFlight(Airframe):
     """Flies a controller among robots that can be heard within a radius."""
 
     def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), **how):
-        super().__init__(mission)
+        super().__init__(mission, how.pop("step_s", FLIGHT_STEP_S))
         self.plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self.name = how.get("name", "")
@@ -162,6 +171,10 @@ class PretendFlight(Airframe):
         end_s = self.now_s + limit_s
         while not condition():
             assert self.now_s < end_s, f"not within {limit_s} s; now {self.controller.state}"
+            self.step()
+
+    def fly_for(self, seconds):
+        for _ in range(round(seconds / self.step_s)):
             self.step()
 
     def fly_to_state(self, state, limit_s=2000.0):
@@ -262,7 +275,8 @@ def pretend(pennovation):
         seek=("callisto", "europa", "io"),
         **changes,
     ):
-        how = {key: changes.pop(key) for key in ("pilot_arms", "explore", "name") if key in changes}
+        named = ("pilot_arms", "explore", "name", "step_s")
+        how = {key: changes.pop(key) for key in named if key in changes}
         changed = dataclasses.replace(mission or pennovation, **changes)
         return PretendFlight(changed, radius_m=radius_m, seek=seek, **how)
 

@@ -94,8 +94,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     flight.fly_until(lambda: boarding(flight) == 1, 10.0)
     assert math.hypot(*flight.velocity) < 0.5
     flight.give(RobotPose("io", Point(10.0, 10.0), 1.0, "io"))
-    for _ in range(50):
-        flight.step()
+    flight.fly_for(5.0)
     assert moves(flight, commanded) == []  # nothing flies while the fence is on its way
     flight.give(PlanRenewed())
     assert moves(flight, commanded) != []
@@ -225,8 +224,7 @@ def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_r
     flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.1, 10.0)
     commanded = len(flight.motions)
     change(flight, box((flight.position[0] + 40.0, flight.position[1])))
-    for _ in range(20):
-        flight.step()
+    flight.fly_for(2.0)
     assert (boarding(flight), flight.motions[commanded:]) == (0, [])
     flight.give(GoOn())
     flight.step()
@@ -363,8 +361,7 @@ def test_a_hold_that_is_lost_while_zones_change_is_said_again_before_all_else(pr
     zone = box(ahead(flight, 28.0), half_m=2.0)
     flight.deaf = True
     change(flight, zone)
-    for _ in range(10):
-        flight.step()
+    flight.fly_for(1.0)
     assert boarding(flight) == 0
     flight.deaf = False
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
@@ -405,8 +402,7 @@ def test_the_way_out_of_a_zone_is_told_again_if_it_was_lost(pretend):
     flight = cruising(pretend)
     flight.deaf = True
     change(flight, box(flight.position, half_m=8.0))
-    for _ in range(10):
-        flight.step()
+    flight.fly_for(1.0)
     flight.deaf = False
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
 
@@ -431,8 +427,7 @@ def test_the_battery_is_looked_at_while_zones_change(pretend):
     flight.step()
     assert flight.controller.state is State.HOME
     assert any(text.startswith("coming home: battery at") for text in flight.said)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere]  # it waits where it is
     flight.give(PlanRenewed())
     to_the_end(flight)
@@ -543,8 +538,7 @@ def test_without_a_way_home_at_its_reserve_it_hovers_and_says_what_will_happen(p
     flight.step()
     assert "it should come home and cannot" in told_no_way_home(flight)[-1]
     assert "autopilot's battery failsafe" in told_no_way_home(flight)[-1]
-    for _ in range(600):
-        flight.step()
+    flight.fly_for(60.0)
     assert moves(flight, commanded) == []
     assert len(told_no_way_home(flight)) == 3  # every half minute, and once for its reserve
     flight.failsafe = True  # the autopilot acts: it is left to it
@@ -571,8 +565,7 @@ def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
     flight, drawn = enclosed(pretend)
     flight.give(GoOn())
     since = len(flight.track)
-    for _ in range(1200):
-        flight.step()
+    flight.fly_for(120.0)
     assert told_no_way_home(flight)
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
 

@@ -216,11 +216,9 @@ def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(
     answer, commanded = ask(flight, HoldNow(by="the tower"))
     assert [type(m) for m in commanded] == [HoldHere]
     assert any("holding, as the tower asked" in text for text in flight.said)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     place, moved = flight.position, len(flight.motions)
-    for _ in range(5000):
-        flight.step()
+    flight.fly_for(500.0)
     assert flight.controller.state is State.HOLD
     assert flight.controller.time_left_s is None
     assert math.dist(place, flight.position) < 0.1
@@ -239,8 +237,7 @@ def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
     answer, commanded = ask(flight, HoldNow())
     assert answer.accepted
     assert commanded == []
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert flight.controller.state is State.HOLD
     assert math.dist(flight.position, end) < 0.1
     assert ask(flight, GoOn())[0].accepted
@@ -545,8 +542,7 @@ def test_whatever_is_requested_whenever_no_zone_is_touched(pretend):
         (GoTo(FAR), SeekNow("io"), HoldNow(), GoOn(), ExploreNow(), GoTo(FAR[::-1]), SeekNow("io"))
     )
     while flight.finished is None:
-        for _ in range(97):
-            flight.step()
+        flight.fly_for(9.7)
         if flight.finished is None:
             ask(flight, next(wishes))
         assert flight.now_s < 3000.0
@@ -587,14 +583,12 @@ def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(preten
     flight._act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
     assert ask(flight, GoTo(FAR))[0].accepted
     assert ask(flight, ComeHome())[0].accepted
-    for _ in range(3):
-        flight.step()
+    flight.fly_for(0.3)
     assert flight.controller.state is State.HOME
     flight._act = act
     for motion in late:
         act(motion)
-        for _ in range(15):
-            flight.step()
+        flight.fly_for(1.5)
     flight.fly_until(lambda: flight.finished is not None, 200.0)
     assert flight.finished.landed_by_us
     assert math.dist(flight.position, flight.mission.home) < 3.0

@@ -32,8 +32,7 @@ def test_the_pilot_wins_and_is_left_alone(pretend, flown, state, mode):
     flight.pilot_chooses(mode)
     assert flight.controller.state is State.PASSIVE
     commanded = len(flight.motions)
-    for _ in range(600):
-        flight.step()
+    flight.fly_for(60.0)
     flight.operator_asks(ComeHome())
     flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
     assert len(flight.motions) == commanded
@@ -51,8 +50,7 @@ def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
     assert flight.controller.state is State.PASSIVE
     flight.altitude_m = flight.mission.altitude_above_home_m
     flight.pilot_chooses(FlightMode.MISSION)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert flight.motions == []
     flight.mode = FlightMode.LAND
     flight.fly_until(lambda: flight.finished is not None)
@@ -149,8 +147,7 @@ def test_mission_chosen_far_away_and_low_is_held(pretend):
     by_hand_to(flight, Point(65.0, -60.0), 8.0)
     assert [type(m) for m in flight.motions] == [HoldHere]
     assert any("low and away from home" in text for text in flight.said)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert [type(m) for m in flight.motions] == [HoldHere]
     flight.pilot_chooses(FlightMode.LAND)
     flight.fly_until(lambda: flight.finished is not None)
@@ -165,8 +162,7 @@ def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(pret
     flight.give(PlanReplaced(flight.now_s, only_fence))
     assert isinstance(flight.motions[-1], HoldHere)
     commanded = len(flight.motions)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert (flight.controller.state, len(flight.motions)) == (State.INIT, commanded)
     flight.give(PlanCompared(flight.now_s, "the mission: item 3 on board is another"))
     flight.step()
@@ -203,8 +199,7 @@ def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):
     flight.give(PlanReplaced(flight.now_s))
     flight.operator_asks(HoldNow())
     flight.give(PlanCompared(flight.now_s))
-    for _ in range(50):
-        flight.step()
+    flight.fly_for(5.0)
     assert flight.controller.state is State.HOLD
     assert isinstance(flight.motions[-1], HoldHere)
 
@@ -230,8 +225,7 @@ def test_what_was_given_away_comes_back_only_when_the_operator_asks(pretend, mod
     assert flight.controller.state is State.PASSIVE
     assert any("choose Hold first" in text for text in flight.said)
     flight.pilot_chooses(mode)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert flight.controller.state is State.PASSIVE
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.EXPL
@@ -278,8 +272,7 @@ def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
     flight.armed = flight.in_air = True
     flight.mode, flight.altitude_m = FlightMode.HOLD, flight.mission.altitude_above_home_m
     flight.position = flight.mission.waypoints[5].position
-    for _ in range(50):
-        flight.step()
+    flight.fly_for(5.0)
     assert flight.motions == []
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.INIT
@@ -355,8 +348,7 @@ def test_after_hands_off_breaches_are_told_again_and_again_until_they_end(preten
     flight.pilot_chooses(FlightMode.OTHER)
     inside = flight.position
     flight.position = Point(5000.0, 0.0)
-    for _ in range(250):
-        flight.step()
+    flight.fly_for(25.0)
     assert sum(text.startswith("breach of") for text in flight.said) == 3  # every ten seconds
     flight.position = inside
     flight.step()

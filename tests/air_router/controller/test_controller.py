@@ -149,8 +149,7 @@ def test_a_command_that_fails_is_tried_again(pretend):
     flight.fly_until(lambda: flight.controller.exploration.remaining < 39)
     flight.deaf = True
     flight.fly_until(lambda: any("did not follow" in text for text in flight.said))
-    for _ in range(50):
-        flight.step()
+    flight.fly_for(5.0)
     flight.deaf = False
     left = flight.controller.exploration.remaining
     flight.fly_until(lambda: flight.controller.exploration.remaining < left - 1)
@@ -214,8 +213,7 @@ def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(prete
     assert flight.controller.state is State.SEARCH
     commanded, said = len(flight.motions), len(flight.said)
     assert isinstance(flight.motions[-1], HoldHere)
-    for _ in range(600):
-        flight.step()
+    flight.fly_for(60.0)
     assert len(flight.motions) == commanded
     assert 3 <= len(flight.said) - said <= 7
     flight.give(RobotPose("io", Point(0.0, 100.0), 2.0, "callisto"))
@@ -241,7 +239,7 @@ def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
     flight.take_off()
     flight.fly_away()
     commanded = len(flight.motions)
-    for _ in range(1500):
+    for _ in range(750):
         flight.target = None  # it takes every command and does not move
         flight.step()
     assert len(flight.controller.exploration.left_out) == 1
@@ -347,8 +345,7 @@ def test_whatever_goes_wrong_nothing_raises_no_pilot_is_overridden_and_no_zone_i
     flight.deaf = False
     flight.pilot_chooses(FlightMode.OTHER)
     commanded = len(flight.motions)
-    for _ in range(300):
-        flight.step()
+    flight.fly_for(30.0)
     assert flight.controller.state is State.PASSIVE
     assert len(flight.motions) == commanded
 

@@ -24,8 +24,7 @@ def holding(pretend):
     flight.take_off()
     flight.fly_away()
     assert asked(flight, HoldNow()).accepted
-    for _ in range(60):
-        flight.step()
+    flight.fly_for(6.0)
     assert flight.controller.state is State.HOLD
     return flight
 
@@ -67,8 +66,7 @@ def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, be
     centre = Point(east_m + 3.0 + mission.planner.clearance_m + beside_m, north_m)
     hut = Zone("hut", Circle(centre, 3.0), band=band)
     holding.give(AirspaceChanged(mission.fences, (*mission.zones, hut)))
-    for _ in range(60):
-        holding.step()
+    holding.fly_for(6.0)
     assert (math.dist(holding.position, centre) - 3.0 > kept_m) is lands
     answer = asked(holding, LandNow())
     assert answer.accepted is lands

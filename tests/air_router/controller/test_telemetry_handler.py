@@ -59,12 +59,10 @@ def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(preten
     flight.step()
     assert isinstance(flight.motions[-1], HoldHere)
     commanded = len(flight.motions)
-    for _ in range(200):
-        flight.step()
+    flight.fly_for(20.0)
     assert len(flight.motions) == commanded
     flight.fix = True
-    for _ in range(25):
-        flight.step()
+    flight.fly_for(2.5)
     assert len(flight.motions) == commanded
     flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
     flight.fly_until(lambda: flight.finished is not None)
@@ -138,8 +136,7 @@ def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight.operator_asks(ComeHome())
     assert flight.controller.state is State.HOME
     flight.fix = True
-    for _ in range(25):
-        flight.step()
+    flight.fly_for(2.5)
     assert len(flight.motions) == commanded
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
@@ -155,8 +152,7 @@ def test_a_hold_without_a_fix_that_failed_is_asked_for_again(pretend):
     commanded = len(flight.motions)
     flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
     assert isinstance(flight.motions[-1], HoldHere)
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert len(flight.motions) == commanded + 1
 
 
@@ -192,8 +188,7 @@ def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend
     assert any("breach of" in text and "not resumed" in text for text in flight.said)
     commanded = len(flight.motions)
     flight.position = flight.mission.home
-    for _ in range(300):
-        flight.step()
+    flight.fly_for(30.0)
     assert len(flight.motions) == commanded
     assert flight.controller.state is State.PASSIVE
 
@@ -212,8 +207,7 @@ def in_breach_and_deaf(pretend):
 
 def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
     flight, commanded = in_breach_and_deaf(pretend)
-    for _ in range(35):
-        flight.step()
+    flight.fly_for(3.5)
     assert flight.controller.state is State.INIT
     flight.deaf = False
     flight.fly_to_state(State.PASSIVE, 5.0)
@@ -233,8 +227,7 @@ def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(pretend):
     flight, commanded = in_breach_and_deaf(pretend)
     flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
-    for _ in range(100):
-        flight.step()
+    flight.fly_for(10.0)
     assert len(flight.motions) == commanded + 1
 
 

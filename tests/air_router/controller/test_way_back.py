@@ -63,8 +63,7 @@ def plan_deleted_while_the_pilot_flies(flight):
 def replaced(flight, difference, *, only_fence):
     flight.give(PlanReplaced(flight.now_s, only_fence))
     flight.give(PlanCompared(flight.now_s, difference))
-    for _ in range(50):
-        flight.step()
+    flight.fly_for(5.0)
     if flight.controller.in_charge:  # it lands, and needs no plan for that
         flight.pilot_chooses(FlightMode.HOLD)
 
@@ -110,8 +109,7 @@ def fly_to(pretend, state):
         flight.operator_asks(asked[state])
     flight.fly_to_state(state)
     if state is State.LAND:
-        for _ in range(100):
-            flight.step()
+        flight.fly_for(10.0)
     return flight
 
 
@@ -217,7 +215,7 @@ def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
     flight.altitude_m = 20.0
     flight.pilot_chooses(FlightMode.HOLD)
     flight.operator_asks(GoOn())
-    for _ in range(400):
+    for _ in range(200):
         flight.altitude_m = 20.0
         flight.step()
     assert flight.controller.state is State.PASSIVE

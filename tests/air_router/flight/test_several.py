@@ -147,7 +147,7 @@ def test_two_that_hear_each_other_never_seek_the_same_robot_for_longer_than_a_wo
         flight.take_off()
     heard, together_s = [0, 0], 0
     met = {"atlas": set(), "titan": set()}
-    for _ in range(5000):
+    for _ in range(2500):
         atlas.step()
         titan.step()
         heard = [said_by(titan, atlas, heard[0]), said_by(atlas, titan, heard[1])]

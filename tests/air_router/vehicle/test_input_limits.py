@@ -10,7 +10,6 @@ from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.vehicle.input_limits import LIMITS
 from air_router.vehicle.vehicle import Ages, FlightMode
-from tests.air_router.conftest import STEP_S
 
 INPUTS = {limit.age: limit for limit in LIMITS}
 
@@ -54,11 +53,6 @@ def away(pretend, **changes):
     return flight
 
 
-def fly_for(flight, seconds):
-    for _ in range(round(seconds / STEP_S)):
-        flight.step()
-
-
 def told(flight, *words):
     return [text for text in flight.said if all(word in text for word in words)]
 
@@ -67,9 +61,9 @@ def told(flight, *words):
 def test_what_is_missing_is_told_at_its_limit_and_not_before(pretend, age):
     flight, limit = away(pretend), INPUTS[age]
     Missing(flight, age)
-    fly_for(flight, limit.told_s - 0.5)
+    flight.fly_for(limit.told_s - 0.5)
     assert not told(flight, "not heard")
-    fly_for(flight, 1.0)
+    flight.fly_for(1.0)
     assert told(flight, limit.words, "not heard", limit.then(limit.told_s))
 
 
@@ -77,9 +71,9 @@ def test_what_is_missing_is_told_at_its_limit_and_not_before(pretend, age):
 def test_the_mission_ends_for_what_is_missing_too_long(pretend, age):
     flight, limit = away(pretend, duration_s=None), INPUTS[age]
     missing = Missing(flight, age)
-    fly_for(flight, limit.home_s - 0.5)
+    flight.fly_for(limit.home_s - 0.5)
     assert flight.controller.state is not State.HOME
-    fly_for(flight, 1.0)
+    flight.fly_for(1.0)
     assert flight.controller.state is State.HOME
     assert told(flight, "coming home", limit.words)
     if not limit.home_without:
@@ -102,15 +96,15 @@ def test_the_table_is_in_the_documents():
 def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back(pretend):
     flight = away(pretend)
     missing = Missing(flight, "position_s")
-    fly_for(flight, 2.5)
+    flight.fly_for(2.5)
     assert isinstance(flight.motions[-1], HoldHere)
     commanded = len(flight.motions)
-    fly_for(flight, 20.0)
+    flight.fly_for(20.0)
     assert len(flight.motions) == commanded
     missing.comes_again()
-    fly_for(flight, 2.5)
+    flight.fly_for(2.5)
     assert len(flight.motions) == commanded
-    fly_for(flight, 1.5)
+    flight.fly_for(1.5)
     assert len(flight.motions) > commanded
     assert told(flight, "going on")
 
@@ -130,9 +124,9 @@ def test_the_duration_goes_on_without_positions(pretend):
 def test_the_battery_reserve_counts_without_positions(pretend):
     flight = away(pretend, duration_s=None)
     Missing(flight, "position_s")
-    fly_for(flight, 3.0)
+    flight.fly_for(3.0)
     flight.battery = flight.mission.battery_reserve - 0.01
-    fly_for(flight, 1.0)
+    flight.fly_for(1.0)
     assert flight.controller.state is State.HOME
     assert told(flight, "coming home", "battery at")
 
@@ -140,14 +134,14 @@ def test_the_battery_reserve_counts_without_positions(pretend):
 def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(pretend):
     flight = away(pretend, duration_s=60.0)
     missing = Missing(flight, "mode_s")
-    fly_for(flight, 5.5)
+    flight.fly_for(5.5)
     commanded = len(flight.motions)
     flight.operator_asks(ComeHome())
     flight.mode, flight.target = FlightMode.OTHER, None  # a pilot took it; it does not show
-    fly_for(flight, 60.0)
+    flight.fly_for(60.0)
     assert len(flight.motions) == commanded
     missing.comes_again()
-    fly_for(flight, 5.0)
+    flight.fly_for(5.0)
     assert flight.controller.state is State.PASSIVE
     assert len(flight.motions) == commanded
 
@@ -168,9 +162,9 @@ def test_in_the_climb_it_is_told_and_the_mission_ends_by_the_same_table(pretend)
     flight = pretend()
     flight.take_off_halfway()
     missing = Missing(flight, "position_s")
-    fly_for(flight, 3.0)
+    flight.fly_for(3.0)
     assert told(flight, "position not heard")
-    fly_for(flight, 28.0)
+    flight.fly_for(28.0)
     assert flight.controller.state is State.HOME
     missing.comes_again()
     flight.fly_until(lambda: flight.finished is not None)
@@ -181,6 +175,6 @@ def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(pretend)
     flight = away(pretend)
     flight.pilot_chooses(FlightMode.OTHER)
     Missing(flight, "position_s")
-    fly_for(flight, 3.0)
+    flight.fly_for(3.0)
     assert told(flight, "position not heard")
     assert flight.controller.state is State.PASSIVE

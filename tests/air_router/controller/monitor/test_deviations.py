@@ -141,6 +141,7 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
         for place in (Point(float(east), float(north)) for north in range(-160, 110, 7))
         if 3.0 < mission.airspace.distance_m(place) < 4.5
     )
+    cruising.velocity = (0.0, 0.0)
     distance_m, name = mission.airspace.nearest(cruising.position)
     before = len(cruising.motions)
     cruising.step()
