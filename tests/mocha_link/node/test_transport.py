@@ -109,7 +109,7 @@ def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
         for listener, peer in ((io, "io"), (callisto, "callisto")):
             listener.bind((field.host, field.team.robot(peer).port_for("titan")))
             listener.listen()
-        titan, _, saw = field.node("titan")
+        titan, _, saw = field.node("titan", timeout_s=WAIT_S)  # nothing ends but what is ended here
         lost = Gossip.lost
 
         def lose_both(gossip: Gossip, peer: str, reason: str, now: Instant) -> None:
