@@ -14,7 +14,7 @@ SOURCES = [
     ROOT / "geo" / "airspace" / "zone.py",
     ROOT / "sitl" / "world" / "world_file.py",
     ROOT / "sitl" / "experiment" / "campaign" / "plan_file.py",
-    ROOT / "sitl" / "experiment" / "towns" / "town_file.py",
+    ROOT / "sitl" / "world" / "towns" / "town_file.py",
 ]
 OTHER_THINGS = {"camera.py", "compass.py", "guard.py", "tile_service.py"}
 """Modules whose words with a hyphen name cameras, directions and HTTP headers."""
