@@ -27,7 +27,7 @@ _WRONG_KEY, _NO_KEY, _NO_ZMTP, _LEFT = (
     "with a wrong key",
     "without encryption",
     "not as a node of ours does",
-    "and left before it had shown a key, as who has none does",
+    "and left before it had shown a key, as one without a key does",
 )
 _PROTOCOL_FAILURES: dict[int, str] = {
     zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC: _WRONG_KEY,

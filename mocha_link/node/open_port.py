@@ -1,7 +1,7 @@
 """A port for a peer without a key: a ROUTER of our own, since anyone may connect to it.
 
 libzmq keeps the parts of a message until its last part has come, however many there are, and takes
-in whatever a connection brings while nobody looks. Here each connection has one buffer of the size
+in all that a connection brings meanwhile. Here each connection has one buffer of the size
 of a request, and is not read while it does not take its replies; a node has so many connections at
 most, and so much that waits for all of them together.
 """

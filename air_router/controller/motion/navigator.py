@@ -15,7 +15,6 @@ from operator import attrgetter
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
-from shapely.geometry.base import BaseGeometry
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.mission_context import MissionContext
@@ -98,7 +97,6 @@ class Navigator:
         self._settle_until_s = -math.inf  # when it looks again, vehicle's clock
         self._stands_since_s: float | None = None  # short of its leg's end
         self._swept: tuple[Point, ...] = ()  # what the leg under way was checked for
-        self._hull: BaseGeometry | None = None  # of these, once it is asked for
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -184,9 +182,8 @@ class Navigator:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
         if not self._swept or off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
             return False
-        if self._hull is None:
-            self._hull = MultiPoint(self._swept).convex_hull
-        return bool(self._hull.distance(ShapelyPoint(here)) > ASTRAY_M)
+        swept = MultiPoint(self._swept).convex_hull
+        return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
 
     def off_its_leg(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
@@ -213,7 +210,6 @@ class Navigator:
         stopping = stopping_point(telemetry, self.reaction_s)
         reaches = map(attrgetter("reach"), pending)
         self._swept = (telemetry.position, stopping, *reaches, leg.to)
-        self._hull = None
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""

@@ -94,12 +94,8 @@ class Exploration:
         self.here = position
         if self.began_s is None:
             self.began_s = now_s
-        east_m, north_m = position
         for waypoint in self.waypoints:
-            east, north = waypoint.position
-            if abs(east - east_m) <= PASSING_M >= abs(north - north_m) and (
-                math.dist(position, waypoint.position) <= PASSING_M
-            ):
+            if math.dist(position, waypoint.position) <= PASSING_M:
                 self._passed_s[waypoint.number] = now_s
 
     def longest_unseen(self) -> Goal:
