@@ -21,7 +21,7 @@ from mocha_link.links.reading import Reading, as_reading
 from mocha_link.links.trigger import threshold
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
-from mocha_link.radios.factory import open_radio
+from mocha_link.radios import open_radio
 from mocha_link.team.keys import SecretKey, peer_keys, secret_key
 from mocha_link.team.team import Robot, Team
 

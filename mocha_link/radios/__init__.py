@@ -1,15 +1,15 @@
-"""Where the node learns how well its radio hears the others: one port, one adapter per radio."""
+"""Where the node learns how well its radio hears the others: one adapter per radio."""
+
+import re
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit, as_dbm, as_reading
-from mocha_link.radios.factory import open_radio
-from mocha_link.radios.mavlink import MavlinkRadio
-from mocha_link.radios.port import ManualRadio, Radio, Report
+from mocha_link.radios.radio import ManualRadio, Radio, Report
 from mocha_link.radios.rajant import RajantRadio
-from mocha_link.radios.reports import parse_report
-from mocha_link.radios.streams import StdinRadio, TcpRadio, UdpRadio
+from mocha_link.radios.reports import MavlinkRadio, StdinRadio, TcpRadio, UdpRadio, parse_report
 from mocha_link.radios.wifi import WifiRadio
-from mocha_link.team.url import RadioUrl, RadioUrlError
+from mocha_link.team.team import Robot, Team
+from mocha_link.team.team_file import RadioUrl, RadioUrlError
 
 __all__ = [
     "ManualRadio",
@@ -31,3 +31,66 @@ __all__ = [
     "open_radio",
     "parse_report",
 ]
+
+_DASHED_MAC = re.compile(r"(?:[0-9a-f]{2}-){5}[0-9a-f]{2}")
+
+
+def open_radio(url: str, team: Team, robot_name: str) -> Radio:
+    """The radio of a robot, not yet started. `url` is what the team file has as its `radio`.
+
+    Raises:
+        RadioError: the URL is none, or the team file does not say which peer is which for it.
+        UnknownRobotError: the team has no such robot.
+    """
+    robot = team.robot(robot_name)
+    parsed = RadioUrl.parse(url)
+    match parsed.scheme:
+        case "udp":
+            return UdpRadio(url)
+        case "tcp":
+            return TcpRadio(url)
+        case "stdin":
+            return StdinRadio()
+        case "wifi":
+            return WifiRadio(parsed, peers_by_radio(team, robot))
+        case "rajant":
+            return RajantRadio(parsed, peers_by_radio(team, robot))
+        case _:
+            return MavlinkRadio(parsed, _the_peer(parsed, robot))
+
+
+def peers_by_radio(team: Team, robot: Robot) -> dict[str, str]:
+    """The peers of a robot by each of the ids of their radios, in lower case.
+
+    A `radio_id` names several radios of a robot with spaces or commas between. Raises RadioError
+    if no peer has one, or two have the same.
+    """
+    found: dict[str, str] = {}
+    for peer in robot.peers:
+        for radio_id in re.split(r"[\s,]+", (team.robot(peer).radio_id or "").lower()):
+            if not radio_id:
+                continue
+            key = radio_id.replace("-", ":") if _DASHED_MAC.fullmatch(radio_id) else radio_id
+            if found.setdefault(key, peer) != peer:
+                raise RadioError(
+                    f"{found[key]} and {peer} have the same radio_id '{radio_id}' in {team.path}; "
+                    "correct one"
+                )
+    if not found:
+        raise RadioError(
+            f"no peer of {robot.name} has a radio_id in {team.path}, so {robot.radio} cannot tell "
+            "who is who; add the addresses of their radios"
+        )
+    return found
+
+
+def _the_peer(url: RadioUrl, robot: Robot) -> str:
+    peer = url.options.get("peer")
+    if peer is None and len(robot.peers) == 1:
+        return robot.peers[0]
+    if peer not in robot.peers:
+        raise RadioError(
+            f"{url} must say which robot is at its other end; write ?peer= and one of "
+            f"{', '.join(robot.peers) or 'the clients of ' + robot.name}"
+        )
+    return peer

@@ -1,18 +1,34 @@
-"""One report of a radio as one line, JSON or plain text; how any program can be a radio.
+"""Radios that other programs report for: by datagram, by line over TCP or stdin, by MAVLink.
 
-``{"peer": "io", "rssi_dbm": -61.5}`` or ``io -61.5 dBm``; `docs/radios.md` has all forms.
+A report is one line, JSON or plain text: ``{"peer": "io", "rssi_dbm": -61.5}`` or ``io -61.5 dBm``;
+so any program can be a radio. `docs/radios.md` has all forms.
 """
 
 from __future__ import annotations
 
+import asyncio
+import functools
+import importlib
 import json
 import math
 import numbers
+import os
+import socket
+import struct
+import sys
+from collections.abc import Callable
+from typing import Any, Protocol
 
-from mocha_link.errors import RadioError
+from mocha_link.errors import RadioError, needs_extra
 from mocha_link.links.reading import Reading, Unit
+from mocha_link.radios.radio import LOG, BackgroundRadio, Report
+from mocha_link.team.team_file import RadioUrl
 
 MAX_LINE_BYTES = 2048
+MAX_PROGRAMS = 8  # connected to one port
+READ_BYTES = 4096
+UNKNOWN = 255  # in a RADIO_STATUS
+STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware
 
 KEYS = {"rssi_dbm": Unit.DBM, "snr_db": Unit.SNR_DB, "device": Unit.DEVICE}
 WORDS = {"dbm": Unit.DBM, "db": Unit.SNR_DB, "device": Unit.DEVICE}
@@ -23,6 +39,8 @@ def parse_report(raw: bytes, source: str = "radio") -> tuple[str, Reading | None
 
     `source` is what the reading is from if the line does not say so. Raises RadioError.
     """
+    if len(raw) > MAX_LINE_BYTES:
+        raise RadioError(f"a report of more than {MAX_LINE_BYTES} bytes")
     try:
         line = raw.decode().strip()
     except UnicodeDecodeError:
@@ -74,32 +92,215 @@ def _number(key: str, value: object) -> float:
         return math.inf
 
 
-class Lines:
-    """Cuts a stream of bytes into lines; a line that is longer than `limit` is left out.
+def accept(radio: BackgroundRadio, raw: bytes, source: str) -> None:
+    """Pass one report of a program on to the node, or refuse it."""
+    try:
+        peer, reading = parse_report(raw, source)
+    except RadioError as error:
+        radio.refuse(error)
+    else:
+        radio.pass_on(peer, reading)
 
-    `dropped` counts the lines left out.
+
+class _ListeningRadio(BackgroundRadio):
+    """Listens on a port of its own."""
+
+    def __init__(self, url: RadioUrl) -> None:
+        super().__init__()
+        self._url = url  # where it listens
+        self._socket: socket.socket | None = None  # while it listens
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return int(self._socket.getsockname()[1]) if self._socket else self._url.port or 0
+
+    def close(self) -> None:
+        """Stop listening, and hang up on connected programs."""
+        super().close()
+        self._socket = None
+
+    def _accept(self, raw: bytes) -> None:
+        """Pass one report of a program on to the node, or refuse it."""
+        accept(self, raw, self._url.scheme)
+
+    def _bound(self, kind: socket.SocketKind) -> socket.socket:
+        """A socket at the address that the URL names. Raises RadioError."""
+        found = self._socket = socket.socket(socket.AF_INET, kind)
+        try:
+            if kind is socket.SOCK_STREAM:
+                found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            found.bind((self._url.host, self._url.port or 0))
+        except OSError as error:
+            found.close()
+            self._socket = None
+            raise RadioError(
+                f"cannot listen for radio reports on {self._url}: {error.strerror}; end the "
+                "process that uses the port, or change 'radio' in the team file"
+            ) from None
+        return found
+
+    async def _datagrams(self, receiver: socket.socket, take: Callable[[bytes], None]) -> None:
+        """Hand every datagram on until it is cancelled; closes the socket."""
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_datagram_endpoint(lambda: _Receiver(take), sock=receiver)
+        try:
+            await loop.create_future()
+        finally:
+            transport.close()
+
+
+class _Receiver(asyncio.DatagramProtocol):
+    """Hands datagrams on; errors of the network are nothing to a receiver."""
+
+    def __init__(self, take: Callable[[bytes], None]) -> None:
+        self._take = take
+
+    def datagram_received(self, data: bytes, _address: object) -> None:
+        self._take(data)
+
+
+class UdpRadio(_ListeningRadio):
+    """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
+
+    ``null`` for `rssi_dbm`: the peer is not heard; `docs/radios.md` has the other forms. `url` is
+    ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
+    are counted in `refused`.
     """
 
-    def __init__(self, limit: int = MAX_LINE_BYTES) -> None:
-        self.dropped = 0
-        self._limit = limit
-        self._rest = b""  # of a line that has not ended
-        self._skipping = False  # within a line that is too long
+    def __init__(self, url: str) -> None:
+        super().__init__(RadioUrl.parse(url, scheme="udp"))
 
-    def feed(self, data: bytes) -> list[bytes]:
-        """The lines that end in `data`, without their ends; blank ones are left out."""
-        *lines, rest = (self._rest + data).split(b"\n")
-        if lines and self._skipping:
-            self._skipping = False
-            del lines[0]
-        whole = []
-        for line in lines:
-            if len(line) > self._limit:
-                self.dropped += 1
-            elif line.strip():
-                whole.append(line)
-        if len(rest) > self._limit and not self._skipping:
-            self._skipping = True
-            self.dropped += 1
-        self._rest = b"" if self._skipping else rest
-        return whole
+    def start(self, report: Report) -> None:
+        """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
+        receiver = self._bound(socket.SOCK_DGRAM)
+        self._begin(report, self._datagrams(receiver, self._accept))
+
+
+class TcpRadio(_ListeningRadio):
+    """Receives reports as lines from programs that connect to ``tcp://host:port``.
+
+    A line is a JSON object as a datagram of `UdpRadio`, or ``io -61.5 dBm``. Lines that are no
+    reports are counted in `refused`, and so is a program beyond the first 8.
+    """
+
+    def __init__(self, url: str) -> None:
+        super().__init__(RadioUrl.parse(url, scheme="tcp"))
+        self._programs = 0  # connected now
+
+    def start(self, report: Report) -> None:
+        """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
+        self._begin(report, self._serve(self._bound(socket.SOCK_STREAM)))
+
+    async def _serve(self, listener: socket.socket) -> None:
+        server = await asyncio.start_server(self._hear, sock=listener, limit=MAX_LINE_BYTES)
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            server.close()
+
+    async def _hear(self, stream: asyncio.StreamReader, program: asyncio.StreamWriter) -> None:
+        """Take in what a program says until it hangs up."""
+        if self._programs >= MAX_PROGRAMS:
+            self.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))
+            program.close()
+            return
+        self._programs += 1
+        try:
+            async for line in self.lines(stream):
+                self._accept(line)
+        finally:
+            self._programs -= 1
+            program.close()
+
+
+class _Readable(Protocol):
+    def fileno(self) -> int:
+        """The file descriptor."""
+
+
+class StdinRadio(BackgroundRadio):
+    """Receives reports as lines on standard input (``stdin:``), as `TcpRadio` does."""
+
+    def __init__(self, file: _Readable | None = None) -> None:
+        super().__init__()
+        self._file = file  # None: standard input
+
+    def start(self, report: Report) -> None:
+        """Begin to read. Raises RadioError if there is no standard input."""
+        try:
+            fd = (self._file or sys.stdin).fileno()
+        except (AttributeError, OSError, ValueError):
+            raise RadioError("there is no standard input to read radio reports from") from None
+        self._begin(report, self._listen(fd))
+
+    async def _listen(self, fd: int) -> None:
+        loop, stream = asyncio.get_running_loop(), asyncio.StreamReader(MAX_LINE_BYTES)
+
+        def read() -> None:
+            try:
+                data = os.read(fd, READ_BYTES)
+            except OSError:  # e.g. its terminal is gone
+                data = b""
+            if data:
+                stream.feed_data(data)
+            else:
+                loop.remove_reader(fd)
+                stream.feed_eof()
+
+        loop.add_reader(fd, read)
+        async for line in self.lines(stream):
+            accept(self, line, "stdin")
+        LOG.warning("standard input has ended: no more radio reports, no peer is heard")
+
+
+class MavlinkRadio(_ListeningRadio):
+    """A telemetry radio that tells its state by MAVLink RADIO_STATUS, as SiK radios do.
+
+    Listens at ``mavlink://host:port?peer=io``; the radio links to one peer. A MAVLink router or a
+    ground station can forward the radio's messages there.
+    """
+
+    def __init__(self, url: RadioUrl, peer: str) -> None:
+        super().__init__(url)
+        self._peer = peer  # at the other end
+
+    def start(self, report: Report) -> None:
+        """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
+        _dialect()  # the import takes a moment; not on the thread
+        self._begin(report, self._datagrams(self._bound(socket.SOCK_DGRAM), self._take))
+
+    def _take(self, raw: bytes) -> None:
+        try:
+            readings = parse_radio_status(raw[:MAX_LINE_BYTES])
+        except RadioError as error:
+            self.refuse(error)
+            return
+        for reading in readings:
+            self.pass_on(self._peer, reading)
+
+
+def parse_radio_status(datagram: bytes) -> list[Reading | None]:
+    """What the RADIO_STATUS messages in a datagram say; None: the radio does not know.
+
+    A reading is the weaker of the strengths at both ends, since an exchange needs both. Other
+    messages and junk are left out. Raises RadioError.
+    """
+    parser = _dialect().MAVLink(None)
+    parser.robust_parsing = True
+    try:
+        messages = parser.parse_buffer(datagram) or []
+    except (ValueError, IndexError, KeyError, TypeError, struct.error) as error:
+        raise RadioError(f"no MAVLink: {error}") from None
+    return [_reading(each) for each in messages if each.get_type() in STATUS_NAMES]
+
+
+def _reading(status: Any) -> Reading | None:
+    known = [end for end in (status.rssi, status.remrssi) if end != UNKNOWN]
+    return Reading(float(min(known)), Unit.DEVICE, "mavlink") if known else None
+
+
+@functools.cache
+def _dialect() -> Any:
+    with needs_extra("a radio that tells its state by MAVLink", "mavlink"):
+        return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

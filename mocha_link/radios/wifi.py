@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import re
 import shutil
-import socket
-import subprocess
-import threading
+from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.radios.port import Report
-from mocha_link.radios.thread_radio import LOG, ThreadRadio, pause
-from mocha_link.team.url import RadioUrl
+from mocha_link.radios.radio import LOG, BackgroundRadio, Report
+from mocha_link.team.team_file import RadioUrl
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0
@@ -70,7 +69,7 @@ def parse_station_dump(text: str) -> dict[str, Reading]:
     return {mac: reading for mac, reading in readings.items() if reading}
 
 
-class WifiRadio(ThreadRadio):
+class WifiRadio(BackgroundRadio):
     """Asks `iw` about an interface (``wifi://wlan0``) once a second.
 
     Args:
@@ -92,74 +91,56 @@ class WifiRadio(ThreadRadio):
         self._command = (*command, "dev", url.host, "station", "dump")
         self._peers = peers
         self._poll_s = poll_s
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None  # `iw`, while it runs
-        self._closed = False  # no `iw` is started any more
         self._complaint = ""  # warned of last, once
 
     def start(self, report: Report) -> None:
         """Begin to ask. Raises RadioError if `iw` is not installed."""
         if shutil.which(self._command[0]) is None:
             raise RadioError(f"no program {self._command[0]}; install it (Debian/Ubuntu: iw)")
-        self._begin(lambda stopped: self._watch(stopped, report))
+        self._begin(report, self._watch())
 
-    def close(self) -> None:
-        """Stop asking."""
-        with self._lock:
-            self._closed = True
-            if self._process:
-                self._process.kill()
-        super().close()
-
-    def _watch(self, stopped: socket.socket, report: Report) -> None:
+    async def _watch(self) -> None:
         heard: set[str] = set()
         while True:
-            readings = self._readings()
+            readings = await self._readings()
             for peer in sorted(readings.keys() | heard):
-                self.pass_on(report, peer, readings.get(peer))
+                self.pass_on(peer, readings.get(peer))
             heard = set(readings)
-            if pause(stopped, self._poll_s):
-                return
+            await asyncio.sleep(self._poll_s)
 
-    def _readings(self) -> dict[str, Reading]:
+    async def _readings(self) -> dict[str, Reading]:
+        """How each peer is heard: the better one of a robot with several radios."""
         try:
-            stations = parse_station_dump(self._ask())
-        except RadioError as error:
-            if str(error) != self._complaint:  # once, not every second
-                LOG.warning("%s", error)
-            self._complaint = str(error)
+            stations = parse_station_dump(await self._ask())
+        except OSError as error:
+            complaint = f"cannot run {self._command[0]}: {error.strerror}"
+            if complaint != self._complaint:  # once, not every second
+                LOG.warning("%s", complaint)
+            self._complaint = complaint
             return {}
         self._complaint = ""
         readings: dict[str, Reading] = {}
         for mac, reading in stations.items():
             peer = self._peers.get(mac)
             if peer and (peer not in readings or reading.value > readings[peer].value):
-                readings[peer] = reading  # the better one of a robot with several radios
+                readings[peer] = reading
         return readings
 
-    def _ask(self) -> str:
-        """What `iw` says; nothing if it has no answer now. Raises RadioError if it cannot run."""
-        with self._lock:
-            if self._closed:
-                return ""
-            try:
-                process = self._process = subprocess.Popen(  # noqa: S603 - a fixed command
-                    self._command,
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                    errors="replace",
-                )
-            except OSError as error:
-                raise RadioError(f"cannot run {self._command[0]}: {error.strerror}") from None
-        with process:
-            try:
-                output, complaint = process.communicate(timeout=TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                output, complaint = process.communicate()
-        if process.returncode > 0:
-            text = " ".join(self._command)
-            LOG.debug("%s: %s", text, complaint.strip())
-        return output
+    async def _ask(self) -> str:
+        """What `iw` says; nothing if it has no answer now. Raises OSError if it cannot run."""
+        iw = await asyncio.create_subprocess_exec(
+            *self._command, stdin=DEVNULL, stdout=PIPE, stderr=PIPE
+        )
+        try:
+            async with asyncio.timeout(TIMEOUT_S):
+                output, complaint = await iw.communicate()
+        except TimeoutError:
+            return ""
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                iw.kill()
+            await iw.wait()
+        if iw.returncode:
+            text = complaint.decode(errors="replace").strip()
+            LOG.debug("%s: %s", " ".join(self._command), text)
+        return output.decode(errors="replace")

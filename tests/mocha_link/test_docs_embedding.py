@@ -28,7 +28,7 @@ from mocha_link.links.link_events import Direction
 from mocha_link.radios import parse_report
 from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger
-from mocha_link.team.url import FORMS
+from mocha_link.team.team_file import FORMS
 
 DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.radios import RadioError, RadioUrl, RajantRadio, Reading, Unit, WifiRadio
-from mocha_link.radios.rajant_monitor import MAX_PEERS, Monitor
+from mocha_link.radios.rajant import MAX_PEERS, Monitor
 from mocha_link.radios.wifi import parse_station_dump
 
 DATA = Path(__file__).parents[2] / "data" / "radios"
