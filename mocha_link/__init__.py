@@ -55,12 +55,12 @@ _NAMES = {
         "UdpRadio",
         "open_radio",
     ),
-    "service.metrics_client": ("MetricsError",),
+    "service.service_client": ("MetricsError",),
     "service.prometheus": (
         "PrometheusError",
         "PrometheusServer",
     ),
-    "service.telemetry": ("MetricsServer",),
+    "service.server": ("MetricsServer",),
     "store.record": (
         "Header",
         "HeaderError",

@@ -32,10 +32,10 @@ from mocha_link.radios import ManualRadio as ManualRadio
 from mocha_link.radios import Radio as Radio
 from mocha_link.radios import UdpRadio as UdpRadio
 from mocha_link.radios import open_radio as open_radio
-from mocha_link.service.metrics_client import MetricsError as MetricsError
 from mocha_link.service.prometheus import PrometheusError as PrometheusError
 from mocha_link.service.prometheus import PrometheusServer as PrometheusServer
-from mocha_link.service.telemetry import MetricsServer as MetricsServer
+from mocha_link.service.server import MetricsServer as MetricsServer
+from mocha_link.service.service_client import MetricsError as MetricsError
 from mocha_link.store.payload import PayloadError as PayloadError
 from mocha_link.store.record import Header as Header
 from mocha_link.store.record import HeaderError as HeaderError

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mocha_link.bridges.bridge import Bridge
-from mocha_link.bridges.progress import Progress
+from mocha_link.bridges.bridge import Bridge, Progress
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError

@@ -1,4 +1,4 @@
-"""`mocha-link bridge`: a process beside the node that connects it to what else the robot runs."""
+"""`mocha-link bridge`: a process beside the node that connects it to the robot's ROS 1 or ROS 2."""
 
 from __future__ import annotations
 
@@ -8,26 +8,18 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import NoReturn
 
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
-from mocha_link.bridges.zeromq import ZeroMqBridge
-from mocha_link.cli.command_help import add_command, endpoint, examples, log_level
-from mocha_link.node.lifetime import until_terminated
+from mocha_link.cli.command_help import add_command, examples, log_level
 
 WHAT = {
-    "zmq": "serve programs in any language, with JSON or bytes",
     "ros1": "publish and subscribe ROS 1 topics",
     "ros2": "publish and subscribe ROS 2 topics",
 }
 EXAMPLES = {
-    "zmq": (
-        "mocha-link bridge zmq --node ipc:///tmp/io.node --serve tcp://127.0.0.1:24600",
-        "mocha-link bridge zmq --node ipc:///tmp/io.node --serve ipc:///tmp/io --stream ipc:///tmp/s",
-    ),
     "ros1": ("mocha-link bridge ros1 --node ipc:///tmp/io.node",),
     "ros2": (
         "mocha-link bridge ros2 --node ipc:///tmp/io.node --domain 7",
@@ -40,29 +32,10 @@ DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages a
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
-    parser.epilog = examples(*(example for kind in EXAMPLES for example in EXAMPLES[kind][:1]))
+    parser.epilog = examples(*(lines[0] for lines in EXAMPLES.values()))
     kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
-    served = add_command(kinds, "zmq", WHAT["zmq"], *EXAMPLES["zmq"])
-    served.add_argument(
-        "--node",
-        type=endpoint,
-        required=True,
-        metavar="ENDPOINT",
-        help="what the node got as --serve",
-    )
-    served.add_argument(
-        "--serve",
-        type=endpoint,
-        required=True,
-        metavar="ENDPOINT",
-        help="where programs ask, e.g. ipc:///tmp/io",
-    )
-    served.add_argument(
-        "--stream", type=endpoint, metavar="ENDPOINT", help="publish all messages there"
-    )
-    served.add_argument("--json", action="store_true", help="stream values, not data")
-    for kind in ("ros1", "ros2"):
-        ros = add_command(kinds, kind, WHAT[kind], *EXAMPLES[kind])
+    for kind, what in WHAT.items():
+        ros = add_command(kinds, kind, what, *EXAMPLES[kind])
         ros_bridge.add_options(ros, kind)
         ros.add_argument(
             "--python",
@@ -72,27 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do it; returns the exit code."""
-    return _serve(options) if options.kind == "zmq" else _run_ros(options)
-
-
-def _serve(options: argparse.Namespace) -> int:
-    with (
-        until_terminated(),
-        ZeroMqBridge(
-            options.node, options.serve, stream=options.stream, as_json=options.json
-        ) as bridge,
-    ):
-        print(f"answers on {bridge.endpoint}", file=sys.stderr)
-        if bridge.stream:
-            print(f"streams on {bridge.stream}", file=sys.stderr)
-        print("ready; Ctrl-C ends", file=sys.stderr, flush=True)
-        threading.Event().wait()
-    return 0
-
-
-def _run_ros(options: argparse.Namespace) -> int:
-    """Run here if this Python can, else become one that can."""
+    """Run here if this Python can, else become one that can; returns the exit code."""
     here = any(map(ros_bridge.has, NEEDS[options.kind]))
     python = options.python or (None if here else DEFAULT_PYTHON)
     if python is not None:

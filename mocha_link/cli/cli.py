@@ -35,7 +35,7 @@ COMMANDS = (
     Command(
         "bridge",
         "mocha_link.cli.bridge_command",
-        "connect a running node to ROS 1, ROS 2 or other programs",
+        "connect a running node to ROS 1 or ROS 2",
     ),
 )
 DONE, FAILED, INVALID_FILE = 0, 1, 3

@@ -7,7 +7,7 @@ import json
 
 from mocha_link.cli.command_help import endpoint, examples
 from mocha_link.cli.display import EventFilter, event_line, links_table
-from mocha_link.service.metrics_client import MetricsError, watch
+from mocha_link.service.service_client import MetricsError, watch
 
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 

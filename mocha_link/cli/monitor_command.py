@@ -18,7 +18,7 @@ from typing import Any
 from mocha_link.cli.command_help import coloured, endpoint, examples
 from mocha_link.cli.node_view import NodeView, Size, Style
 from mocha_link.node.lifetime import until_terminated
-from mocha_link.service.metrics_client import MetricsError, Subscription
+from mocha_link.service.service_client import MetricsError, Subscription
 
 DONE = 0
 REDRAW_S = 1.0  # ages grow also when nothing comes

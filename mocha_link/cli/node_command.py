@@ -17,8 +17,8 @@ from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.node.node import Node
 from mocha_link.service.prometheus import PrometheusServer
+from mocha_link.service.server import MetricsServer, as_fields
 from mocha_link.service.service import ServiceServer
-from mocha_link.service.telemetry import MetricsServer, as_fields
 from mocha_link.team.team import Team
 
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--serve",
         type=endpoint,
         metavar="ENDPOINT",
-        help="serve bridges there, e.g. ipc:///tmp/io.node",
+        help="serve bridges and other programs there, e.g. ipc:///tmp/io.node",
     )
     parser.add_argument(
         "--json",
@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
             _say(f"metrics on {web.url}")
         if options.serve:
             service = stack.enter_context(ServiceServer(node, options.serve))
-            _say(f"serves bridges on {service.endpoint}")
+            _say(f"serves programs on {service.endpoint}")
         robot = node.robot
         if robot.original:
             LOG.warning(

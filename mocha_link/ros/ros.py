@@ -10,17 +10,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 from mocha_link.errors import needs_extra
+from mocha_link.team.team import Ros
 
 with needs_extra("what reads ROS messages", "ros"):
     from mocha_link.ros.ros_json import Builder, to_json, translate
     from mocha_link.ros.ros_store import RosError, RosTypes
 
-__all__ = ["Ros", "RosCodec", "RosError"]
-
-Ros = Literal[1, 2]
+__all__ = ["RosCodec", "RosError"]
 
 
 class RosCodec:

@@ -10,36 +10,15 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, Protocol
+from typing import Any
 
 from mocha_link.errors import MissingExtraError, MochaLinkError
 from mocha_link.node.node import Message
-from mocha_link.team.team import Robot, Team, Topic
+from mocha_link.team.team import Robot, Ros, Team, Topic
 
 JSON_PACKAGE = "json/"
 
 LOG = logging.getLogger("mocha_link")
-
-Ros = Literal[1, 2]
-
-
-class Codec(Protocol):
-    """What the extra ``ros`` does: see `ros.RosCodec`."""
-
-    def knows(self, kind: str, ros: Ros) -> bool:
-        """Whether a type is known in a version of ROS."""
-
-    def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
-        """A message object."""
-
-    def encode(self, kind: str, value: Any, ros: Ros) -> bytes:
-        """The data of a message."""
-
-    def to_json(self, kind: str, message: Any) -> Any:
-        """A message as plain values."""
-
-    def definition(self, kind: str) -> tuple[str, str]:
-        """Its ROS 1 text and MD5 sum."""
 
 
 class TypedError(MochaLinkError):
@@ -57,7 +36,7 @@ class Types:
     """
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
-        self._codec = _codec(definitions)
+        self._codec = _codec(definitions)  # a `RosCodec`; None without the extra
 
     @property
     def has_ros(self) -> bool:
@@ -121,12 +100,15 @@ class Types:
         text, md5 = self._codec.definition(kind)
         return {"ros": known, "md5": md5, "text": text}
 
-    def _codec_for(self, kind: str, ros: Ros) -> Codec | None:
+    def _codec_for(self, kind: str, ros: Ros) -> Any:
         return self._codec if self._codec and self._codec.knows(kind, ros) else None
 
 
 class Typed:
     """The same for the messages of a team.
+
+    Attributes:
+        types: What knows the types of its topics.
 
     Raises:
         RosError: the team brings along a definition that cannot be used.
@@ -134,7 +116,7 @@ class Typed:
 
     def __init__(self, team: Team) -> None:
         self._team = team
-        self._types = Types(team.definitions)
+        self.types = Types(team.definitions)
 
     def decode(self, message: Message) -> Any:
         """What a message says: a JSON value, a ROS message object, or its bytes.
@@ -142,11 +124,11 @@ class Typed:
         Of a topic with `aggregate` a list of that. Raises TypedError; the message itself is still
         good to carry.
         """
-        return self._all(message, self._types.decode)
+        return self._all(message, self.types.decode)
 
     def plain(self, message: Message) -> Any:
         """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
-        return self._all(message, self._types.plain)
+        return self._all(message, self.types.plain)
 
     def encode(self, robot: str, topic: str, value: Any) -> bytes:
         """The data of a message of a robot; ROS messages as objects or as plain values.
@@ -158,7 +140,7 @@ class Typed:
         """
         sender, known = self._known(robot, topic)
         try:
-            return self._types.encode(known.type, value, sender.ros)
+            return self.types.encode(known.type, value, sender.ros)
         except TypedError as error:
             raise TypedError(f"{robot} {topic}: {error}") from None
 
@@ -177,7 +159,7 @@ class Typed:
         return self._team.robot(robot), self._team.topic(robot, topic)
 
 
-def _codec(definitions: Mapping[str, str]) -> Codec | None:
+def _codec(definitions: Mapping[str, str]) -> Any:
     try:
         from mocha_link.ros.ros import RosCodec  # noqa: PLC0415 - an extra that may be missing
     except MissingExtraError as error:

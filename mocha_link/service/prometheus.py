@@ -10,17 +10,17 @@ from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
-from typing import Any, Protocol
+from typing import Any
 
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
-from mocha_link.clock import Clock
 from mocha_link.errors import MochaLinkError
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Unit
 from mocha_link.node.lifetime import Startable
+from mocha_link.node.node import Node
 
 MAX_CONNECTIONS = 8
 POLL_S = 0.1
@@ -56,21 +56,7 @@ class PrometheusError(MochaLinkError):
     """The metrics cannot be served where they should be."""
 
 
-class Measured(Protocol):
-    """What is shown of a node."""
-
-    name: str
-    clock: Clock
-
-    @property
-    def storage_fault(self) -> str | None:
-        """Why messages do not get to the disk now, if so."""
-
-    def links(self) -> dict[str, LinkMetrics]:
-        """The state of the link to every peer."""
-
-
-def exposition(node: Measured) -> str:
+def exposition(node: Node) -> str:
     """The metrics of a node in Prometheus' text format, version 0.0.4.
 
     Times are Unix seconds of the node's clock.
@@ -81,7 +67,7 @@ def exposition(node: Measured) -> str:
 class _Metrics(Collector):
     """Collects the metrics of a node when asked; where nothing is known there is no metric."""
 
-    def __init__(self, node: Measured) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
         self._families = {  # by name, without the prefix
             name: Metric(
@@ -169,7 +155,7 @@ class _Server(ThreadingTCPServer):
 
     allow_reuse_address = True
 
-    def __init__(self, address: tuple[str, int], node: Measured) -> None:
+    def __init__(self, address: tuple[str, int], node: Node) -> None:
         self.node = node
         self._open: dict[socket.socket, float] = {}  # when each was accepted, monotonic
         self._lock = threading.Lock()
@@ -213,7 +199,7 @@ class PrometheusServer(Startable):
     There is no protection: name an address of your own machine unless others shall read it.
     """
 
-    def __init__(self, node: Measured, address: str) -> None:
+    def __init__(self, node: Node, address: str) -> None:
         host, _, port = address.rpartition(":")
         if not port.isdecimal() or int(port) > 65535:
             raise PrometheusError(f"'{address}' is no address; write host:port")

@@ -50,7 +50,7 @@ class Verb(NamedTuple):
     Attributes:
         model: The fields of a request.
         run: Takes the request and the data behind it; None: the answer comes later.
-        frames: How many frames of data have to be behind it.
+        frames: How many frames of data may be behind it.
     """
 
     model: type[Request]
@@ -106,11 +106,8 @@ def check(
         request = verb.model.model_validate(values)
     except ValidationError as error:
         raise RequestError(f"{name}: {_error_text(error, verb.model)}") from None
-    if len(data) != verb.frames:
-        raise RequestError(
-            f"{name}: {len(data)} frames of data; publish has one (or, at a bridge, 'value'), "
-            "others none"
-        )
+    if len(data) > verb.frames:
+        raise RequestError(f"{name}: {len(data)} frames of data; at most {verb.frames} of them")
     return verb, request
 
 
@@ -129,10 +126,9 @@ def _error_text(error: ValidationError, model: type[Request]) -> str:
     """The first thing that is wrong with a request."""
     detail = error.errors(include_url=False, include_input=False)[0]
     where = ".".join(map(str, detail["loc"]))
-    if detail["type"] == "extra_forbidden" and where in ("value", "json"):
-        return f"the node itself knows bytes only; for '{where}' ask a 'mocha-link bridge zmq'"
     if detail["type"] == "extra_forbidden":
-        return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
+        known = (field.alias or name for name, field in model.model_fields.items())
+        return f"unknown field '{where}'; use {', '.join(known)}"
     if detail["type"] == "missing":
         return f"'{where}' is missing"
     return f"'{where}': {detail['msg']}"

@@ -1,12 +1,14 @@
 """A node's messages for programs on the same machine, over ZeroMQ: a verb for each request.
 
-`publish` has a frame with the data; an answer has a frame of data for every message in it.
-docs/bridges.md describes them. A program that reaches the endpoint may publish in the robot's name:
-keep it on this machine.
+`publish` has a frame with the data; an answer has a frame of data for every message in it. Programs
+that do not want bytes send and get JSON values in their place. docs/bridges.md describes them. A
+program that reaches the endpoint may publish in the robot's name: keep it on this machine.
 """
 
 from __future__ import annotations
 
+import base64
+import json
 import logging
 import math
 import secrets
@@ -14,7 +16,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import zmq
 from pydantic import Field
@@ -22,13 +24,14 @@ from pydantic import Field
 from mocha_link.errors import MochaLinkError
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from mocha_link.node.node import Message, Node, NodeClosedError
-from mocha_link.ros.typed import TypedError, Types
+from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
 from mocha_link.service.server import EndpointServer
 from mocha_link.store.payload import MAX_BYTES
+from mocha_link.team.team import Ros
 
-MAX_HEADER_BYTES = 64 * 1024
+MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request
 MAX_FRAMES = 8
 MAX_WAITING = 256  # requests that wait for a message
 BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
@@ -38,7 +41,7 @@ KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done on
 
 LOG = logging.getLogger("mocha_link")
 
-Ros = Literal[1, 2] | None
+AnyRos = Ros | None
 Send = Callable[[Frames], None]
 
 
@@ -46,10 +49,15 @@ class _List(Request):
     robot: str | None = None
 
 
-class _Latest(Request):
+class _Read(Request):
+    ros: AnyRos = None  # data as this ROS serializes them; None: as their maker did
+    # their values in place of data; `json` itself is a name of pydantic's
+    as_json: Annotated[bool, Field(alias="json")] = False
+
+
+class _Latest(_Read):
     robot: str
     topic: str
-    ros: Ros = None
 
 
 class _Publish(Request):
@@ -57,17 +65,17 @@ class _Publish(Request):
     # makes a request that is sent twice publish once
     key: Annotated[str, Field(min_length=1, max_length=64)] | None = None
     now: bool = False  # without the topic's interval
-    ros: Ros = None
+    ros: AnyRos = None
+    value: Any = None  # in place of a frame of data
 
 
-class _Since(Request):
+class _Since(_Read):
     # of the sequence; another one begins anew
     epoch: Annotated[str, Field(max_length=64)] | None = None
     sequence: Annotated[int, Field(ge=0, lt=2**63)] = 0
     limit: Annotated[int, Field(ge=1, le=1000)] = 100  # messages in an answer
     wait_s: Annotated[float, Field(ge=0, le=60)] = 0.0
     own: bool = False  # the node's own messages too
-    ros: Ros = None
 
 
 @dataclass(slots=True)
@@ -86,7 +94,8 @@ class Service:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._types = Types(node.team.definitions)
+        self._typed = Typed(node.team)
+        self._types = self._typed.types
         self._waiting: list[_Waiting] = []  # for messages
         self._done: OrderedDict[str, Answer] = OrderedDict()  # by key, oldest first
         self._boot_id = secrets.token_hex(4)  # after a crash the last numbers may be given again
@@ -147,7 +156,7 @@ class Service:
 
     def _latest(self, request: _Latest, _data: Sequence[bytes]) -> Answer:
         found = self._node.latest(request.robot, request.topic)
-        fields, frames = self._shown([found] if found else [], request.ros)
+        fields, frames = self._shown([found] if found else [], request)
         return Answer({"message": fields[0] if fields else None}, frames)
 
     def _list(self, request: _List, _data: Sequence[bytes]) -> Answer:
@@ -159,9 +168,16 @@ class Service:
         if request.key is not None and request.key in self._done:
             return self._done[request.key]
         topic = self._node.team.topic(self._node.name, request.topic)
-        ros, [body] = self._node.robot.ros, data
-        if request.ros is not None:
-            body = self._types.converted(topic.type, body, request.ros, ros)
+        if len(data) + ("value" in request.model_fields_set) != 1:
+            raise RequestError("publish has either a value or a frame of data")
+        if not data:
+            value = _from_base64(request.value)
+            body = self._typed.encode(self._node.name, request.topic, value)
+        elif request.ros is None:
+            [body] = data
+        else:
+            own_ros = self._node.robot.ros
+            body = self._types.converted(topic.type, data[0], request.ros, own_ros)
         header = self._node.publish(request.topic, body, now=request.now)
         answer = Answer({"header": str(header)})
         if request.key is not None:
@@ -191,34 +207,39 @@ class Service:
                     break
         if not numbered and request.wait_s:
             return None
-        fields, frames = self._shown([message for _, message in numbered], request.ros)
+        fields, frames = self._shown([message for _, message in numbered], request)
         for about, (number, _) in zip(fields, numbered, strict=True):
             about["sequence"] = number
         return Answer({"epoch": epoch, "sequence": request.sequence, "messages": fields}, frames)
 
     def _shown(
-        self, messages: Sequence[Message], ros: Ros
+        self, messages: Sequence[Message], request: _Read
     ) -> tuple[list[dict[str, Any]], list[bytes]]:
-        """What is said about messages, and their data as one version of ROS wants them."""
-        fields, frames = [], []
-        for message in messages:
-            about = self.fields(message)
-            parts = message.parts
-            if "parts" in about and message.data and not parts:
+        """What is said about messages, and their data, unless their values are wanted."""
+        found = [self._with_data(message, request) for message in messages]
+        frames = [] if request.as_json else [data for _, data in found]
+        return [about for about, _ in found], frames
+
+    def _with_data(self, message: Message, request: _Read) -> tuple[dict[str, Any], bytes]:
+        about, parts = self.fields(message), message.parts
+        try:
+            if request.as_json:
+                value = self._typed.plain(message)
+                values = [_as_base64(each) for each in (value if "parts" in about else [value])]
+                json.dumps(values, allow_nan=False)
+                about |= {"values": values} if "parts" in about else {"value": values[0]}
+            elif "parts" in about and message.data and not parts:
                 about["error"] = "not a batch of messages"
-            elif ros is not None:
-                sender = self._node.team.robot(message.robot).ros
-                try:
-                    parts = tuple(
-                        self._types.converted(about["type"], part, sender, ros) for part in parts
-                    )
-                except TypedError as error:
-                    about["error"] = str(error)
-            if "parts" in about:
-                about["parts"] = [len(part) for part in parts]
-            fields.append(about)
-            frames.append(b"".join(parts))
-        return fields, frames
+            elif request.ros is not None:
+                kind, sender = about["type"], self._node.team.robot(message.robot).ros
+                parts = tuple(
+                    self._types.converted(kind, part, sender, request.ros) for part in parts
+                )
+        except (TypedError, ValueError) as error:
+            about["error"] = str(error)
+        if "parts" in about:
+            about["parts"] = [len(part) for part in parts]
+        return about, b"".join(parts)
 
     def fields(self, message: Message) -> dict[str, Any]:
         """What is said about a message."""
@@ -263,6 +284,21 @@ class Service:
             "definitions": dict(team.definitions),
         }
         return Answer(fields)
+
+
+def _as_base64(value: Any) -> Any:
+    """Bytes as ``{"base64": text}``; any other value as it is."""
+    return {"base64": base64.b64encode(value).decode()} if isinstance(value, bytes) else value
+
+
+def _from_base64(value: Any) -> Any:
+    """Bytes that were sent as ``{"base64": text}``; any other value as it is."""
+    if not isinstance(value, dict) or set(value) != {"base64"}:
+        return value
+    try:
+        return base64.b64decode(value["base64"], validate=True)
+    except (TypeError, ValueError):
+        raise TypedError("not Base64 text") from None
 
 
 class ServiceServer(EndpointServer):

@@ -1,7 +1,8 @@
-"""Asks another program in JSON over ZeroMQ; a node's service (``mocha-link node --serve``) is one.
+"""Asks and follows other programs in JSON over ZeroMQ: above all a node.
 
-Made to be used by any Python from 3.8 on that has `pyzmq`, e.g. that of a ROS installation: it
-imports nothing else of others, and nothing of the node.
+`ServiceClient` asks what a node serves (``mocha-link node --serve``), `watch` follows its metrics
+(``--metrics``). Made to be used by any Python from 3.8 on that has `pyzmq`, e.g. that of a ROS
+installation: it imports nothing else of others, and nothing of the node.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import time
 from abc import abstractmethod
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import zmq
@@ -17,11 +19,81 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.node.lifetime import Closeable
 from mocha_link.service.endpoint import EndpointError, connect, folder
 
+MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB
+
 LOOK_S = 0.05
 """So often it is looked whether the program that is to answer has begun."""
 
 
-class EndpointClient(Closeable):
+class ServiceError(MochaLinkError):
+    """The node refused a request; it says why. `again`: the same may be taken later."""
+
+    def __init__(self, message: str, *, again: bool = False) -> None:
+        super().__init__(message)
+        self.again = again
+
+
+class ServiceUnreachableError(MochaLinkError):
+    """No program answers at the endpoint, or one that is no node."""
+
+
+class MetricsError(MochaLinkError):
+    """No metrics can be had from an endpoint."""
+
+
+class _Connection(Closeable):
+    """A socket to an endpoint; the program there may begin later, and come back."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of its socket
+        self._socket: zmq.Socket[bytes] | None = None  # None: not connected yet, or hung up
+        try:
+            self._connected(0.0)
+        except BaseException:
+            self.close()
+            raise
+
+    @abstractmethod
+    def unreachable(self, message: str) -> Exception:
+        """What is raised when the endpoint is none, no program answers, or a wrong one does."""
+
+    @abstractmethod
+    def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
+        """The socket to connect, with its options."""
+
+    def close(self) -> None:
+        """Give up the connection; may be called twice."""
+        self._hang_up()
+        self._context.term()
+
+    def _connected(self, until_s: float) -> zmq.Socket[bytes] | None:
+        """The connection; None if until then no program has left a key of the endpoint."""
+        while self._socket is None:
+            socket = self._made(self._context)
+            socket.setsockopt(zmq.LINGER, 0)
+            try:
+                if connect(socket, self.endpoint):
+                    self._socket = socket
+            except EndpointError as error:
+                raise self.unreachable(str(error)) from None
+            finally:
+                if self._socket is None:
+                    socket.close()
+            left_s = until_s - time.monotonic()
+            if self._socket is None and left_s <= 0:
+                break
+            if self._socket is None:
+                time.sleep(min(LOOK_S, left_s))
+        return self._socket
+
+    def _hang_up(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+class EndpointClient(_Connection):
     """The client of a request endpoint. One thread may use it; a context manager.
 
     A server that does not answer may come back: every request tries anew.
@@ -40,29 +112,13 @@ class EndpointClient(Closeable):
     """With which option that program answers."""
 
     def __init__(self, endpoint: str, *, timeout_s: float = 5.0) -> None:
-        self.endpoint = endpoint
         self._timeout_s = timeout_s
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of its socket
-        self._socket: zmq.Socket[bytes] | None = None  # None until it asks, and after a failure
         self._number = 0  # of the latest request
-        try:
-            self._connected()
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(endpoint)
 
     @abstractmethod
     def refused(self, message: str, *, again: bool) -> Exception:
         """What is raised when a request is refused; `again`: it may be taken later."""
-
-    @abstractmethod
-    def unreachable(self, message: str) -> Exception:
-        """What is raised when no node answers, or another program does."""
-
-    def close(self) -> None:
-        """Give up the connection; may be called twice."""
-        self._hang_up()
-        self._context.term()
 
     def ask(
         self, request: dict[str, Any], data: bytes | None = None, *, wait_s: float = 0.0
@@ -73,10 +129,7 @@ class EndpointClient(Closeable):
         asked["id"] = self._number
         frames = [json.dumps(asked).encode()] + ([] if data is None else [data])
         until_s = time.monotonic() + self._timeout_s + wait_s
-        socket = self._connected()
-        while socket is None and time.monotonic() < until_s:
-            time.sleep(LOOK_S)
-            socket = self._connected()
+        socket = self._connected(until_s)
         if socket is None:
             raise self.unreachable(
                 f"no key of {self.endpoint} in {folder()}; is a {self.whom} running "
@@ -110,44 +163,12 @@ class EndpointClient(Closeable):
         self._hang_up()
         return self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
 
-    def _connected(self) -> zmq.Socket[bytes] | None:
-        """The connection; None while the program that is to answer has left no key."""
-        if self._socket is None:
-            socket = self._context.socket(zmq.DEALER)
-            socket.setsockopt(zmq.LINGER, 0)
-            try:
-                connected = connect(socket, self.endpoint)
-            except EndpointError as error:
-                socket.close()
-                raise self.unreachable(str(error)) from None
-            if not connected:
-                socket.close()
-                return None
-            self._socket = socket
-        return self._socket
-
-    def _hang_up(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-
-class ServiceError(MochaLinkError):
-    """The node refused a request; it says why. `again`: the same may be taken later."""
-
-    def __init__(self, message: str, *, again: bool = False) -> None:
-        super().__init__(message)
-        self.again = again
-
-
-class ServiceUnreachableError(MochaLinkError):
-    """No program answers at the endpoint, or one that is no node."""
+    def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
+        return context.socket(zmq.DEALER)
 
 
 class ServiceClient(EndpointClient):
     """Asks one node. One thread may use it; a context manager.
-
-    A node that does not answer may come back: every request tries anew.
 
     Args:
         endpoint: what the node got as ``--serve``.
@@ -254,3 +275,62 @@ def split(about: dict[str, Any], data: bytes) -> list[bytes]:
         parts.append(data[start : start + size])
         start += size
     return parts
+
+
+class Subscription(_Connection):
+    """What a node's metrics endpoint sends, from a snapshot on. Use as a context manager.
+
+    Raises MetricsError if the endpoint is none.
+    """
+
+    def unreachable(self, message: str) -> MetricsError:
+        """See `EndpointClient`."""
+        return MetricsError(message)
+
+    def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
+        """("links", snapshot) or ("event", event); None if nothing comes for so long.
+
+        Raises MetricsError if what comes is not a node's metrics.
+        """
+        until_s = time.monotonic() + timeout_s
+        socket = self._connected(until_s)
+        if socket is None or not socket.poll(max(0, int((until_s - time.monotonic()) * 1000))):
+            return None
+        frames = socket.recv_multipart()
+        try:
+            kind, fields = frames[0].decode(), json.loads(frames[1])
+        except (ValueError, IndexError, RecursionError):
+            raise self.strange() from None
+        if not isinstance(fields, dict):
+            raise self.strange()
+        return kind, fields
+
+    def strange(self) -> MetricsError:
+        """The error for what is not a node's metrics."""
+        return MetricsError(f"what {self.endpoint} sends is not a node's metrics")
+
+    def silent(self, timeout_s: float) -> MetricsError:
+        """The error for an endpoint from which nothing has come for so long."""
+        return MetricsError(
+            f"nothing from {self.endpoint} for {timeout_s:g} s; is a node running there with "
+            f"--metrics {self.endpoint}?"
+        )
+
+    def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
+        socket = context.socket(zmq.SUB)
+        socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+        socket.setsockopt(zmq.SUBSCRIBE, b"")
+        return socket
+
+
+def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Follow a node's metrics: ("links", snapshot) first, then events and snapshots.
+
+    Raises:
+        MetricsError: nothing comes from the endpoint for `timeout_s` (real seconds), or what
+            comes is not a node's metrics.
+    """
+    with Subscription(endpoint) as subscription:
+        while news := subscription.next(timeout_s):
+            yield news
+        raise subscription.silent(timeout_s)

@@ -19,6 +19,9 @@ from mocha_link.errors import MochaLinkError, NotInTeamError
 from mocha_link.team.document import Document, DocumentError, as_yaml
 from mocha_link.team.team_file import RobotModel, TeamModel, TriggerModel, problems_of
 
+Ros = Literal[1, 2]
+"""How ROS messages are serialized: as ROS 1, or as ROS 2 (CDR)."""
+
 
 class UnknownRobotError(NotInTeamError):
     """A name that is not a robot of the team, or not a robot that is linked to the asking one."""
@@ -95,7 +98,7 @@ class Robot:
     radio_id: str | None = None
     key: str | None = None
     original: bool = False
-    ros: Literal[1, 2] = 1
+    ros: Ros = 1
     datum: tuple[float, ...] | None = None
 
     @property

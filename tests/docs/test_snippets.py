@@ -221,7 +221,7 @@ def test_commands_named_in_the_text_exist():
             except KeyError:
                 pytest.fail(f"{page.name}: `{span}`: no such command")
             if words[1] == "bridge":
-                said += "".join(help_of(f"mocha-link bridge {b}") for b in ("zmq", "ros1", "ros2"))
+                said += "".join(help_of(f"mocha-link bridge {b}") for b in ("ros1", "ros2"))
             for option in re.findall(r"(?<=\s)--[a-z0-9-]+", span):
                 assert re.search(rf"(?m)^\s+(-\w.*)?{option}\b", said), f"{page.name}: `{span}`"
 

@@ -19,7 +19,6 @@ from tests.docs.blocks import PROGRAMS, ROOT, blocks
 
 SERVES = {  # until it says this
     "mocha-link node": "ready",
-    "mocha-link bridge zmq": "ready",
     "sitl vehicle": '"ready": true',
     "air-router edit": "http://",
 }
@@ -123,12 +122,6 @@ NEEDS = {  # what has to run beside it
     "ipc:///tmp/io.metrics": ("mocha-link node io.yaml --robot io --metrics ipc:///tmp/io.metrics"),
     "mocha-link metrics": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
     "mocha-link monitor": "mocha-link node io.yaml --robot io --metrics tcp://127.0.0.1:24500",
-    "bridge zmq --node ipc:///tmp/io.node": (
-        "mocha-link node io.yaml --robot io --serve ipc:///tmp/io.node"
-    ),
-    "bridge zmq --node ipc:///tmp/a.node": (
-        "mocha-link node two.yaml --robot a --serve ipc:///tmp/a.node"
-    ),
 }
 
 

@@ -12,8 +12,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
-from mocha_link.bridges.progress import Progress
+from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox, Progress
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec

@@ -20,8 +20,8 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from mocha_link.bridges.cdr import Cdr
 from mocha_link.bridges.dds import Dds, DdsError, DdsTypes
+from mocha_link.bridges.rcl import Cdr
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec, RosError
 from tests.loopback_dds import taken

@@ -19,8 +19,6 @@ PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
-    "mocha_link.bridges.cdr",
-    "mocha_link.bridges.progress",
     "mocha_link.bridges.rcl",
     "mocha_link.bridges.ros1",
     "mocha_link.bridges.run",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mocha_link.bridges.progress import SPARE, Progress
+from mocha_link.bridges.bridge import SPARE, Progress
 
 
 def test_it_survives_a_restart(tmp_path):

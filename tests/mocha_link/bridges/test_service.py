@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import threading
 from dataclasses import replace
@@ -155,6 +156,27 @@ def test_a_damaged_batch(client, one, monkeypatch):
         Typed(one.team).decode(message)
 
 
+def test_values_in_place_of_bytes(client, one, two, pulled):
+    client.request("publish", topic="/pose", value={"header": {"seq": 3}})
+    assert one.latest("one", "/pose").data.startswith(b"\3\0\0\0")
+    answer, data = client.request("latest", robot="one", topic="/pose", json=True)
+    assert answer["message"]["value"]["header"]["seq"] == 3
+    assert data == []
+    grid = {"base64": base64.b64encode(b"grid").decode()}
+    client.request("publish", topic="/raw", value=grid)
+    assert one.latest("one", "/raw").data == b"grid"
+    for data in said("goes at once", "a", "bcd", ros=2):
+        two.publish("/log", data)
+    two.flush("/log")
+    pulled("/goal", b"nonsense")
+    answer, data = client.request("since", own=True, json=True)
+    found = {(m["robot"], m["topic"]): m for m in answer["messages"]}
+    assert found["one", "/raw"]["value"] == grid
+    assert "not JSON" in found["two", "/goal"]["error"]
+    assert found["two", "/log"]["values"] == [{"data": "a"}, {"data": "bcd"}]
+    assert data == []
+
+
 def test_noise_on_the_socket(client, server):
     random = Random(5)
     with zmq.Context() as context, context.socket(zmq.DEALER) as noisy:
@@ -194,21 +216,26 @@ def test_what_the_team_is(client):
         ([], "begins with a JSON object"),
         ([b"x"], "begins with a JSON object"),
         ([b"[]"], "begins with a JSON object"),
-        ([b"[" * 100_000], "of up to 65536 bytes"),
-        ([b"[" * 10_000], "begins with a JSON object"),
+        ([b" " * (8 * 1024 * 1024 + 1)], "of up to 8388608 bytes"),
+        ([b"[" * 100_000], "begins with a JSON object"),
         ([b"{}"], "no request 'None'; use one of publish, latest, list, since, team"),
         ([b'{"request": "fly"}'], "no request 'fly'"),
         ([b'{"request": ["fly"]}'], "no request"),
         ([b'{"request": "latest"}'], "latest: 'robot' is missing"),
         ([b'{"request": "latest", "robot": "one", "topic": "/x"}'], "has no topic '/x'"),
         ([b'{"request": "latest", "robot": "x", "topic": "/x"}'], "no robot 'x'"),
-        ([b'{"request": "publish", "topic": "/goal"}'], "0 frames of data"),
+        ([b'{"request": "publish", "topic": "/goal"}'], "either a value or a frame of data"),
+        ([b'{"request": "publish", "topic": "/goal", "value": 1}', b""], "either a value or"),
+        ([b'{"request": "publish", "topic": "/raw", "value": {"base64": "?"}}'], "not Base64"),
+        ([b'{"request": "publish", "topic": "/raw", "value": 1}'], "only bytes can be sent"),
+        ([b'{"request": "publish", "topic": "/pose", "value": {"x": 1}}'], "has no field 'x'"),
+        ([b'{"request": "publish", "topic": "/goal", "value": NaN}'], "not a JSON value"),
         ([b'{"request": "publish", "topic": "/goal"}', b"", b""], "2 frames of data"),
         ([b'{"request": "publish", "topic": "/nowhere"}', b""], "has no topic '/nowhere'"),
         ([b'{"request": "publish", "topic": "/goal", "ros": 3}', b""], "publish: 'ros'"),
         ([b'{"request": "team"}', b""], "1 frames of data"),
         ([b'{"request": "team", "tiem": 1}'], "team: unknown field 'tiem'; use request, id"),
-        ([b'{"request": "team", "json": true}'], "for 'json' ask a 'mocha-link bridge zmq'"),
+        ([b'{"request": "since", "as_json": true}'], "unknown field 'as_json'; use request"),
         ([b'{"request": "since", "sequence": -1}'], "since: 'sequence'"),
         ([b'{"request": "since", "sequence": 1e999}'], "since: 'sequence'"),
         ([b'{"request": "since", "wait_s": NaN}'], "since: 'wait_s'"),
@@ -246,13 +273,17 @@ VALUES = st.recursive(
     max_leaves=3,
 )
 KEYS = st.sampled_from(
-    ["request", "id", "robot", "topic", "ros", "key", "now", "epoch", "sequence", "limit", "wait_s"]
+    [
+        *("request", "id", "robot", "topic", "ros", "key", "now", "epoch", "sequence"),
+        *("limit", "wait_s", "json", "value"),
+    ]
 )
 REQUESTS = st.dictionaries(KEYS, VALUES, max_size=4).flatmap(
     lambda fields: st.sampled_from(["publish", "latest", "list", "since", "team", "?"]).map(
         lambda name: json.dumps({"topic": "/goal", "robot": "one", **fields, "request": name})
     )
 )
+TOPICS = st.sampled_from(["/pose", "/goal", "/raw", "/own"])
 
 
 @pytest.fixture
@@ -269,6 +300,23 @@ def test_every_request_is_answered_once(still, frames):
     still.tick(1e9)
     [answer] = answers
     assert json.loads(answer[0])["ok"] in (True, False)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(topic=TOPICS, value=VALUES, data=st.binary())
+def test_any_value_or_data_becomes_json(one, topic, value, data):
+    """What is published as a value comes back as one; data that are none come back as an error."""
+    service, answers = Service(one), []
+    shown = json.dumps({"request": "latest", "robot": "one", "topic": topic, "json": True}).encode()
+    publish = json.dumps({"request": "publish", "topic": topic, "value": value}).encode()
+    service.request([publish], answers.append, 0.0)
+    service.request([shown], answers.append, 0.0)
+    published, read = (json.loads(answer[0], parse_constant=pytest.fail) for answer in answers)
+    assert not published["ok"] or "error" not in read["message"]
+    one.publish(topic, data)
+    service.request([shown], answers.append, 0.0)
+    message = json.loads(answers[-1][0], parse_constant=pytest.fail)["message"]
+    assert ("value" in message) != ("error" in message)
 
 
 def test_any_socket_may_ask(server):

@@ -16,7 +16,7 @@ from mocha_link.cli.cli import main
 from mocha_link.cli.display import event_line, links_table
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
 from mocha_link.node.node import Node
-from mocha_link.service.telemetry import MetricsServer, as_fields
+from mocha_link.service.server import MetricsServer, as_fields
 from mocha_link.sync.sync_sender import PUSH_BYTES
 
 
@@ -93,7 +93,6 @@ def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
         ["node", str(team_file), "--robot", "io", "--serve", wrong],
         ["metrics", wrong],
         ["monitor", wrong],
-        ["bridge", "zmq", "--node", wrong, "--serve", "ipc:///x"],
     ):
         assert main(arguments) == 2
         assert f"'{wrong}' is no endpoint; write tcp://127.0.0.1:24500" in capsys.readouterr().err

@@ -27,7 +27,7 @@ from mocha_link.cli.node_view import NodeView, Size, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service.endpoint import bind
-from mocha_link.service.telemetry import MetricsServer, as_fields
+from mocha_link.service.server import MetricsServer, as_fields
 
 WAIT_S = 60
 T = 1_795_175_900.0

@@ -10,8 +10,8 @@ import zmq
 
 from mocha_link.errors import ListenError
 from mocha_link.service.endpoint import bind
-from mocha_link.service.metrics_client import MetricsError, watch
-from mocha_link.service.telemetry import MetricsServer
+from mocha_link.service.server import MetricsServer
+from mocha_link.service.service_client import MetricsError, watch
 
 
 @pytest.fixture
