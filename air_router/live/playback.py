@@ -7,7 +7,6 @@ decides is shown, and whatever it says of itself (states, times left, routes) is
 import asyncio
 import dataclasses
 import math
-from collections import deque
 from collections.abc import AsyncIterator, Collection, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final, Protocol
@@ -23,7 +22,7 @@ from air_router.gossip.mapper import Mapper
 from air_router.live.scene import LiveScene
 from air_router.live.server import TICK_S, LivePage
 from air_router.record.log import RecordEntry
-from air_router.record.replay import about_own
+from air_router.record.replay import RecordedStep, Replayer, steps_of
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import Say, Web
 from mocha_link.links.metrics import LinkMetrics
@@ -56,46 +55,41 @@ class RecordedFlight:
     """A recorded flight, as far as it was gone through.
 
     Attributes:
-        controller: Decides again what it decided.
         mapper: The map as it grew.
         links: What the node measured last.
         now_s: How far it is, on the vehicle's clock; `begin_s` and `end_s`: from where to where.
+        name: The vehicle's.
 
     Raises:
         RefusedError: the record has no setup, or no event.
     """
 
     def __init__(self, entries: Iterable[RecordEntry]) -> None:
-        self._entries = [  # of the record, in order
-            entry
-            for entry in entries
-            if entry.kind in {"setup", "event", "action", "note", "link", "patch"}
-        ]
-        times = [entry.t for entry in self._entries if entry.kind == "event"]
-        setups = [entry.value for entry in self._entries if entry.kind == "setup"]
+        kept = [entry for entry in entries if entry.kind not in {"about", "file"}]
+        times = [entry.t for entry in kept if entry.kind == "event"]
+        setups = [entry.value for entry in kept if entry.kind == "setup"]
         if not setups or not times:
             raise RefusedError("there is no flight in the record that could be shown")
+        self._steps = list(steps_of(kept))
         self._setup: FlightSetup = setups[0]  # the first: a flight has one
+        self.name = self._setup.name
         self.begin_s, self.end_s = times[0], max(times)
-        self.controller: Controller
         self.rewind()
 
     @property
-    def name(self) -> str:
-        """The vehicle's."""
-        return self._setup.name
+    def controller(self) -> Controller:
+        """Decides again what it decided."""
+        assert self._replayer.controller is not None  # noqa: S101 - it began with one
+        return self._replayer.controller
 
     def rewind(self) -> None:
         """Back to the beginning."""
-        self.controller = self._setup.controller()
+        self._replayer = Replayer(self._setup.controller())
         self.mapper = Mapper(self._setup.mission)
         self.links: Mapping[str, LinkMetrics] = {}
         self.now_s = self.begin_s
-        self._next = 0
+        self._next = 0  # place in the steps
         self._published_s = -math.inf
-        self._left = False
-        self._motions: deque[tuple[Any, Any]] = deque(maxlen=100)
-        self._decided: deque[Any] = deque()
 
     def plotted(self) -> dict[str, Any]:
         """What the timeline shows of the whole flight; afterwards it begins again."""
@@ -108,40 +102,31 @@ class RecordedFlight:
     def go_on(self, until_s: float, page: RecordConsumer, most: int = _STEPS) -> bool:
         """Go through the record up to a time; False if there was too much for once."""
         for _ in range(most):
-            if self._next >= len(self._entries) or self._entries[self._next].t > until_s:
+            if self._next >= len(self._steps) or self._steps[self._next].t > until_s:
                 self.now_s = min(max(self.now_s, until_s), self.end_s)
                 return True
-            entry = self._entries[self._next]
+            step = self._steps[self._next]
             self._next += 1
-            if math.isfinite(entry.t):
-                self.now_s = min(max(self.now_s, entry.t), self.end_s)
-            self._take(entry, page)
+            if math.isfinite(step.t):
+                self.now_s = min(max(self.now_s, step.t), self.end_s)
+            if isinstance(step, RecordedStep):
+                self._decide(step, page)
+            elif step.kind == "link":
+                self.links = {**self.links, step.value.peer: step.value}
+                page.links(self.links)
+            elif step.kind == "patch":
+                self.mapper.paint(step.value)
+            else:
+                self._replayer.prepare(step)
         return False
 
-    def _take(self, entry: RecordEntry, page: RecordConsumer) -> None:
-        match entry.kind:
-            case "event" if not self._left:
-                self._decide(entry, page)
-            case "action" if self._decided:
-                self._motions.append((entry.value, self._decided.popleft()))
-            case "note" if entry.value.name == "Reaction":
-                self.controller.navigator.reaction_s = entry.value.fields["reaction_s"]
-            case "note" if entry.value.name == "LetGo":
-                self._left = True
-            case "link":
-                self.links = {**self.links, entry.value.peer: entry.value}
-                page.links(self.links)
-            case "patch":
-                self.mapper.paint(entry.value)
-
-    def _decide(self, entry: RecordEntry, page: RecordConsumer) -> None:
-        event = about_own(entry.value, self._motions)
-        self._decided = deque(self.controller.handle(event, entry.t))
-        page.step(entry.value, self._decided, entry.t)
-        due = isinstance(event, Telemetry) and entry.t - self._published_s >= MAP_INTERVAL_S
-        if due or any(isinstance(action, PublishMap) for action in self._decided):
-            self._published_s = entry.t
-            self.mapper.publish(entry.t)
+    def _decide(self, step: RecordedStep, page: RecordConsumer) -> None:
+        decided = self._replayer.decide(step)
+        page.step(step.event, decided, step.t)
+        due = isinstance(step.event, Telemetry) and step.t - self._published_s >= MAP_INTERVAL_S
+        if due or any(isinstance(action, PublishMap) for action in decided):
+            self._published_s = step.t
+            self.mapper.publish(step.t)
 
 
 class Playback:

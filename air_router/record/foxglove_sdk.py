@@ -18,8 +18,7 @@ from google.protobuf.descriptor import FieldDescriptor
 
 from air_router.errors import UsageError
 from air_router.record.log import Log
-from air_router.record.log_file import RecordChannel
-from air_router.record.record_channels import json_of
+from air_router.record.serialization import RecordChannel, json_of
 
 _log = logging.getLogger(__name__)
 
@@ -53,7 +52,7 @@ class FoxgloveChannels:
             encode, encoding = _protobuf(channel.schema_name), "protobuf"
         else:
             schema = foxglove.Schema(name=name, encoding="jsonschema", data=channel.schema.encode())
-            encode, encoding = _json, "json"
+            encode, encoding = lambda message: json_of(message).encode(), "json"
         opened = foxglove.Channel(
             channel.topic, schema=schema, message_encoding=encoding, context=self._context
         )
@@ -132,10 +131,6 @@ class _Listener(foxglove.ServerListener):  # type: ignore[misc]
     def on_subscribe(self, client: Any, channel: Any) -> None:
         del client
         self._subscribed(channel.topic)
-
-
-def _json(message: dict[str, Any]) -> bytes:
-    return json_of(message).encode()
 
 
 @cache

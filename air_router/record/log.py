@@ -10,7 +10,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, get_args
+from typing import IO, Any, Final, NamedTuple
 
 from mcap.exceptions import EndOfFile, InvalidMagic
 from mcap.records import (
@@ -27,13 +27,11 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import Motion
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
-from air_router.record.codec import TYPE_KEY, decoder
-from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT, RecordChannel
-from air_router.record.record_channels import NOTES
-from air_router.record.single_values import CodecError, shown
+from air_router.record.record_file import FORMAT, LIBRARY
+from air_router.record.serialization import ABOUT_MOTIONS, NOTES, ORDER_KEY, RECENT, RecordChannel
+from air_router.record.values import TYPE_KEY, CodecError, decoder, shown
 from mocha_link.links.metrics import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20
@@ -102,11 +100,14 @@ class Log:
             LogError: it is no record of a flight, one of another version, or cannot be read.
         """
         try:
-            file = self.path.open("rb")
-        except OSError as error:
-            raise LogError(f"{self.path}: {error.strerror}") from None
-        with file:
-            yield from self._checked(self._messages(file))
+            yield from self._entries()
+        except (TypeError, ValueError, RecursionError) as error:
+            why = str(error)
+        except KeyError as error:
+            why = f"a message without {error}"
+        else:
+            return
+        raise LogError(f"{self.path}: not written by this version of air_router: {why}")
 
     def messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
         """Every message as it stands: its channel, Unix nanoseconds, and plain data.
@@ -117,33 +118,19 @@ class Log:
         next(iter(self))  # it is a record, and of this format
         schemas: dict[int, tuple[str, str]] = {}
         channels: dict[int, RecordChannel] = {}
-        with self.path.open("rb") as file:
-            for record in self._records(file):
-                match record:
-                    case Schema():
-                        schemas[record.id] = (record.name, record.data.decode())
-                    case Channel():
-                        channels[record.id] = RecordChannel(
-                            record.topic, *schemas[record.schema_id]
-                        )
-                    case Message():
-                        yield channels[record.channel_id], record.log_time, _object(record.data)
+        for record in self._records():
+            match record:
+                case Schema(id=number, name=name, data=data):
+                    schemas[number] = (name, data.decode())
+                case Channel(id=number, topic=topic, schema_id=schema):
+                    channels[number] = RecordChannel(topic, *schemas[schema])
+                case Message():
+                    yield channels[record.channel_id], record.log_time, _object(record.data)
 
-    def _checked(self, entries: Iterator[RecordEntry]) -> Iterator[RecordEntry]:
-        try:
-            yield from entries
-        except (TypeError, ValueError, RecursionError) as error:
-            why = str(error)
-        except KeyError as error:
-            why = f"a message without {error}"
-        else:
-            return
-        raise LogError(f"{self.path}: not written by this version of air_router: {why}")
-
-    def _messages(self, file: IO[bytes]) -> Iterator[RecordEntry]:
+    def _entries(self) -> Iterator[RecordEntry]:
         topics: dict[int, str] = {}
         ours, count = False, [0, 0]
-        for record in self._records(file):
+        for record in self._records():
             match record:
                 case Metadata(name=name) if name == LIBRARY:
                     self._check_format(record.metadata)
@@ -172,21 +159,26 @@ class Log:
         if found != FORMAT:
             raise LogError(f"{self.path}: a record of format {found}; this program reads {FORMAT}")
 
-    def _records(self, file: IO[bytes]) -> Iterator[McapRecord]:
+    def _records(self) -> Iterator[McapRecord]:
         """The file's records up to its end, or up to where it is damaged."""
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_BYTES).records
-        while True:
-            try:
-                record = next(reader)
-                inner = _unpacked(record) if isinstance(record, Chunk) else [record]
-            except StopIteration:
-                return
-            except Exception as error:  # noqa: BLE001 - bytes of any kind
-                if file.tell() <= MAGIC_SIZE:
-                    raise LogError(f"{self.path}: not an MCAP file") from None
-                self.ending = self._end(file, error)
-                return
-            yield from inner
+        try:
+            file = self.path.open("rb")
+        except OSError as error:
+            raise LogError(f"{self.path}: {error.strerror}") from None
+        with file:
+            reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_BYTES).records
+            while True:
+                try:
+                    record = next(reader)
+                    inner = _unpacked(record) if isinstance(record, Chunk) else [record]
+                except StopIteration:
+                    return
+                except Exception as error:  # noqa: BLE001 - bytes of any kind
+                    if file.tell() <= MAGIC_SIZE:
+                        raise LogError(f"{self.path}: not an MCAP file") from None
+                    self.ending = self._end(file, error)
+                    return
+                yield from inner
 
     def _end(self, file: IO[bytes], error: Exception) -> str:
         self.damaged = True
@@ -202,9 +194,9 @@ class Log:
         if kind not in _DECISIONS:
             return _READERS[kind](t, data)
         value = serialization.decode(data)
-        if isinstance(value, _MOTIONS):
+        if isinstance(value, Motion):
             self._motions.append((order, value))
-        elif isinstance(value, CommandConfirmed | CommandFailed):
+        elif isinstance(value, ABOUT_MOTIONS):
             value = dataclasses.replace(value, action=self._motion(order, value.action))
         return RecordEntry(t, kind, value)
 
@@ -250,7 +242,6 @@ def _note(t: float, data: dict[str, Any]) -> RecordEntry:
 
 
 _FOREIGN: Final = "an MCAP file, but not a flight's record"
-_MOTIONS: Final = get_args(Motion)
 _DECISIONS: Final = frozenset({"event", "action"})
 _READERS: Final[dict[str, Callable[[float, dict[str, Any]], RecordEntry]]] = {
     "flight": _note,

@@ -15,40 +15,35 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Motion
 from air_router.gossip.mapper import Mapper
 from air_router.record import serialization
-from air_router.record.codec import TYPE_KEY, encode
-from air_router.record.foxglove import Drawn, FoxgloveDrawing, grid, schema_text
-from air_router.record.log_file import ORDER_KEY, RECENT, LogFile, RecordChannel
-from air_router.record.record_channels import (
+from air_router.record.drawing import Drawn, FlightDrawing, grid, schema_text
+from air_router.record.record_file import RecordFile, no_folder, open_record
+from air_router.record.serialization import (
     ABOUT_MOTIONS,
-    MOTIONS,
+    ORDER_KEY,
     PATCHES,
+    RECENT,
+    RecordChannel,
     channel_of,
     json_of,
     link_channel,
     note_channel,
 )
-from air_router.record.record_file import no_folder, open_record
+from air_router.record.values import TYPE_KEY, encode
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.node.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
 
-CLOCK_S: Final = 10.0
-"""So often the vehicle's Unix time is noted beside its own clock."""
-
-LINKS_S: Final = 1.0
-"""So often the links are looked at, and recorded where something has happened."""
+CLOCK, LINKS, MAP, GRID = "clock", "links", "map", "grid"
+EVERY_S: Final = {CLOCK: 10.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
+"""So often the vehicle's Unix time is noted beside its own clock, the links are looked at, the size
+of the map is noted, and the whole map is drawn while it grows."""
 
 PATCH_BYTES: Final = 200_000_000
 """What the map's patches may take before compression; what comes later is in the whole map only."""
-
-MAP_S: Final = 1.0
-"""So often the size of the map is noted."""
-
-GRID_S: Final = 30.0
-"""So often the whole map is drawn while it grows."""
 
 PREFLIGHT: Final = "Preflight"
 """The note with which a flight begins; one that does not get so far leaves no record."""
@@ -58,7 +53,13 @@ FILE_BYTES: Final = 20_000_000
 
 
 class RecordViewer(Protocol):
-    """Shows a record while it is written; none of its faults is the flight's."""
+    """Shows a record while it is written; none of its faults is the flight's.
+
+    Attributes:
+        address: What to open in it.
+    """
+
+    address: str
 
     def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
         """Show a message; times are Unix nanoseconds."""
@@ -99,8 +100,7 @@ class Recorder(Closeable):
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
         self._last_ns = 0  # of the newest message; never runs back
-        # when each was recorded last, vehicle's clock
-        self._clock_at_s = self._links_at_s = self._map_at_s = self._grid_at_s = -math.inf
+        self._done_s: dict[str, float] = {}  # when each of `EVERY_S` was, vehicle's clock
         self._maps = self._grid_cells = self._motions = 0  # versions, cells and motions recorded
         self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)  # motions and their numbers
         self._links: dict[str, LinkMetrics] = {}  # recorded last, by peer
@@ -108,9 +108,9 @@ class Recorder(Closeable):
         self._patch_bytes = 0  # received; recorded up to a limit
         self._unwritable: set[str] = set()  # types that cannot be recorded, warned of
         self._flown = False  # else the file is removed
-        self._drawing: FoxgloveDrawing | None = None  # None until `begin`
+        self._drawing: FlightDrawing | None = None  # None until `begin`
         self._drawn: dict[str, RecordChannel] = {}  # by topic
-        self._file: LogFile | None = None  # None: nothing is kept
+        self._file: RecordFile | None = None  # None: nothing is kept
         if folder is not None:
             try:
                 self._file = open_record(folder, (stem, name), mission, self._tell)
@@ -126,7 +126,7 @@ class Recorder(Closeable):
         """Record what the controller is made of, and how it is flown."""
         if self._idle:
             return
-        self._drawing = FoxgloveDrawing(setup.mission)
+        self._drawing = FlightDrawing(setup.mission)
         encoded = self._encoded(encode, setup)
         self.note("Setup", 0.0, {"setup": encoded})
         self.note("Options", 0.0, facts)
@@ -138,8 +138,7 @@ class Recorder(Closeable):
             return
         self._flown = True
         self._write("event", event, now_s)
-        if now_s - self._clock_at_s >= CLOCK_S:
-            self._clock_at_s = now_s
+        if self._due(CLOCK, now_s):
             self.note("Clock", now_s, {"unix_s": self._unix_s()})
         if self._drawing is not None:
             self._draw(self._drawing.event(event, self._time_s(now_s)))
@@ -171,9 +170,8 @@ class Recorder(Closeable):
             held: Asked then for the newest stamp by peer, robot and topic.
             now_s: As everywhere.
         """
-        if self._idle or now_s - self._links_at_s < LINKS_S:
+        if self._idle or not self._due(LINKS, now_s):
             return
-        self._links_at_s = now_s
         for peer, link in links().items():
             # Ages change all the time; contacts are told by events.
             steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
@@ -204,11 +202,10 @@ class Recorder(Closeable):
         for version in mapper.published[self._maps :]:
             self.note("MapPublished", version.time_s, {"known_cells": version.known_cells})
         self._maps = len(mapper.published)
-        if now_s - self._map_at_s >= MAP_S:
-            self._map_at_s = now_s
+        if self._due(MAP, now_s):
             self.note("Map", now_s, {"known_cells": mapper.known_cells})
-        if now_s - self._grid_at_s >= GRID_S and mapper.known_cells != self._grid_cells:
-            self._grid_at_s, self._grid_cells = now_s, mapper.known_cells
+        if mapper.known_cells != self._grid_cells and self._due(GRID, now_s):
+            self._grid_cells = mapper.known_cells
             self._draw([grid(mapper.grid, self._time_s(now_s))])
 
     def file(self, path: Path) -> None:
@@ -237,6 +234,13 @@ class Recorder(Closeable):
     def _idle(self) -> bool:
         return self._file is None and self._viewer is None
 
+    def _due(self, what: str, now_s: float) -> bool:
+        """Whether something is to be done again; then it counts as done."""
+        due = now_s - self._done_s.get(what, -math.inf) >= EVERY_S[what]
+        if due:
+            self._done_s[what] = now_s
+        return due
+
     def _tell(self, text: str) -> None:
         """On the thread that writes."""
         try:
@@ -254,7 +258,7 @@ class Recorder(Closeable):
 
     def _order(self, value: object) -> dict[str, int]:
         """Which of the motions, which may be alike, one is: counted from 1."""
-        if isinstance(value, MOTIONS):
+        if isinstance(value, Motion):
             self._motions += 1
             self._recent.append((value, self._motions))
             return {ORDER_KEY: self._motions}

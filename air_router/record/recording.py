@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from air_router.errors import UsageError
 from air_router.record.log import Log
@@ -102,12 +102,6 @@ class ViewerAddress(NamedTuple):
         return cls(host or cls().host, int(port))
 
 
-class Viewer(RecordViewer, Protocol):
-    """A viewer that is served; `address` is what to open in it."""
-
-    address: str
-
-
 def add_viewer(parser: argparse.ArgumentParser) -> None:
     """Add `--foxglove`."""
     parser.add_argument(
@@ -122,7 +116,7 @@ def add_viewer(parser: argparse.ArgumentParser) -> None:
 
 
 @contextmanager
-def viewing(address: ViewerAddress | None, name: str) -> Iterator[Viewer | None]:
+def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer | None]:
     """A viewer at an address while in the context; None without one.
 
     Raises:

@@ -13,15 +13,17 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from air_router.controller.controller import Controller
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
-from air_router.record.log import Log, Note, RecordEntry
-from air_router.record.log_file import RECENT
+from air_router.record.log import Log, RecordEntry
+from air_router.record.serialization import ABOUT_MOTIONS, RECENT
 from air_router.vehicle.vehicle import Telemetry
 
 CONTEXT: Final = 10
 """So many events before a difference are told; positions in between only as the last one."""
+
+_TOLD: Final = frozenset({"setup", "Reaction", "LetGo", "Unwritable"})
+"""What comes between an event with its actions and the next; all else may come among them."""
 
 
 class ReplayError(AirRouterError):
@@ -66,9 +68,17 @@ class ReplayDifference:
             yield from (f"              -> {action}" for action in told.actions)
         yield f"  {self.t:10.3f}  {self.event}"
         for word, actions in (("recorded", self.recorded), ("replayed", self.replayed)):
-            if not actions:
-                yield f"    {word}: nothing"
-            yield from (f"    {word}: {action}" for action in actions)
+            yield from (f"    {word}: {action}" for action in actions or ["nothing"])
+
+    def as_json(self) -> dict[str, Any]:
+        """As plain data; what was before it is for people."""
+        return {
+            "t": self.t,
+            "state": self.state,
+            "event": serialization.encode(self.event),
+            "recorded": [_plain(action) for action in self.recorded],
+            "replayed": [_plain(action) for action in self.replayed],
+        }
 
 
 @dataclass(slots=True)
@@ -83,23 +93,78 @@ class Replay:
 
     def as_json(self) -> dict[str, Any]:
         """As plain data."""
-        found = self.difference
         return {
-            "same": found is None,
+            "same": self.difference is None,
             "events": self.events,
             "actions": self.actions,
             "until_s": self.until_s,
             "notes": self.notes,
-            "difference": None
-            if found is None
-            else {
-                "t": found.t,
-                "state": found.state,
-                "event": serialization.encode(found.event),
-                "recorded": [_plain(action) for action in found.recorded],
-                "replayed": [_plain(action) for action in found.replayed],
-            },
+            "difference": None if self.difference is None else self.difference.as_json(),
         }
+
+
+class Replayer:
+    """Tells a controller what the one of a record was told.
+
+    Args:
+        controller: What decides; None: made from the setup in the record.
+    """
+
+    def __init__(self, controller: Controller | None = None) -> None:
+        self.controller = controller
+        # Recorded motions, and those that were decided now: of several that are alike the
+        # controller knows its own, for the object counts.
+        self._motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
+
+    def prepare(self, entry: RecordEntry) -> None:
+        """Take in what the shell did to the controller beside handing it events."""
+        if entry.kind == "setup" and self.controller is None:
+            self.controller = entry.value.controller()
+        elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
+            self.controller.navigator.reaction_s = entry.value.fields["reaction_s"]
+
+    def decide(self, step: RecordedStep) -> list[Any]:
+        """What the controller decides now on what happened.
+
+        Raises:
+            ReplayError: there is no controller yet.
+        """
+        if self.controller is None:
+            raise ReplayError("there is no setup before the first event: it cannot be replayed")
+        event = step.event
+        if isinstance(event, ABOUT_MOTIONS):
+            own = (own for recorded, own in self._motions if recorded is event.action)
+            event = dataclasses.replace(event, action=next(own, event.action))
+        decided = list(self.controller.handle(event, step.t))
+        self._motions.extend(zip(step.actions, decided, strict=False))
+        return decided
+
+
+def steps_of(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedStep]:
+    """Events with their actions, and all else that is recorded, in order.
+
+    Nothing that the controller was told after it was let go is in it. The last event of a record
+    that was cut off is left out: not all that followed may be there.
+    """
+    current: RecordedStep | None = None
+    left = False
+    for entry in entries:
+        name = entry.value.name if entry.kind == "note" else entry.kind
+        if name == "action":
+            if current is not None:
+                current.actions.append(entry.value)
+        elif not (left and name in {"event", *_TOLD}):
+            if current is not None and name in {"event", *_TOLD}:
+                yield current
+                current = None
+            if name == "event":
+                current = RecordedStep(entry.t, entry.value, [])
+            else:
+                left = left or name == "LetGo"
+                yield entry
+    cut = isinstance(entries, Log) and entries.ending is not None
+    if current is not None and not cut:
+        yield current
 
 
 def replay(entries: Iterable[RecordEntry], controller: Controller | None = None) -> Replay:
@@ -113,26 +178,26 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
         ReplayError: there is no setup in the record, or no decision to compare with.
         LogError: see `air_router.record.log`.
     """
-    result = Replay()
+    result, replayer = Replay(), Replayer(controller)
     before: deque[RecordedStep] = deque(maxlen=CONTEXT)
-    motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
-    for step in _steps(entries):
+    for step in steps_of(entries):
         if isinstance(step, RecordEntry):
-            controller = _prepared(step, controller, result)
+            replayer.prepare(step)
+            if step.kind == "note" and step.value.name == "Unwritable":
+                lost = f"at {step.t:.3f} s something could not be recorded: {step.value.fields}"
+                result.notes.append(lost)
             continue
-        if controller is None:
-            raise ReplayError("there is no setup before the first event: it cannot be replayed")
         result.events += 1
         result.actions += len(step.actions)
         result.until_s = step.t
-        decided = _decide(controller, step, motions)
+        decided = _decided(replayer, step)
         if [*map(_comparable, decided)] != [*map(_comparable, step.actions)]:
-            state = controller.state.name
+            assert replayer.controller is not None  # noqa: S101 - it has decided
+            state = replayer.controller.state.name
             result.difference = ReplayDifference(
                 step.t, step.event, step.actions, decided, state, tuple(before)
             )
             return result
-        motions.extend(zip(step.actions, decided, strict=True))
         if before and isinstance(before[-1].event, Telemetry) and not before[-1].actions:
             before.pop()
         before.append(step)
@@ -143,65 +208,11 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
     return result
 
 
-def _steps(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedStep]:
-    """Events with their actions, and what else the controller was told, up to where it was left.
-
-    The last event of a record that was cut off is left out: not all that followed may be there.
-    """
-    current: RecordedStep | None = None
-    for entry in entries:
-        if entry.kind == "action" and current is not None:
-            current.actions.append(entry.value)
-            continue
-        if entry.kind not in {"event", "setup", "note"}:
-            continue
-        if entry.kind == "note" and entry.value.name not in {"Reaction", "LetGo", "Unwritable"}:
-            continue
-        if current is not None:
-            yield current
-            current = None
-        if entry.kind == "event":
-            current = RecordedStep(entry.t, entry.value, [])
-        elif entry.kind == "note" and entry.value.name == "LetGo":
-            return
-        else:
-            yield entry
-    cut = isinstance(entries, Log) and entries.ending is not None
-    if current is not None and not cut:
-        yield current
-
-
-def _prepared(
-    entry: RecordEntry, controller: Controller | None, result: Replay
-) -> Controller | None:
-    """What the shell did to the controller beside handing it events."""
-    if entry.kind == "setup":
-        return controller if controller is not None else entry.value.controller()
-    note: Note = entry.value
-    if note.name == "Unwritable":
-        result.notes.append(f"at {entry.t:.3f} s something could not be recorded: {note.fields}")
-    elif controller is not None:
-        controller.navigator.reaction_s = note.fields["reaction_s"]
-    return controller
-
-
-def about_own(event: Any, motions: Iterable[tuple[Any, Any]]) -> Any:
-    """The event, but about the motion that was decided now; `motions`: (recorded, decided now).
-
-    Of motions that are alike the controller knows its own: the object counts.
-    """
-    if isinstance(event, CommandConfirmed | CommandFailed):
-        for recorded, own in motions:
-            if recorded is event.action:
-                return dataclasses.replace(event, action=own)
-    return event
-
-
-def _decide(
-    controller: Controller, step: RecordedStep, motions: Iterable[tuple[Any, Any]]
-) -> list[Any]:
+def _decided(replayer: Replayer, step: RecordedStep) -> list[Any]:
     try:
-        return list(controller.handle(about_own(step.event, motions), step.t))
+        return replayer.decide(step)
+    except ReplayError:
+        raise
     except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
         return [f"{type(error).__name__}: {error}"]
 

@@ -1,6 +1,6 @@
 """A record as a file for Rerun: positions on the map and in space, the log, and plots.
 
-It is made of what the record has for the eye (`air_router.record.foxglove`), and of telemetry and
+It is made of what the record has for the eye (`air_router.record.drawing`), and of telemetry and
 links as numbers. Needs the extra `rerun`.
 """
 

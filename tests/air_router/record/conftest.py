@@ -47,9 +47,10 @@ DRAWN = {
 """What is drawn for Foxglove of a short flight: topics, and their schemas."""
 
 
-@pytest.fixture
-def record(tmp_path, pennovation):
-    with Recorder(tmp_path, "mission.yaml", unix_s=lambda: UNIX_S, name="titan") as recorder:
+@pytest.fixture(scope="module")
+def record(tmp_path_factory, pennovation):
+    folder = tmp_path_factory.mktemp("record")
+    with Recorder(folder, "mission.yaml", unix_s=lambda: UNIX_S, name="titan") as recorder:
         _fly(recorder, pennovation)
     return recorder.path
 

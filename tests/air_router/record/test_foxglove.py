@@ -33,10 +33,15 @@ def messages_of(path):
     return found
 
 
-def test_a_record_in_foxglove_s_schemas_says_what_was_flown(record, tmp_path, pennovation):
-    target = tmp_path / "shown.mcap"
+@pytest.fixture(scope="module")
+def found(record, tmp_path_factory):
+    """The record in Foxglove's schemas."""
+    target = tmp_path_factory.mktemp("foxglove") / "shown.mcap"
     assert main(["convert", str(record), str(target)]) == ExitCode.DONE
-    found = messages_of(target)
+    return messages_of(target)
+
+
+def test_a_record_in_foxglove_s_schemas_says_what_was_flown(found, pennovation):
     drawn = {topic: name for topic, (name, _) in found.items() if name.startswith("foxglove.")}
     assert drawn == DRAWN
     message, fix = found["/vehicle/location"][1][0]
@@ -56,10 +61,7 @@ def test_a_record_in_foxglove_s_schemas_says_what_was_flown(record, tmp_path, pe
     assert found["/event/Telemetry"][1][0][1]["battery"] == 0.75
 
 
-def test_zones_graph_robots_and_links_stand_in_the_scene(record, tmp_path, pennovation):
-    target = tmp_path / "shown.mcap"
-    assert main(["convert", str(record), str(target)]) == ExitCode.DONE
-    found = messages_of(target)
+def test_zones_graph_robots_and_links_stand_in_the_scene(found, pennovation):
     scene = {entity.id: entity for entity in found["/scene"][1][0][1].entities}
     assert scene.keys() == {
         *(f"fence {number}" for number in range(1, len(pennovation.fences) + 1)),
@@ -109,10 +111,7 @@ def topics_in(layout):
             yield from topics_in(value)
 
 
-def test_the_layout_shows_what_is_there(record, tmp_path):
-    target = tmp_path / "shown.mcap"
-    assert main(["convert", str(record), str(target)]) == ExitCode.DONE
-    found = messages_of(target)
+def test_the_layout_shows_what_is_there(found):
     layout = json.loads(LAYOUT.read_text(encoding="utf-8"))
     paths = set(topics_in(layout["configById"]))
     assert len(paths) > 10

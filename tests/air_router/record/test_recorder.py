@@ -26,7 +26,7 @@ from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import Signal, State
 from air_router.gossip.mapper import Mapper
-from air_router.record import log_file
+from air_router.record import record_file
 from air_router.record.log import Log, LogError, read
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder
@@ -186,16 +186,16 @@ def disk_of(monkeypatch, room):
         if fits < len(data):
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(log_file._Sink, "_append", append)
-    monkeypatch.setattr(log_file, "FLUSH_S", 0.0)
+    monkeypatch.setattr(record_file._Sink, "_append", append)
+    monkeypatch.setattr(record_file, "FLUSH_S", 0.0)
 
 
-@pytest.mark.parametrize("room", [0, 20_000])
+@pytest.mark.parametrize("room", [0, 8_000])
 def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room):
     disk_of(monkeypatch, {"bytes": room})
     told = []
     with Recorder(tmp_path, "m", trouble=told.append) as recorder:
-        for step in range(3000):
+        for step in range(400):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
     assert [text.partition(": ")[2] for text in told] == [
         "No space left on device; the record waits in memory: make room on the disk",
@@ -205,7 +205,7 @@ def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room
     if room:
         times = [entry.t for entry in log if entry.kind == "event"]
         assert times == [float(step) for step in range(len(times))]
-        assert 20 < len(times) < 3000
+        assert 5 < len(times) < 400
         assert log.ending.startswith("it was cut off")
     else:
         with pytest.raises(LogError, match="not an MCAP file"):
@@ -213,7 +213,7 @@ def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room
 
 
 def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypatch):
-    room = {"bytes": 5_000}
+    room = {"bytes": 3_000}
     disk_of(monkeypatch, room)
     told, full = [], threading.Event()
 
@@ -222,27 +222,27 @@ def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypat
         full.set()
 
     with Recorder(tmp_path, "m", trouble=trouble) as recorder:
-        for step in range(500):
+        for step in range(100):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
         assert full.wait(60)
         room["bytes"] = 10**9
-        for step in range(500, 1000):
+        for step in range(100, 200):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
     assert [text.partition("; ")[2] for text in told] == [
         "the record waits in memory: make room on the disk",
         "nothing of the record is lost",
     ]
     log = Log(recorder.path)
-    assert [e.t for e in log if e.kind == "event"] == [float(step) for step in range(1000)]
+    assert [e.t for e in log if e.kind == "event"] == [float(step) for step in range(200)]
     assert log.ending is None
 
 
 def test_a_disk_that_stands_still_is_given_up_before_memory_is_full(tmp_path, monkeypatch):
-    going, write = threading.Event(), log_file._Sink.write
+    going, write = threading.Event(), record_file._Sink.write
     monkeypatch.setattr(
-        log_file._Sink, "write", lambda sink, data: going.wait(60) and write(sink, data)
+        record_file._Sink, "write", lambda sink, data: going.wait(60) and write(sink, data)
     )
-    monkeypatch.setattr(log_file, "MOST_WAITING", 50_000)
+    monkeypatch.setattr(record_file, "MOST_WAITING", 50_000)
     told = []
     with Recorder(tmp_path, "m", trouble=told.append) as recorder:
         steps = 0
@@ -270,6 +270,7 @@ def test_an_event_that_cannot_be_written_is_a_note_and_no_error(tmp_path, caplog
 
 KILLED = """
 import sys
+import time
 from pathlib import Path
 from air_router.record.recorder import Recorder
 from air_router.vehicle.vehicle import Telemetry
@@ -280,6 +281,7 @@ while True:
     step += 1
     recorder.event(Telemetry(float(step), Point(0.0, 0.0), 1.0), float(step))
     print(step, flush=True)  # waits when the pipe has no reader
+    time.sleep(0.002)
 """
 
 
@@ -292,17 +294,17 @@ def test_kill_9_costs_the_last_second_at_most(tmp_path):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     with process:
-        while int(process.stdout.readline()) < 700:
+        while int(process.stdout.readline()) < 100:
             pass
         (path,) = tmp_path.iterdir()
-        while not any(e.kind == "event" and e.value.time_s == 700 for e in Log(path)):
+        while not any(e.kind == "event" and e.value.time_s == 100 for e in Log(path)):
             process.stdout.readline()  # it goes on, and puts on the disk what is a second old
         process.send_signal(signal.SIGKILL)
     log = Log(path)
     events = [entry.value for entry in log if entry.kind == "event"]
     assert log.ending.startswith("it was cut off")
-    assert 700 <= len(events) == int(events[-1].time_s)
-    assert log_file.FLUSH_S <= 1.0
+    assert 100 <= len(events) == int(events[-1].time_s)
+    assert record_file.FLUSH_S <= 1.0
     with path.open("rb") as file:  # the public reader, up to its end
         found = []
         with contextlib.suppress(EndOfFile, struct.error):
@@ -316,7 +318,7 @@ def mcap(path, *messages, ours=None, topic="/event/x"):
         writer = Writer(file)
         writer.start()
         if ours is not None:
-            writer.add_metadata(log_file.LIBRARY, ours)
+            writer.add_metadata(record_file.LIBRARY, ours)
         schema = writer.register_schema("x", "jsonschema", b"{}")
         channel = writer.register_channel(topic, "json", schema)
         for message in messages:
@@ -326,31 +328,26 @@ def mcap(path, *messages, ours=None, topic="/event/x"):
 
 
 def test_a_file_that_is_no_record_is_told(tmp_path, flown):
+    path = tmp_path / "a.mcap"
     for data, message in (
         (b"", "not an MCAP file"),
         (b"\x89PNG\r\n\x1a\n" * 100, "not an MCAP file"),
         (flown.read_bytes()[:60], "it was cut off"),
     ):
-        (tmp_path / "a.mcap").write_bytes(data)
+        path.write_bytes(data)
         with pytest.raises(LogError, match=message):
-            list(read(tmp_path / "a.mcap"))
-
-
-@pytest.mark.parametrize("message", [None, b"5", b'"x"', b"{}", b"\x08\x96\x01", b"[" * 9_999])
-def test_a_record_of_another_program_is_told(tmp_path, message):
-    path = mcap(tmp_path / "a.mcap", *[] if message is None else [message])
-    with pytest.raises(LogError, match="an MCAP file, but not a flight's record"):
-        list(read(path))
+            list(read(path))
+    for messages in ([], [b"5"], [b"{}"], [b"\x08\x96\x01"], [b"[" * 9_999]):
+        with pytest.raises(LogError, match="an MCAP file, but not a flight's record"):
+            list(read(mcap(path, *messages)))
 
 
 @pytest.mark.parametrize(
     ("topic", "message", "why"),
     [
-        ("/event/x", b"5", "5 is not an object"),
         ("/event/x", b"[" * 9_999, "recursion"),
         ("/event/x", b'{"type": "Landed"}', "a message without 't'"),
         ("/event/x", b'{"t": "Infinity", "type": "GoOn"}', "'Infinity' is not a time"),
-        ("/event/x", b'{"t": 1e300, "type": "GoOn"}', "is not a time"),
         ("/event/x", b'{"t": 1, "type": "Landed"}', "'Landed' is no event or action"),
         ("/links", b'{"t": 1}', "is no LinkMetrics"),
         ("/patches", b'{"t": 1, "patch": 5}', ""),
@@ -360,7 +357,7 @@ def test_a_record_of_another_program_is_told(tmp_path, message):
     ],
 )
 def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
-    path = mcap(tmp_path / "a.mcap", message, ours={"format": log_file.FORMAT}, topic=topic)
+    path = mcap(tmp_path / "a.mcap", message, ours={"format": record_file.FORMAT}, topic=topic)
     with pytest.raises(LogError, match=f"not written by this version of air_router: .*{why}"):
         list(read(path))
 
@@ -371,7 +368,7 @@ def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
         chunks = make_reader(file).get_summary().chunk_indexes
     good, data = len(list(read(flown))), flown.read_bytes()
     shorter = 0
-    places = [*range(8, len(data), len(data) // 60), *(c.chunk_start_offset for c in chunks)]
+    places = [*range(8, len(data), len(data) // 40), *(c.chunk_start_offset for c in chunks)]
     for place in places:
         flown.write_bytes(data[:place] + bytes([data[place] ^ 0x55]) + data[place + 1 :])
         log = Log(flown)

@@ -9,10 +9,10 @@ from geo.frame import Point
 chunk = pytest.importorskip("rerun.chunk", reason="the extra `rerun` is not installed")
 
 
-@pytest.fixture
-def opened(record, tmp_path):
+@pytest.fixture(scope="module")
+def opened(record, tmp_path_factory):
     """Of each entity and component: the values by time, in seconds."""
-    target = tmp_path / "flight.rrd"
+    target = tmp_path_factory.mktemp("rerun") / "flight.rrd"
     assert main(["convert", str(record), str(target)]) == ExitCode.DONE
     reader = chunk.RrdReader(str(target))
     assert [entry.application_id for entry in reader.blueprints()] == ["air-router"]

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from air_router.controller.model.actions import Motion
 from air_router.record import serialization
 from air_router.record.log import RecordEntry
-from air_router.record.log_file import ORDER_KEY, RECENT
 from air_router.record.replay import Replay
 from air_router.record.replay import replay as replay_flight
+from air_router.record.serialization import ORDER_KEY, RECENT
 from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of

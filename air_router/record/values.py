@@ -2,35 +2,35 @@
 
 A value is written by what it is and read by the type that its dataclass declares: JSON knows no
 tuples and no classes. Dataclasses become objects with their name in `type`, named tuples objects
-without it, members of an enum their name, bytes base64, and numbers that JSON cannot write the
+without it, members of an enum their name, and numbers that JSON cannot write the
 texts "NaN", "Infinity" and "-Infinity".
 """
 
-import base64
 import dataclasses
+import math
 import operator
 import types
 import typing
 from collections.abc import Callable, Mapping
-from datetime import datetime, time, timedelta
+from datetime import datetime, time
 from enum import Enum
-from functools import cache, cached_property
-from pathlib import PurePath
+from functools import cache, cached_property, partial
+from itertools import repeat
+from pathlib import Path
 from types import NoneType
 from typing import Any, Final, get_args, get_origin
 
 import numpy as np
 
-from air_router.record.single_values import (
-    READERS,
-    CodecError,
-    Plain,
-    one_word,
-    shown,
-    write_float,
-)
+from air_router.errors import AirRouterError, ExitCode
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Shape, Zone
+
+Plain = Any
+"""What `json.dumps` takes and `json.loads` gives."""
+
+Decoder = Callable[[Plain], Any]
+"""Makes a value of plain data; raises CodecError."""
 
 TYPE_KEY: Final = "type"
 
@@ -56,6 +56,14 @@ _MADE_OF: Final[dict[Any, dict[str, Any]]] = {
 }
 """Classes that are no dataclasses, whose constructors take what attributes of these names hold."""
 
+_NOT_NUMBERS: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+
+
+class CodecError(AirRouterError, ValueError):
+    """Plain data that are no value of the type that they should be."""
+
+    exit_code = ExitCode.INVALID_FILE
+
 
 def recorded_name(kind: Any) -> str:
     """What records call a class."""
@@ -63,40 +71,118 @@ def recorded_name(kind: Any) -> str:
     return RECORDED_AS.get(name, name)
 
 
-# Writing
-
-
 def encode(value: object) -> Plain:
     """A value as plain data. Raises TypeError: it, or one within it, cannot be written."""
     kind: Any = type(value)
-    return _writer(kind)(value)
+    return _encoder(kind)(value)
 
 
 @cache
-def _writer(kind: type) -> Callable[[Any], Plain]:
+def _encoder(kind: type) -> Callable[[Any], Plain]:
     fields = fields_of(kind)
     if fields is not None:
-        tag: dict[str, Plain] = {TYPE_KEY: fields.name} if fields.tagged else {}
-        names = fields.recorded.items()
-        return lambda value: {**tag, **{key: encode(getattr(value, name)) for key, name in names}}
+        return fields.encode
     for base, write in _WRITERS.items():
         if issubclass(kind, base):
             return write
     raise TypeError(f"a {kind.__name__} cannot be recorded: no type that is written as JSON")
 
 
+@cache
+def decoder(hint: Any) -> Decoder:
+    """What makes a value of a declared type of plain data; it raises CodecError.
+
+    Raises:
+        TypeError: the type is none that can be written.
+    """
+    origin = get_origin(hint)
+    if origin in _GENERIC:
+        return _GENERIC[origin](get_args(hint))
+    if hint in _READERS:
+        return _READERS[hint]
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return _one_word(dict(hint.__members__), hint.__name__)
+    fields = fields_of(hint)
+    if fields is None:
+        raise TypeError(f"{hint!r} cannot be recorded: no type that is written as JSON")
+    return fields.decode
+
+
+def shown(plain: Plain) -> str:
+    """Plain data in a message, however long they are."""
+    text = repr(plain)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _exactly(kind: type) -> Decoder:
+    """Take plain data of this type as they are (True is no number)."""
+
+    def decode(plain: Plain) -> Any:
+        if type(plain) is not kind:
+            raise CodecError(f"{shown(plain)} is not {kind.__name__}")
+        return plain
+
+    return decode
+
+
+def _write_float(value: float) -> Plain:
+    if math.isfinite(value):
+        return float(value)
+    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+
+
+def _read_float(plain: Plain) -> float:
+    if type(plain) is float or type(plain) is int:
+        return plain
+    if isinstance(plain, str) and plain in _NOT_NUMBERS:
+        return _NOT_NUMBERS[plain]
+    raise CodecError(f"{shown(plain)} is not a number")
+
+
+def _from_text(read: Callable[[str], Any], what: str) -> Decoder:
+    def decode(plain: Plain) -> Any:
+        if type(plain) is not str:
+            raise CodecError(f"{shown(plain)} is not {what}")
+        try:
+            return read(plain)
+        except ValueError as error:
+            raise CodecError(f"{shown(plain)} is not {what}: {error}") from None
+
+    return decode
+
+
+def _one_word(words: Mapping[Any, Any], what: str) -> Decoder:
+    """What reads a word that stands for one of these members."""
+
+    def decode(plain: Plain) -> Any:
+        if not isinstance(plain, str | int) or plain not in words:
+            raise CodecError(f"{shown(plain)} is no {what}: {', '.join(map(str, words))}")
+        return words[plain]
+
+    return decode
+
+
+_READERS: Final[dict[Any, Decoder]] = {
+    bool: _exactly(bool),
+    int: _exactly(int),
+    float: _read_float,
+    str: _exactly(str),
+    NoneType: _exactly(NoneType),
+    datetime: _from_text(datetime.fromisoformat, "a time"),
+    time: _from_text(time.fromisoformat, "a time of day"),
+    Path: _from_text(Path, "a path"),
+}
+
 _WRITERS: Final[dict[type, Callable[[Any], Plain]]] = {  # the first that fits
     Enum: lambda value: value.name,
     bool: bool,
     int: operator.index,
-    float: write_float,
+    float: _write_float,
     str: str,
     NoneType: lambda _: None,
-    bytes: lambda value: base64.b64encode(value).decode("ascii"),
     datetime: datetime.isoformat,
     time: time.isoformat,
-    timedelta: lambda value: [value.days, value.seconds, value.microseconds],
-    PurePath: str,
+    Path: str,
     frozenset: lambda value: sorted(map(encode, value), key=repr),  # the same in every run
     tuple: lambda value: [encode(inner) for inner in value],
     list: lambda value: [encode(inner) for inner in value],
@@ -105,30 +191,7 @@ _WRITERS: Final[dict[type, Callable[[Any], Plain]]] = {  # the first that fits
 }
 
 
-# Reading
-
-
-@cache
-def decoder(hint: Any) -> Callable[[Plain], Any]:
-    """What makes a value of a declared type of plain data; it raises CodecError.
-
-    Raises:
-        TypeError: the type is none that can be written.
-    """
-    origin, arguments = get_origin(hint), get_args(hint)
-    if origin in _GENERIC:
-        return _GENERIC[origin](arguments)
-    if hint in READERS:
-        return READERS[hint]
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return one_word(dict(hint.__members__), hint.__name__)
-    fields = fields_of(hint)
-    if fields is None:
-        raise TypeError(f"{hint!r} cannot be recorded: no type that is written as JSON")
-    return fields.decode
-
-
-def _union(members: tuple[Any, ...]) -> Callable[[Plain], Any]:
+def _union(members: tuple[Any, ...]) -> Decoder:
     """The first member that the data are; objects are told apart by their `type`."""
     tagged = {fields.name: fields for m in members if (fields := fields_of(m)) and fields.tagged}
     others = [decoder(m) for m in members if m not in {fields.kind for fields in tagged.values()}]
@@ -151,31 +214,23 @@ def _union(members: tuple[Any, ...]) -> Callable[[Plain], Any]:
     return decode
 
 
-def _tuple(arguments: tuple[Any, ...]) -> Callable[[Plain], Any]:
-    if len(arguments) == 2 and arguments[1] is Ellipsis:
-        return _collection(tuple, arguments)
-    parts = [decoder(argument) for argument in arguments]
-
-    def decode(plain: Plain) -> Any:
-        if not isinstance(plain, list) or len(plain) != len(parts):
-            raise CodecError(f"{shown(plain)} is not a list of {len(parts)}")
-        return tuple(part(value) for part, value in zip(parts, plain, strict=True))
-
-    return decode
-
-
-def _collection(kind: Any, arguments: tuple[Any, ...]) -> Callable[[Plain], Any]:
-    read = decoder(arguments[0])
+def _sequence(kind: Any, arguments: tuple[Any, ...]) -> Decoder:
+    """Any number of one type, or a tuple of so many declared types."""
+    parts = [decoder(argument) for argument in arguments if argument is not Ellipsis]
+    fixed = kind is tuple and Ellipsis not in arguments
 
     def decode(plain: Plain) -> Any:
         if not isinstance(plain, list):
             raise CodecError(f"{shown(plain)} is not a list")
-        return kind(read(inner) for inner in plain)
+        if fixed and len(plain) != len(parts):
+            raise CodecError(f"{shown(plain)} is not a list of {len(parts)}")
+        readers = parts if fixed else repeat(parts[0], len(plain))
+        return kind(read(value) for read, value in zip(readers, plain, strict=True))
 
     return decode
 
 
-def _mapping(arguments: tuple[Any, ...]) -> Callable[[Plain], Any]:
+def _mapping(arguments: tuple[Any, ...]) -> Decoder:
     if arguments[0] is not str:
         raise TypeError(f"keys of {arguments[0]} cannot be recorded: JSON has texts only")
     read = decoder(arguments[1])
@@ -188,13 +243,13 @@ def _mapping(arguments: tuple[Any, ...]) -> Callable[[Plain], Any]:
     return decode
 
 
-_GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Callable[[Plain], Any]]]] = {
+_GENERIC: Final[dict[Any, Callable[[tuple[Any, ...]], Decoder]]] = {
     typing.Union: _union,
     types.UnionType: _union,
-    typing.Literal: lambda words: one_word({word: word for word in words}, "such word"),
-    tuple: _tuple,
-    list: lambda arguments: _collection(list, arguments),
-    frozenset: lambda arguments: _collection(frozenset, arguments),
+    typing.Literal: lambda words: _one_word({word: word for word in words}, "such word"),
+    tuple: partial(_sequence, tuple),
+    list: partial(_sequence, list),
+    frozenset: partial(_sequence, frozenset),
     dict: _mapping,
     Mapping: _mapping,
 }
@@ -205,8 +260,7 @@ class Fields:
 
     Attributes:
         kind: The class; `name`: what records call it.
-        names: Its fields that the constructor takes.
-        recorded: The same, by what records call each.
+        recorded: Its fields that the constructor takes, by what records call each.
         needed: Those of them that have no default.
         tagged: It is written with its name; named tuples are not.
     """
@@ -215,37 +269,31 @@ class Fields:
         self.kind = kind
         self.name = recorded_name(kind)
         self.tagged = True
-        missing = dataclasses.MISSING
-        optional: set[str] = set()
+        defaults: set[str] = set()
         if kind in _MADE_OF:
-            self.names = tuple(_MADE_OF[kind])
+            names = tuple(_MADE_OF[kind])
         elif dataclasses.is_dataclass(kind):
-            fields = [field for field in dataclasses.fields(kind) if field.init]
-            self.names = tuple(field.name for field in fields)
-            optional = {
-                field.name
-                for field in fields
-                if field.default is not missing or field.default_factory is not missing
-            }
+            parts = [part for part in dataclasses.fields(kind) if part.init]
+            names = tuple(part.name for part in parts)
+            defaults = {part.name for part in parts if part.default is not part.default_factory}
         else:
-            self.names, self.tagged = tuple(kind._fields), False
-            optional = set(kind._field_defaults)
-        if TYPE_KEY in self.names:
+            names, self.tagged = tuple(kind._fields), False
+            defaults = set(kind._field_defaults)
+        if TYPE_KEY in names:
             raise TypeError(f"{self.name} cannot be recorded: it has a field `{TYPE_KEY}`")
-        called = {name: FIELDS_RECORDED_AS.get((self.name, name), name) for name in self.names}
-        self.recorded = {key: name for name, key in called.items()}
-        self.needed = frozenset(self.names) - optional
+        self.recorded = {FIELDS_RECORDED_AS.get((self.name, name), name): name for name in names}
+        self.needed = frozenset(names) - defaults
 
     @cached_property
     def hints(self) -> dict[str, Any]:
         """The declared types of the fields."""
         found = _MADE_OF.get(self.kind) or typing.get_type_hints(self.kind)
-        return {name: found[name] for name in self.names}
+        return {name: found[name] for name in self.recorded.values()}
 
     @cached_property
-    def _readers(self) -> dict[str, Callable[[Plain], Any]]:
+    def _decoders(self) -> dict[str, Decoder]:
         """Made at the first use, because a class may contain itself."""
-        return {name: decoder(hint) for name, hint in self.hints.items()}
+        return {key: decoder(self.hints[name]) for key, name in self.recorded.items()}
 
     @cached_property
     def _absent(self) -> dict[str, Any]:
@@ -259,6 +307,13 @@ class Fields:
                 found[name] = ()
         return found
 
+    def encode(self, value: Any) -> Plain:
+        """A value of the class as an object."""
+        plain: dict[str, Plain] = {TYPE_KEY: self.name} if self.tagged else {}
+        for key, name in self.recorded.items():
+            plain[key] = encode(getattr(value, name))
+        return plain
+
     def decode(self, plain: Plain) -> Any:
         """A value of the class, made by its constructor."""
         tag = self.name if self.tagged else None
@@ -267,7 +322,7 @@ class Fields:
         values = dict(self._absent)
         for key, part in plain.items():
             if key != TYPE_KEY:
-                values[self.recorded[key]] = self._field(key, part)
+                values[self.recorded.get(str(key), "")] = self._field(key, part)
         if lacking := self.needed - values.keys():
             raise CodecError(f"{self.name} without {', '.join(sorted(lacking))}")
         try:
@@ -276,7 +331,7 @@ class Fields:
             raise CodecError(f"no {self.name}: {error}") from None
 
     def _field(self, key: str, plain: Plain) -> Any:
-        read = self._readers.get(self.recorded.get(key, ""))
+        read = self._decoders.get(key)
         if read is None:
             raise CodecError(f"{self.name} has no {shown(key)}")
         try:
@@ -288,9 +343,7 @@ class Fields:
 @cache
 def fields_of(hint: Any) -> Fields | None:
     """The parts of a type; None of one that has none."""
-    is_class = isinstance(hint, type) and get_origin(hint) is None
-    if is_class and (
-        hint in _MADE_OF or dataclasses.is_dataclass(hint) or hasattr(hint, "_fields")
-    ):
-        return Fields(hint)
-    return None
+    if not isinstance(hint, type) or get_origin(hint) is not None:
+        return None
+    known = hint in _MADE_OF or dataclasses.is_dataclass(hint) or hasattr(hint, "_fields")
+    return Fields(hint) if known else None
