@@ -89,15 +89,20 @@ class ScriptedPx4:
                     zeros = bytes(8)
                     version = (1 << 24) | (17 << 16)
                     self.say("autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1)
+                if message.param1 == mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION:
+                    self.say("flight_information", self._boot_ms(), 0, 0, 1)
             case "COMMAND_LONG" if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
                 self.acknowledge(message, 0)
             case "COMMAND_LONG" | "COMMAND_INT" | "MISSION_SET_CURRENT":
                 self.orders.append(message)
                 self._script(self, message)
 
+    def _boot_ms(self):
+        return round((time.monotonic() - self._booted_s) * 1e3) + 1000
+
     def _tell(self):
         latitude, longitude = self._place
-        boot_ms = round((time.monotonic() - self._booted_s) * 1e3) + 1000
+        boot_ms = self._boot_ms()
         self.say("global_position_int", boot_ms, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
         if not self.talks:
             return

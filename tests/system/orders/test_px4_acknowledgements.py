@@ -1,11 +1,9 @@
-"""No pilot is commanded over: what moves the vehicle leaves once, and again only on evidence.
+"""Which acknowledgement is that of which order; and a hold that leaves before the last one's came.
 
-Real MAVSDK over UDP against a vehicle that swallows acknowledgements, and does what a test says.
+Real MAVSDK over UDP against a vehicle that acknowledges late, twice, or to another station.
 """
 
 import asyncio
-import contextlib
-import itertools
 
 import pytest
 
@@ -14,262 +12,41 @@ from air_router.controller.model.events import CommandConfirmed
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.flight.motions import MotionSender
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import load_mission
-from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4_commands
-from air_router.vehicle.px4.px4 import Px4Vehicle
-from air_router.vehicle.px4.px4_motions import ATTEMPTS
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
+from tests.system.orders.verbs import (
+    ACCEPTED,
+    DENIED,
+    ELSEWHERE,
+    IN_PROGRESS,
+    ITEM,
+    JUMP,
+    LIMIT_S,
+    ORDERS,
+    STOP,
+    TEMPORARILY_REJECTED,
+    THERE,
+    deaf,
+    fails,
+    follows,
+    hold,
+    jump,
+    reposition,
+    set_item,
+    silent,
+    start,
+    state_for,
+)
 from tests.system.scripted_px4 import (
     ARM_DISARM,
     CHANGE_SPEED,
     GROUND,
     HOLD,
-    LAND,
-    LAND_NOW,
     MISSION,
     POSITION,
     REPOSITION,
-    SET_MODE,
-    ScriptedPx4,
 )
-
-LIMIT_S = 60
-ITEM = 5
-THERE, ELSEWHERE = Point(40.0, 30.0), Point(-60.0, 30.0)
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, IN_PROGRESS = 0, 1, 2, 5
-
-
-@pytest.fixture
-def mission(short_mission):
-    return load_mission(short_mission)
-
-
-@pytest.fixture
-def patient(monkeypatch):
-    """A test in which something was waited for to the end does not end."""
-    monkeypatch.setattr(px4_commands, "CONFIRM_S", 2.0 * LIMIT_S)
-    monkeypatch.setattr(px4_commands, "LONGEST_S", 2.0 * LIMIT_S)
-
-
-@pytest.fixture
-def run(mission, udp_port):
-    """Runs `script(vehicle, px4)` against a vehicle that does `answer(px4, order)`."""
-
-    def degrees(point):
-        return mission.frame.to_geodetic(point)
-
-    def start(answer, script, **state):
-        px4 = ScriptedPx4(udp_port, degrees(mission.home), answer)
-        px4.places = degrees
-
-        async def main():
-            vehicle = Px4Vehicle(mission, f"udpin://127.0.0.1:{udp_port}", VehicleClock())
-            try:
-                async with asyncio.timeout(LIMIT_S):
-                    await vehicle.connect()
-                    for name, value in state.items():
-                        setattr(px4, name, value)
-                    await vehicle.telemetry.wait_for(lambda: seen(vehicle.telemetry, px4))
-                    await script(vehicle)
-            finally:
-                await vehicle.close()
-
-        with contextlib.closing(px4):
-            asyncio.run(main())
-        return px4
-
-    return start
-
-
-def seen(telemetry, px4):
-    modes = {HOLD: FlightMode.HOLD, MISSION: FlightMode.MISSION}
-    target = px4.target is None or telemetry.target is not None
-    return (
-        telemetry.mode is modes[px4.mode]
-        and telemetry.armed == px4.armed
-        and telemetry.item == px4.item
-        and telemetry.in_air == (px4.landed != GROUND)
-        and target
-    )
-
-
-@pytest.fixture
-def hovering(mission):
-    """A vehicle in Hold that says where it hovers."""
-    return {"mode": HOLD, "target": mission.frame.to_geodetic(ELSEWHERE)}
-
-
-def fails(verb, match=None):
-    async def script(vehicle):
-        with pytest.raises(NotConfirmedError, match=match):
-            await verb(vehicle)
-
-    return script
-
-
-def hold(vehicle):
-    return vehicle.hold()
-
-
-def land(vehicle):
-    return vehicle.land()
-
-
-def start(vehicle):
-    return vehicle.start()
-
-
-def jump(vehicle):
-    return vehicle.jump(ITEM)
-
-
-def reposition(vehicle):
-    return vehicle.reposition(THERE, 30.0)
-
-
-WAITING = {"mode": HOLD, "landed": GROUND}
-ORDERS = {
-    hold: [("COMMAND_LONG", SET_MODE)],
-    land: [("COMMAND_LONG", LAND_NOW)],
-    start: [("COMMAND_LONG", SET_MODE)],
-    reposition: [("COMMAND_INT", REPOSITION)],
-}
-JUMP = [("MISSION_SET_CURRENT", None), ("COMMAND_LONG", SET_MODE)]
-STOP = [("COMMAND_INT", REPOSITION)]
-
-
-def state_for(verb):
-    return WAITING if verb is start else {}
-
-
-def silent(px4, _order):
-    px4.talks = False
-
-
-def deaf(_px4, _order):
-    pass
-
-
-def set_item(px4, order):
-    if order.get_type() == "MISSION_SET_CURRENT":
-        px4.item = order.seq
-
-
-@pytest.mark.parametrize("verb", ORDERS)
-def test_an_order_arrives_once_when_nothing_answers(run, verb):
-    # It may be taking off: only the flight that goes on listening will know.
-    px4 = run(silent, start if verb is start else fails(verb), **state_for(verb))
-    assert px4.commands() == ORDERS[verb]
-
-
-def test_a_stop_arrives_once_when_nothing_answers(run, hovering):
-    px4 = run(silent, fails(hold), **hovering)
-    assert px4.commands() == STOP
-
-
-@pytest.mark.parametrize("answer", [silent, deaf])
-def test_a_jump_and_its_mode_arrive_once(run, hovering, answer):
-    def item_only(px4, order):
-        set_item(px4, order)
-        if order.get_type() == "COMMAND_LONG":
-            answer(px4, order)
-
-    px4 = run(item_only, fails(jump), **hovering)
-    assert px4.commands() == JUMP
-
-
-def test_a_reposition_is_not_repeated_even_if_nothing_changes(run, hovering):
-    assert run(deaf, fails(reposition), **hovering).commands() == STOP
-
-
-@pytest.mark.parametrize("verb", [hold, land, start])
-def test_what_leads_to_no_place_is_repeated_while_nothing_changes(run, verb):
-    heartbeats = []
-    px4 = run(lambda px4, _order: heartbeats.append(px4.heartbeats), fails(verb), **state_for(verb))
-    assert px4.commands() == ORDERS[verb] * ATTEMPTS
-    assert [order.confirmation for order in px4.orders] == list(range(ATTEMPTS))
-    assert all(later > sooner for sooner, later in itertools.pairwise(heartbeats))
-
-
-def test_a_stop_is_repeated_while_nothing_changes(run, hovering):
-    assert run(deaf, fails(hold), **hovering).commands() == STOP * ATTEMPTS
-
-
-def takes_over(px4, _order):
-    px4.mode = POSITION
-
-
-@pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize("verb", ORDERS)
-def test_a_pilot_s_mode_ends_it_at_once(run, verb):
-    px4 = run(takes_over, fails(verb, "the pilot chose Position mode"), **state_for(verb))
-    assert px4.commands() == ORDERS[verb]
-
-
-@pytest.mark.usefixtures("patient")
-def test_a_pilot_s_mode_ends_a_stop_at_once(run, hovering):
-    assert run(takes_over, fails(hold, "the pilot chose"), **hovering).commands() == STOP
-
-
-def other_item(px4, _order):
-    px4.item = 7
-
-
-def disarms(px4, _order):
-    px4.armed = False
-
-
-@pytest.mark.parametrize(
-    ("verb", "choice"), [(hold, other_item), (land, other_item), (start, disarms)]
-)
-def test_a_pilot_s_choice_in_the_same_mode_is_not_followed_by_another_order(run, verb, choice):
-    px4 = run(choice, fails(verb), **state_for(verb))
-    assert px4.commands() == ORDERS[verb]
-
-
-def test_a_place_that_a_pilot_chooses_in_hold_is_not_followed_by_another_stop(run, hovering):
-    def diverts(px4, _order):
-        px4.target = px4.places(Point(90.0, 90.0))
-
-    assert run(diverts, fails(hold), **hovering).commands() == STOP
-
-
-def test_what_is_called_off_does_not_leave_again(run):
-    async def script(vehicle):
-        order = asyncio.create_task(vehicle.hold())
-        await first.wait()
-        order.cancel()
-        await asyncio.to_thread(px4s[0].wait_for_heartbeats, 60)  # MAVSDK repeats for 1.5 s
-
-    first, px4s = asyncio.Event(), []
-
-    def answer(px4, _order):
-        px4s.append(px4)
-        loop.call_soon_threadsafe(first.set)
-
-    async def with_loop(vehicle):
-        nonlocal loop
-        loop = asyncio.get_running_loop()
-        await script(vehicle)
-
-    loop = None
-    assert run(answer, with_loop).commands() == ORDERS[hold]
-
-
-def follows(px4, order):
-    """It does what it is told and acknowledges nothing."""
-    set_item(px4, order)
-    match getattr(order, "command", None):
-        case 176:
-            px4.mode = (int(order.param2) << 16) | (int(order.param3) << 24)
-        case 21:
-            px4.mode = LAND
-        case 192 if order.x == 2**31 - 1:
-            px4.target = px4.places(Point(0.5, 0.5))
-        case 192:
-            px4.mode, px4.target = HOLD, (order.x / 1e7, order.y / 1e7)
 
 
 @pytest.mark.parametrize("verb", ORDERS)
