@@ -18,7 +18,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
-PATIENT = {"test_px4_commands.py"}
+PATIENT = {"test_px4_commands.py", "test_px4_acknowledgements.py"}
 """Waits nearly all of its time."""
 
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
