@@ -25,14 +25,14 @@ from air_router.files.maps.feature_set import (
 from air_router.files.maps.geojson_write import geojson_text
 from air_router.files.maps.gpx_write import gpx_text, warn_of_losses
 from air_router.files.maps.kml_write import kml_text
+from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.qgc_items import NOT_FLOWN
-from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings, with_zones
-from air_router.files.qgc.waypoint_file import waypoints_text
+from air_router.files.missions.mission_write import mission_text
+from air_router.files.missions.qgc_items import NOT_FLOWN
+from air_router.files.missions.qgc_write import areas_of, plan_of, tell_settings, with_zones
+from air_router.files.missions.waypoint_file import waypoints_text
 from air_router.files.whole_file import write_whole
-from air_router.files.yaml.mission_write import mission_text
-from air_router.files.zip_document import kmz_of
-from air_router.files.zones.zone_files import add_zones, read_zones
+from air_router.files.xml_document import kmz_of
 from air_router.mission.foreign import foreign_draft
 from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import Mission

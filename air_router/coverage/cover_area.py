@@ -10,11 +10,11 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import MissionFileError, UsageError
+from air_router.files.maps.reading import FileZone, MapCircle, MapOutline
+from air_router.files.maps.zone_files import add_zones, placed, read_zones
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
+from air_router.files.missions.mission_form import AreaForm
 from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
-from air_router.files.yaml.mission_form import AreaForm
-from air_router.files.zones.reading import FileZone, MapCircle, MapOutline
-from air_router.files.zones.zone_files import add_zones, placed, read_zones
 from air_router.mission.airspaces import FlightWindow, airspaces_of
 from air_router.mission.loading import read_draft, validate
 from geo.airspace.airspace import FENCE, Airspace

@@ -10,9 +10,9 @@ import numpy as np
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, MissionFileError, UsageError
 from air_router.files.mission_document import MissionPoint
-from air_router.files.text.source import TextSource, spliced
-from air_router.files.yaml.mission_file import read_mission
-from air_router.files.yaml.mission_write import mission_text
+from air_router.files.missions.mission_file import read_mission
+from air_router.files.missions.mission_write import mission_text
+from air_router.files.text_edit import with_section
 from air_router.mission.loading import validate
 from geo.coverage.coverage import Coverage
 from geo.frame import Point
@@ -64,13 +64,16 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     draft = field.draft
     if draft.home is None:
         raise UsageError("a mission needs a home; give --home LAT,LON, or leave --out away")
-    old = _mission_text(source) if draft.source.path == source else None
-    if old is not None:
+    text = None
+    if draft.source.path == source and source.suffix.lower() in {".yaml", ".yml"}:
+        old = source.read_text(encoding="utf-8")
+        document = Document.from_text(old, source)
+        text = with_section(old, document, "waypoints", place_text(field, waypoints))
+    if text is not None:
         if folder.resolve() != source.parent.resolve() and (draft.team or draft.world):
             raise UsageError(
                 f"the mission names files beside it; write into {source.parent} as well"
             )
-        text = spliced(old.text, old.write_section("waypoints", place_text(field, waypoints)))
         _check_mission(text, source)
         return text
     draft.waypoints = [
@@ -83,14 +86,6 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     if draft.problems:
         raise MissionFileError(draft.problems)
     return mission_text(draft, folder)
-
-
-def _mission_text(path: Path) -> TextSource | None:
-    """The text of a YAML mission whose waypoints stand on lines of their own; None of any other."""
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        return None
-    source = TextSource.of_yaml(path.read_text(encoding="utf-8"), path)
-    return source if source.stands_on_lines("waypoints") else None
 
 
 def _check_mission(text: str, source: Path) -> None:

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 from shapely import Polygon, make_valid
 
+from air_router.editor.changes import Changes
 from air_router.editor.editable_mission import EditableMission
 from air_router.editor.features import Region
-from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
@@ -65,13 +65,13 @@ class MissionAnalysis:
         """Judge a text."""
         document = editable.mission_document()
         mission = validate(document)
-        editor = editable.editor
+        parts = editable.parts
         known = {area.keys for area in (*document.fences, *document.zones)}
-        unread = [region for region in editor.features.regions if region.keys not in known]
+        unread = [region for region in parts.features.regions if region.keys not in known]
         if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
             return cls(document, None, None, None, ())
         if unread:  # what is no area yet must not be planned across all the same
-            standing = [area for region in unread for area in _stand_ins(region, editor, document)]
+            standing = [area for region in unread for area in _stand_ins(region, parts, document)]
             zones = [*document.zones, *standing]
             mission = validate(replace(document, zones=zones, problems=[], notes=[])) or mission
         graph = WaypointGraph(mission)
@@ -84,12 +84,12 @@ class MissionAnalysis:
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
-def _stand_ins(region: Region, editor: TextEditor, document: MissionDocument) -> Iterator[Area]:
+def _stand_ins(region: Region, parts: Changes, document: MissionDocument) -> Iterator[Area]:
     """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
     if document.frame is None:
         return
     for ring in region.rings[:1]:
-        places = [editor.geodetic(corner.pair) for corner in ring.corners]
+        places = [parts.geodetic(corner.pair) for corner in ring.corners]
         points = [document.frame.to_local(*place) for place in places if place is not None]
         if len(points) < _LEAST_CORNERS:
             continue

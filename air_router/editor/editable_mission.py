@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from pathlib import Path
 
-from air_router.editor import edits
+from air_router.editor.changes import Changes, PlanChanges, YamlChanges
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.plan_editor import PlanEditor
-from air_router.editor.text_editor import TextEditor
-from air_router.editor.yaml_editor import YamlEditor
 from air_router.files.json_document import JsonDocument, json_from_text
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.qgc_read import plan_draft
-from air_router.files.text.source import spliced
-from air_router.files.yaml.mission_file import read_mission
+from air_router.files.missions.mission_file import read_mission
+from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.text_edit import rewritten
 from air_router.mission.foreign import check_own
 from mocha_link.team.document import Document, DocumentError
 
@@ -28,7 +26,7 @@ class EditableMission:
     path: Path
     text: str  # as it would be saved
     document: Document
-    editor: TextEditor
+    parts: Changes  # what of it can be changed; not changed itself
 
     @classmethod
     def read(cls, text: str, path: Path) -> EditableMission:
@@ -38,11 +36,11 @@ class EditableMission:
             DocumentError: it is not readable YAML or JSON, or another program's file.
         """
         check_own(path)
-        if _is_plan(path):
-            plan = json_from_text(text, path)
-            return cls(path, text, plan, PlanEditor(text, plan))
+        if path.suffix.lower() == ".plan":
+            document: Document = json_from_text(text, path)
+            return cls(path, text, document, PlanChanges(document.data))
         document = Document.from_text(text, path)
-        return cls(path, text, document, YamlEditor(text, document))
+        return cls(path, text, document, YamlChanges(document.data))
 
     def mission_document(self) -> MissionDocument:
         """What the text says, not yet validated."""
@@ -51,41 +49,20 @@ class EditableMission:
         return read_mission(self.document)
 
     def edited(self, edit: Edit) -> EditableMission:
-        """The text after an edit.
+        """The text after an edit: it says what was asked for, and all else as before.
 
         Raises:
             EditError: there is no such part, or the file is written in a way that has no place for
                 the change; the text is as it was.
             SourceError: likewise.
         """
+        changes = type(self.parts)(copy.deepcopy(self.document.data))
+        changes.make(edit)
         try:
-            new = EditableMission.read(spliced(self.text, self.editor.splices(edit)), self.path)
+            text = rewritten(self.text, self.document, changes.data)
+            after = EditableMission.read(text, self.path)
         except (DocumentError, ValueError):
             raise EditError(_BY_HAND) from None
-        before = sum(1 for _ in self.editor.features.handles())
-        after = sum(1 for _ in new.editor.features.handles())
-        if after - before != self._more(edit):
+        if after.document.data != changes.data:
             raise EditError(_BY_HAND)
-        return new
-
-    def _more(self, edit: Edit) -> int:
-        """How many handles an edit adds."""
-        match edit:
-            case edits.AddCorner() | edits.AddWaypoint() | edits.AddRallyPoint():
-                return 1
-            case edits.AddArea():
-                return len(edit.corners)
-            case edits.Redraw():
-                (region,) = (r for r in self.editor.features.regions if r.keys == edit.keys)
-                outline = region.rings[0].corners if region.circle is None else [region.circle]
-                return len(edit.corners) - len(outline)
-            case edits.Remove():
-                prefix = edit.keys
-                handles = self.editor.features.handles()
-                return -sum(handle.keys[: len(prefix)] == prefix for handle in handles)
-            case _:
-                return 0
-
-
-def _is_plan(path: Path) -> bool:
-    return path.suffix.lower() == ".plan"
+        return after

@@ -1,6 +1,6 @@
 """What the page may ask to be changed; checked like anything that comes over a socket."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -30,10 +30,14 @@ class EditError(AirRouterError):
 class _Edit(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
+    words: ClassVar[str]
+    """What undo calls it."""
+
 
 class Move(_Edit):
     """Move a place, a corner or a circle's centre."""
 
+    words: ClassVar[str] = "move"
     do: Literal["move"]
     keys: _Keys
     to: _Place
@@ -42,6 +46,7 @@ class Move(_Edit):
 class Shift(_Edit):
     """Move a whole area by as much as from one place to another."""
 
+    words: ClassVar[str] = "move area"
     do: Literal["shift"]
     keys: _Keys
     origin: _Place
@@ -51,6 +56,7 @@ class Shift(_Edit):
 class Resize(_Edit):
     """Give a circle another radius."""
 
+    words: ClassVar[str] = "resize circle"
     do: Literal["resize"]
     keys: _Keys
     radius_m: _Radius
@@ -59,6 +65,7 @@ class Resize(_Edit):
 class AddCorner(_Edit):
     """Insert a corner into a ring, before the one that has the index."""
 
+    words: ClassVar[str] = "insert corner"
     do: Literal["add_corner"]
     keys: _Keys
     index: _Index
@@ -68,6 +75,7 @@ class AddCorner(_Edit):
 class AddWaypoint(_Edit):
     """Insert a waypoint; with `index` waypoints before it."""
 
+    words: ClassVar[str] = "add waypoint"
     do: Literal["add_waypoint"]
     index: _Index
     at: _Place
@@ -76,6 +84,7 @@ class AddWaypoint(_Edit):
 class AddRallyPoint(_Edit):
     """Add a rally point."""
 
+    words: ClassVar[str] = "add rally point"
     do: Literal["add_rally_point"]
     at: _Place
 
@@ -83,6 +92,7 @@ class AddRallyPoint(_Edit):
 class AddArea(_Edit):
     """Add a no-fly zone or a fence: a polygon, or a circle around the only place."""
 
+    words: ClassVar[str] = "add zone"
     do: Literal["add_area"]
     fence: bool = False
     corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
@@ -92,6 +102,7 @@ class AddArea(_Edit):
 class Remove(_Edit):
     """Remove a place, a corner or an area."""
 
+    words: ClassVar[str] = "remove"
     do: Literal["remove"]
     keys: _Keys
 
@@ -99,6 +110,7 @@ class Remove(_Edit):
 class Rename(_Edit):
     """Give a no-fly zone another name."""
 
+    words: ClassVar[str] = "rename"
     do: Literal["rename"]
     keys: _Keys
     name: Annotated[str, Field(min_length=1, max_length=80)]
@@ -107,6 +119,7 @@ class Rename(_Edit):
 class SetAltitude(_Edit):
     """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
 
+    words: ClassVar[str] = "altitude"
     do: Literal["set_altitude"]
     keys: _Keys
     altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
@@ -115,6 +128,7 @@ class SetAltitude(_Edit):
 class SetValue(_Edit):
     """Change one of the mission's settings; None: its default."""
 
+    words: ClassVar[str] = "setting"
     do: Literal["set_value"]
     name: Literal[
         "name",
@@ -144,6 +158,7 @@ class SetValue(_Edit):
 class Seek(_Edit):
     """Seek these robots, in this order."""
 
+    words: ClassVar[str] = "whom to seek"
     do: Literal["seek"]
     robots: Annotated[
         tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)
@@ -153,6 +168,7 @@ class Seek(_Edit):
 class SetCrossing(_Edit):
     """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
 
+    words: ClassVar[str] = "crossing"
     do: Literal["set_crossing"]
     keys: _Keys
     crosses: bool
@@ -161,6 +177,7 @@ class SetCrossing(_Edit):
 class Redraw(_Edit):
     """Give an area another outline, a polygon."""
 
+    words: ClassVar[str] = "outline"
     do: Literal["redraw"]
     keys: _Keys
     corners: Annotated[tuple[_Place, ...], Field(min_length=3, max_length=500)]

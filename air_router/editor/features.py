@@ -9,10 +9,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from air_router.files.json_document import value_at
 from air_router.files.mission_document import Keys
+from air_router.files.missions.qgc_items import MavCommand
 
 Pair = tuple[float, float]
 """As the file has it: degrees (latitude first), or metres east and north."""
+
+
+ITEMS: Keys = ("mission", "items")
+POLYGONS: Keys = ("geoFence", "polygons")
+CIRCLES: Keys = ("geoFence", "circles")
+RALLY_POINTS: Keys = ("rallyPoints", "points")
+"""The lists of a QGroundControl plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,15 +30,15 @@ class Handle:
 
     Attributes:
         keys: Its name.
-        first: Where the first number stands (latitude, or metres east).
-        second: Where the second one stands.
+        numbers: The list that has them (latitude first, or metres east).
+        offset: Where in this list they begin.
         pair: Both.
         entry: What is removed with it; None if it cannot be removed.
     """
 
     keys: Keys
-    first: Keys
-    second: Keys
+    numbers: Keys
+    offset: int
     pair: Pair
     entry: Keys | None = None
 
@@ -38,7 +47,6 @@ class Handle:
 class CircleHandle:
     """A circle: its centre, and where its radius stands."""
 
-    keys: Keys
     centre: Handle  # moves the circle
     radius_keys: Keys
     radius_m: float
@@ -103,13 +111,11 @@ def yaml_features(data: Any) -> Features:
     features.rally_points = _spots(data, "rally_points")
     if data.get("fence") is not None:
         features.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
-    for index, value in enumerate(_items(data, "fences")):
-        fence: Keys = ("fences", index)
-        features.regions.append(_region(value, fence, "fence", fence, is_fence=True))
-    for index, value in enumerate(_items(data, "no_fly_zones")):
+    for keys, value in _entries(data, ("fences",)):
+        features.regions.append(_region(value, keys, "fence", keys, is_fence=True))
+    for number, (keys, value) in enumerate(_entries(data, ("no_fly_zones",)), start=1):
         name = value.get("name") if isinstance(value, dict) else None
-        name = name if isinstance(name, str) else f"zone {index + 1}"
-        keys: Keys = ("no_fly_zones", index)
+        name = name if isinstance(name, str) else f"zone {number}"
         features.regions.append(_region(value, keys, name, keys, is_fence=False))
     return features
 
@@ -135,7 +141,7 @@ def as_number(value: Any) -> float | None:
 def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | None:
     """A handle of a list that begins with a pair."""
     pair = as_pair(value)
-    return Handle(keys, (*keys, 0), (*keys, 1), pair, entry) if pair else None
+    return Handle(keys, keys, 0, pair, entry) if pair else None
 
 
 def ring_of(value: Any, keys: Keys) -> Ring | None:
@@ -155,16 +161,11 @@ def circle_of(value: Any, keys: Keys, *, centre: str, radius: str) -> CircleHand
     radius_m = as_number(value.get(radius))
     if handle is None or radius_m is None:
         return None
-    return CircleHandle(keys, handle, (*keys, radius), radius_m)
-
-
-def _items(data: dict[Any, Any], name: str) -> list[Any]:
-    value = data.get(name)
-    return value if isinstance(value, list) else []
+    return CircleHandle(handle, (*keys, radius), radius_m)
 
 
 def _spots(data: dict[Any, Any], name: str) -> list[Handle]:
-    spots = (_spot(v, (name, i), removable=True) for i, v in enumerate(_items(data, name)))
+    spots = (_spot(value, keys, removable=True) for keys, value in _entries(data, (name,)))
     return [spot for spot in spots if spot is not None]
 
 
@@ -179,6 +180,51 @@ def _region(value: Any, keys: Keys, name: str, entry: Keys | None, *, is_fence: 
     if not isinstance(area, dict):
         return Region(keys, name, is_fence, entry=entry)
     rings = [ring_of(area.get("polygon"), (*keys, "polygon"))]
-    rings += [ring_of(h, (*keys, "holes", i)) for i, h in enumerate(_items(area, "holes"))]
+    rings += [ring_of(hole, (*keys, *path)) for path, hole in _entries(area, ("holes",))]
     circle = circle_of(area.get("circle"), (*keys, "circle"), centre="centre", radius="radius_m")
     return Region(keys, name, is_fence, tuple(r for r in rings if r), circle, entry)
+
+
+def plan_features(data: Any) -> Features:
+    """The features of a QGroundControl plan; what surveys are made of stays with that program."""
+    features = Features()
+    home: Keys = ("mission", "plannedHomePosition")
+    features.home = handle_of(value_at(data, home), home)
+    features.origin = features.home.pair if features.home else None
+    for keys, item in _entries(data, ITEMS):
+        handle = _plan_waypoint(item, keys)
+        features.waypoints += [handle] if handle else []
+    for keys, point in _entries(data, RALLY_POINTS):
+        handle = handle_of(point, keys, keys)
+        features.rally_points += [handle] if handle else []
+    for path in (POLYGONS, CIRCLES):
+        for keys, value in _entries(data, path):
+            if isinstance(value, dict):
+                features.regions.append(_plan_region(features, value, keys))
+    return features
+
+
+def _plan_waypoint(item: Any, keys: Keys) -> Handle | None:
+    if not isinstance(item, dict) or item.get("command") != MavCommand.WAYPOINT:
+        return None
+    params = item.get("params")
+    if item.get("type") != "SimpleItem" or not isinstance(params, list) or len(params) < 7:
+        return None
+    pair = as_pair(params[4:6])
+    return Handle((*keys, "params", 4), (*keys, "params"), 4, pair, keys) if pair else None
+
+
+def _plan_region(features: Features, value: dict[Any, Any], keys: Keys) -> Region:
+    is_fence = value.get("inclusion") is True
+    number = sum(not region.is_fence for region in features.regions) + 1
+    name = "fence" if is_fence else f"zone {number}"
+    ring = ring_of(value.get("polygon"), (*keys, "polygon"))
+    circle = circle_of(value.get("circle"), (*keys, "circle"), centre="center", radius="radius")
+    return Region(keys, name, is_fence, (ring,) if ring else (), circle, keys)
+
+
+def _entries(data: Any, keys: Keys) -> Iterator[tuple[Keys, Any]]:
+    """The items of a list in a plan, with their keys; none where there is no list."""
+    value = value_at(data, keys)
+    for index, item in enumerate(value if isinstance(value, list) else []):
+        yield (*keys, index), item

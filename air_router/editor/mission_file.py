@@ -1,12 +1,16 @@
-"""The mission's file on the disk: read, watched, and replaced as a whole or not at all."""
+"""The mission's file on the disk: begun, read, watched, and replaced as a whole or not at all."""
 
 import codecs
 import hashlib
 from pathlib import Path
 
-from air_router.errors import AirRouterError
+from air_router.errors import AirRouterError, UsageError
+from air_router.files.missions.mission_write import first_mission_text
 from air_router.files.whole_file import bytes_of, text_in, write_whole
+from geo.frame import Geodetic, Point
 from mocha_link.team.document import MAX_BYTES, DocumentError
+
+_FIRST_WAYPOINT = Point(0.0, 40.0)
 
 
 class SaveError(AirRouterError):
@@ -85,3 +89,20 @@ class MissionFile:
                 f"{self.path.name} was changed on the disk meanwhile; load it again, "
                 "or overwrite it"
             )
+
+
+def write_starter(path: Path, home: Geodetic) -> None:
+    """Write a new mission around its home.
+
+    Raises:
+        UsageError: the file is there already or is no YAML.
+        SaveError: it cannot be written.
+    """
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise UsageError(f"{path}: new missions are YAML files; call it {path.stem}.yaml")
+    if path.exists():
+        raise UsageError(f"{path} is there already; leave --new out to edit it")
+    text = first_mission_text(
+        "air-router edit", home, [_FIRST_WAYPOINT], altitude_m=40, fence_radius_m=150
+    )
+    MissionFile(path).write(text, overwrite=True)

@@ -88,7 +88,7 @@ class EditSession:
         if after.text == self.editable.text:
             return
         analysis = MissionAnalysis.of(after)
-        step = _Step(after, _WORDS[type(edit)], gesture)
+        step = _Step(after, edit.words, gesture)
         del self._steps[self._now + 1 :]
         if goes_on:
             self._steps[self._now] = step
@@ -170,23 +170,4 @@ class EditSession:
     def _show(self, analysis: MissionAnalysis) -> None:
         self.revision += 1
         self._analysis = analysis
-        self._view = self._viewer.view(self.editable.editor, analysis)
-
-
-_WORDS: dict[type[Edit], str] = {
-    edits.Move: "move",
-    edits.Shift: "move area",
-    edits.Resize: "resize circle",
-    edits.AddCorner: "insert corner",
-    edits.AddWaypoint: "add waypoint",
-    edits.AddRallyPoint: "add rally point",
-    edits.AddArea: "add zone",
-    edits.Remove: "remove",
-    edits.Rename: "rename",
-    edits.SetAltitude: "altitude",
-    edits.SetValue: "setting",
-    edits.Seek: "whom to seek",
-    edits.SetCrossing: "crossing",
-    edits.Redraw: "outline",
-}
-"""What undo takes back."""
+        self._view = self._viewer.view(self.editable.parts, analysis)

@@ -6,9 +6,8 @@ from os.path import relpath
 from typing import Any
 
 from air_router.editor.analysis import MissionAnalysis
+from air_router.editor.changes import SECTIONS, Changes
 from air_router.editor.features import Handle, Pair, Region
-from air_router.editor.text_editor import TextEditor
-from air_router.editor.yaml_editor import SECTIONS
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
@@ -31,33 +30,33 @@ class Viewer:
         # by frame, shape and metres
         self._buffers: dict[tuple[LocalFrame, Shape, float], list[Rings]] = {}
 
-    def view(self, editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
+    def view(self, parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
         """Everything that the page draws."""
         problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
-        marks = _Marks(editor)
+        marks = _Marks(parts)
         shown = [marks.problem(problem, note=False) for problem in problems[0]]
         wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
         shown += [marks.problem(problem, note=True) for problem in problems[1]]
         return {
-            "places": list(_places(editor, analysis, wrong)),
-            "areas": list(self._areas(editor, analysis, wrong)),
+            "places": list(_places(parts, analysis, wrong)),
+            "areas": list(self._areas(parts, analysis, wrong)),
             "graph": _graph(analysis),
             "legs": _legs(analysis),
             "problems": shown,
-            "settings": _settings(editor, analysis),
+            "settings": _settings(parts, analysis),
         }
 
     def _areas(
-        self, editor: TextEditor, analysis: MissionAnalysis, wrong: set[Keys]
+        self, parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]
     ) -> Iterable[dict[str, Any]]:
         document = analysis.document
         areas = {
             area.keys: area for area in (*document.fences, *document.zones) if area.place is None
         }
-        for region in editor.features.regions:
+        for region in parts.features.regions:
             area = areas.get(region.keys)
             yield {
-                **_region(editor, region),
+                **_region(parts, region),
                 "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
                 "notes": _notes(area, analysis.mission),
                 "crosses": area is not None and area.crosses_fence,
@@ -124,24 +123,24 @@ def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any
 class _Marks:
     """Finds what a problem is about, and where to look."""
 
-    def __init__(self, editor: TextEditor) -> None:
+    def __init__(self, parts: Changes) -> None:
         self._places: dict[Keys, list[Degrees]] = {}  # of everything with keys of its own
-        for handle in editor.features.handles():
-            self._places[handle.keys] = _known([_on_map(editor, handle.pair)])
+        for handle in parts.features.handles():
+            self._places[handle.keys] = _known([_on_map(parts, handle.pair)])
             if handle.entry:
                 self._places[handle.entry] = self._places[handle.keys]
         # of an entry, the handle in it
-        self._names = {handle.entry: handle.keys for handle in editor.features.handles()}
-        for region in editor.features.regions:
+        self._names = {handle.entry: handle.keys for handle in parts.features.handles()}
+        for region in parts.features.regions:
             corners = [corner for ring in region.rings for corner in ring.corners]
             corners += [region.circle.centre] if region.circle else []
-            places = _known(_on_map(editor, corner.pair) for corner in corners)
+            places = _known(_on_map(parts, corner.pair) for corner in corners)
             self._places[region.keys] = places
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
         """A problem, with the keys of what is wrong on the map and the places to zoom to."""
-        parts = (problem.keys[:count] for count in range(len(problem.keys), 0, -1))
-        keys = next((part for part in parts if part in self._places), None)
+        outer = (problem.keys[:count] for count in range(len(problem.keys), 0, -1))
+        keys = next((keys for keys in outer if keys in self._places), None)
         return {
             "code": problem.code,
             "message": problem.message,
@@ -155,15 +154,15 @@ class _Marks:
 
 
 def _places(
-    editor: TextEditor, analysis: MissionAnalysis, wrong: set[Keys]
+    parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]
 ) -> Iterable[dict[str, Any]]:
-    features, document = editor.features, analysis.document
+    features, document = parts.features, analysis.document
     spots = {spot.keys: spot for spot in document.waypoints}
     numbers = {spot.keys: number for number, spot in enumerate(document.waypoints, start=1)}
     kinds = [("home", [features.home] if features.home else []), ("waypoint", features.waypoints)]
     for kind, handles in [*kinds, ("rally", features.rally_points)]:
         for index, handle in enumerate(handles, start=1):
-            at = _on_map(editor, handle.pair)
+            at = _on_map(parts, handle.pair)
             if at is None:
                 continue
             spot = spots.get(handle.keys)
@@ -192,14 +191,14 @@ def _places(
             }
 
 
-def _region(editor: TextEditor, region: Region) -> dict[str, Any]:
+def _region(parts: Changes, region: Region) -> dict[str, Any]:
     rings = [
         {"keys": list(ring.keys), "corners": corners}
         for ring in region.rings
-        if len(corners := _corners(editor, ring.corners)) == len(ring.corners)
+        if len(corners := _corners(parts, ring.corners)) == len(ring.corners)
     ]
     circle = None
-    if region.circle and (centre := _on_map(editor, region.circle.centre.pair)):
+    if region.circle and (centre := _on_map(parts, region.circle.centre.pair)):
         circle = {
             "keys": list(region.circle.centre.keys),
             "centre": list(centre),
@@ -217,8 +216,8 @@ def _region(editor: TextEditor, region: Region) -> dict[str, Any]:
     }
 
 
-def _corners(editor: TextEditor, corners: Iterable[Handle]) -> list[Degrees]:
-    return _known(_on_map(editor, corner.pair) for corner in corners)
+def _corners(parts: Changes, corners: Iterable[Handle]) -> list[Degrees]:
+    return _known(_on_map(parts, corner.pair) for corner in corners)
 
 
 def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
@@ -265,11 +264,11 @@ def _legs(analysis: MissionAnalysis) -> list[dict[str, Any]]:
     ]
 
 
-def _settings(editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
+def _settings(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
     document, length_m = analysis.document, analysis.length_m()
     return {
         "name": document.name,
-        "settable": editor.settable,
+        "settable": parts.settable,
         **{name: getattr(document, name) for name in _NUMBERS},
         **asdict(document.timers),
         **{name: getattr(document.planner, name) for name in SECTIONS["planner"]},
@@ -295,9 +294,9 @@ def _robots(document: MissionDocument) -> list[dict[str, Any]]:
     return [{"name": name, "sought": name in sought} for name in names]
 
 
-def _on_map(editor: TextEditor, pair: Pair) -> Pair | None:
+def _on_map(parts: Changes, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
-    place, origin = editor.geodetic(pair), editor.features.origin
+    place, origin = parts.geodetic(pair), parts.features.origin
     return place if place is None or origin is None else beside(origin, place)
 
 

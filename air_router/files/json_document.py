@@ -16,8 +16,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from air_router.files.whole_file import bytes_of, text_in
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.error_text import Key
@@ -30,11 +28,12 @@ _SUSPICIOUS = re.compile(r"\\u[dD][89a-fA-F]|[eE]\+?[0-9]{3}|[0-9]{300}")
 """Text that may spell half a character or a number that is none; most files have nothing such."""
 
 _BRACKETS = re.compile(r"[][{}]")
-_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}:,]|[^][{}:,"\s]+', re.DOTALL)
+_TEXT_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]', re.DOTALL)
 _BLANKS = re.compile(r"[ \t\r\n]*")
 _ADVICE: Final = "save the file again with the program that made it"
 
-_decode = json.JSONDecoder().raw_decode
+_DECODER = json.JSONDecoder(parse_int=lambda t: int(t) if len(t) <= _MAX_DIGITS else math.inf)
+_decode = _DECODER.raw_decode
 
 
 def load_json(path: Path) -> JsonDocument:
@@ -52,18 +51,15 @@ def json_from_text(text: str, path: Path) -> JsonDocument:
     try:
         if _SUSPICIOUS.search(text) or _may_be_deep(text):
             _check(text)
-        data = json.loads(text, object_pairs_hook=_once, parse_constant=_refuse)
+        try:
+            data = json.loads(text, object_pairs_hook=_once, parse_constant=_refuse)
+        except _StrangeError:
+            _check(text)
+            raise
     except json.JSONDecodeError as error:
         fault = _FaultError(error.pos, f"not valid JSON: {error.msg}; {_ADVICE}", "not-json")
     except _FaultError as error:
         fault = error
-    except ValueError as error:
-        try:
-            _check(text)
-        except _FaultError as found:
-            fault = found
-        else:
-            fault = _FaultError(0, f"not valid JSON: {error}; {_ADVICE}", "not-json")
     else:
         return JsonDocument(path, data, text)
     place = _Lines(text).place(fault.index)
@@ -90,14 +86,15 @@ class JsonDocument(Document):
 
     Attributes:
         text: The file's.
+        start: Where its outermost value begins, in characters.
     """
 
     def __init__(self, path: Path, data: Any, text: str) -> None:
         super().__init__(path, None, data)
         self.text = text
+        self.start = _blanks_end(text, 0)
         self._lines = _Lines(text)
-        # by the start of their parent: start, end
-        self._children: dict[int, dict[str, tuple[int, int]]] = {}
+        self._children: dict[int, dict[str, tuple[int, int]]] = {}  # by the start of their parent
 
     def place(self, *keys: Key) -> tuple[int, int]:
         """Line and column (1-based) of the value at a key path, or of its nearest parent."""
@@ -107,42 +104,24 @@ class JsonDocument(Document):
         """Line and column (1-based) of the last key itself, or of its nearest parent."""
         return self._lines.place(self._walk(keys)[0])
 
-    def node(self, *keys: Key) -> yaml.Node | None:
-        """The value at a key path, or its nearest parent, as YAML's parser would give it."""
-        return self._node(self._walk(keys)[1])
-
-    def _walk(self, keys: tuple[Key, ...]) -> tuple[int, int]:
-        """Where the key and the value at a key path begin."""
-        start = _blanks_end(self.text, 0)
-        found = (start, start)
-        for key in keys:
-            if self.text[found[1] : found[1] + 1] not in ("[", "{"):
-                break
-            found = self._inside(found[1]).get(str(key), found)
-        return found
-
-    def _inside(self, start: int) -> dict[str, tuple[int, int]]:
-        """Where the keys (or numbers) and the values of the object or list at `start` begin."""
+    def children_of(self, start: int) -> dict[str, tuple[int, int]]:
+        """Where keys (or numbers) and values of the object or list at a character begin."""
         if start not in self._children:
             self._children[start] = _children(self.text, start)
         return self._children[start]
 
-    def _node(self, start: int) -> yaml.Node:
-        value, end = _decode(self.text, start)
-        marks = self._mark(start), self._mark(end)
-        if isinstance(value, list):
-            items = [self._node(at) for _, at in self._inside(start).values()]
-            return yaml.SequenceNode("", items, *marks, flow_style=True)
-        if isinstance(value, dict):
-            pairs = [(self._node(key), self._node(at)) for key, at in self._inside(start).values()]
-            return yaml.MappingNode("", pairs, *marks, flow_style=True)
-        if isinstance(value, str):
-            return yaml.ScalarNode("", value, *marks, '"')
-        return yaml.ScalarNode("", self.text[start:end], *marks, None)
+    def end_of(self, start: int) -> int:
+        """Behind the last character of the value at a character."""
+        return _decode(self.text, start)[1]
 
-    def _mark(self, index: int) -> yaml.Mark:
-        line, column = self._lines.place(index)
-        return yaml.Mark("", index, line - 1, column - 1, None, 0)
+    def _walk(self, keys: tuple[Key, ...]) -> tuple[int, int]:
+        """Where the key and the value at a key path begin."""
+        found = (self.start, self.start)
+        for key in keys:
+            if self.text[found[1] : found[1] + 1] not in ("[", "{"):
+                break
+            found = self.children_of(found[1]).get(str(key), found)
+        return found
 
 
 class _FaultError(ValueError):
@@ -151,6 +130,10 @@ class _FaultError(ValueError):
     def __init__(self, index: int, message: str, code: str) -> None:
         super().__init__(message)
         self.index, self.code = index, code  # character in the text
+
+
+class _StrangeError(ValueError):
+    """Something that the standard library reads and we do not is somewhere in a text."""
 
 
 class _Lines:
@@ -175,6 +158,7 @@ def _blanks_end(text: str, start: int) -> int:
 
 
 def _children(text: str, start: int) -> dict[str, tuple[int, int]]:
+    """As `JsonDocument.children_of`. Raises _FaultError: a key is repeated."""
     children: dict[str, tuple[int, int]] = {}
     is_list = text[start] == "["
     at = _blanks_end(text, start + 1)
@@ -183,6 +167,10 @@ def _children(text: str, start: int) -> dict[str, tuple[int, int]]:
         if not is_list:
             key, end = _decode(text, at)
             value_at = _blanks_end(text, _blanks_end(text, end) + 1)
+        if key in children:
+            line = text.count("\n", 0, children[key][0]) + 1
+            message = f"key '{key[:40]}' is already on line {line}; remove one"
+            raise _FaultError(at, message, "repeated-key")
         children[key] = (at, value_at)
         _, end = _decode(text, value_at)
         at = _blanks_end(text, end)
@@ -194,12 +182,12 @@ def _children(text: str, start: int) -> dict[str, tuple[int, int]]:
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
-        raise ValueError("a key is repeated")
+        raise _StrangeError("a key is repeated")
     return result
 
 
 def _refuse(word: str) -> None:
-    raise ValueError(word)
+    raise _StrangeError(word)
 
 
 def _may_be_deep(text: str) -> bool:
@@ -213,53 +201,35 @@ def _may_be_deep(text: str) -> bool:
 
 
 def _check(text: str) -> None:
-    """Look for what the standard library reads and we do not. Raises _FaultError."""
-    inside: list[dict[str, int]] = []  # of each open object the keys so far, and where they stand
-    before = ""
-    for match in _TOKEN.finditer(text):
-        symbol, at = match[0], match.start()
-        if symbol in "[{":
-            inside.append({})
-            if len(inside) > MAX_DEPTH:
-                raise _FaultError(at, f"nested more than {MAX_DEPTH} deep; {_ADVICE}", "too-deep")
-        elif symbol in "]}":
-            del inside[-1:]
-        elif symbol.startswith('"'):
-            word, behind = _word(symbol, at), _blanks_end(text, match.end())
-            if inside and before in ("{", ",") and text[behind : behind + 1] == ":":
-                _check_key(word, at, inside[-1], text)
-        elif symbol not in ":,":
-            _check_value(symbol, at)
-        before = symbol
+    """Look for what the standard library reads and we do not.
+
+    Raises:
+        _FaultError: there is something such.
+        JSONDecodeError: it is not JSON.
+    """
+    depth = 0
+    for match in _TEXT_OR_BRACKET.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(match[0], 0)
+        if depth > MAX_DEPTH:
+            message = f"nested more than {MAX_DEPTH} deep; {_ADVICE}"
+            raise _FaultError(match.start(), message, "too-deep")
+    _DECODER.decode(text)
+    _check_value(text, _blanks_end(text, 0))
 
 
-def _word(symbol: str, at: int) -> str:
-    try:
-        word = str(json.loads(symbol))
-        word.encode()
-    except UnicodeEncodeError:
+def _check_value(text: str, at: int) -> None:
+    value, end = _decode(text, at)
+    if isinstance(value, dict | list):
+        for key_at, value_at in _children(text, at).values():
+            if key_at != value_at:
+                _check_value(text, key_at)
+            _check_value(text, value_at)
+    elif isinstance(value, str) and re.search("[\ud800-\udfff]", value):
         message = "half a character (a lone surrogate) in text; remove it"
-        raise _FaultError(at, message, "not-json") from None
-    except ValueError:
-        raise _FaultError(at, f"not valid JSON: a wrong text; {_ADVICE}", "not-json") from None
-    return word
-
-
-def _check_key(word: str, at: int, known: dict[str, int], text: str) -> None:
-    if word in known:
-        line = text.count("\n", 0, known[word]) + 1
-        message = f"key '{word[:40]}' is already on line {line}; remove one"
-        raise _FaultError(at, message, "repeated-key")
-    known[word] = at
-
-
-def _check_value(symbol: str, at: int) -> None:
-    if symbol in ("NaN", "Infinity", "-Infinity"):
-        raise _FaultError(at, f"not valid JSON: {symbol} is no number; correct it", "not-json")
-    try:
-        finite = len(symbol) <= _MAX_DIGITS and math.isfinite(float(symbol))
-    except ValueError:  # a word; the standard library says what is wrong with it
-        return
-    if not finite:
-        message = f"the number {symbol[:20]}... is none that a map can have; correct it"
-        raise _FaultError(at, message, "out-of-range")
+        raise _FaultError(at, message, "not-json")
+    elif isinstance(value, float) and not math.isfinite(value):
+        if text[end - 1].isdigit():
+            message = f"the number {text[at:end][:20]}... is none that a map can have; correct it"
+            raise _FaultError(at, message, "out-of-range")
+        message = f"not valid JSON: {text[at:end]} is no number; correct it"
+        raise _FaultError(at, message, "not-json")

@@ -1,11 +1,15 @@
 """XML files as trees whose elements know their place; without entities, and bounded.
 
 A document type can define entities that expand without end or that read other files. Nothing that
-we read needs one, so a file that has one is refused before anything in it takes effect.
+we read needs one, so a file that has one is refused before anything in it takes effect. KMZ, a KML
+file in a zip archive, is read without unpacking more than a map needs.
 """
 
 from __future__ import annotations
 
+import io
+import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -120,3 +124,39 @@ class _Builder:
 
     def _place(self) -> tuple[int, int]:
         return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
+
+
+def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
+    """The KML of a KMZ file: `doc.kml`, or the first other one, as Google Earth takes it.
+
+    Raises:
+        DocumentError: it is no zip archive, holds no KML, or one that is larger than `max_bytes`.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            if not names:
+                raise DocumentError.at(
+                    path, "no KML in this KMZ; export it again", "unknown-format"
+                )
+            name = "doc.kml" if "doc.kml" in names else names[0]
+            with archive.open(name) as file:
+                kml = file.read(max_bytes + 1)
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
+        message = "not a KMZ: no whole zip archive; export it again"
+        raise DocumentError.at(path, message, "unknown-format") from None
+    except (NotImplementedError, RuntimeError):  # an unknown compression; a password
+        message = "packed in a way that is not read; unzip it and name the .kml in it"
+        raise DocumentError.at(path, message, "unknown-format") from None
+    if len(kml) > max_bytes:
+        message = f"unpacks to more than {max_bytes} bytes; cut out what the mission needs"
+        raise DocumentError.at(path, message, "too-large")
+    return kml
+
+
+def kmz_of(kml: str) -> bytes:
+    """A KMZ file with this KML; the same bytes for the same text."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(zipfile.ZipInfo("doc.kml"), kml, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()

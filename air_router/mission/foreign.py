@@ -7,9 +7,9 @@ from air_router.errors import UsageError
 from air_router.files.gpx_document import gpx_draft, read_gpx
 from air_router.files.json_document import MAX_BYTES
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.waypoint_file import read_waypoints
+from air_router.files.missions.sim_plan import SUFFIX, sim_plan_draft
+from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import bytes_of, text_in
-from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
 from geo.frame import Geodetic
 from mocha_link.team.document import Document, DocumentError
 

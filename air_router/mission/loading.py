@@ -7,8 +7,8 @@ from typing import Final
 
 from air_router.errors import MissionFileError, UsageError
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.qgc_read import read_plan
-from air_router.files.yaml.mission_file import read_mission
+from air_router.files.missions.mission_file import read_mission
+from air_router.files.missions.qgc_read import read_plan
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from air_router.cli.arguments import home
 from air_router.errors import ExitCode, UsageError
-from air_router.files.text.rendering import degrees
+from air_router.files.text_values import degrees_text
 from air_router.mission.loading import load_mission
 from air_router.start.answers import altitude, answered, name, robots
 from air_router.start.texts import ROVERS, first_places, texts_of
@@ -67,7 +67,7 @@ def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
     endpoint, place = f"ipc:///tmp/{robot}", first_places(len(kinds))[0]
     where = f"{place.east_m:.0f},{place.north_m:.0f}"
     if kind != "ros2":
-        where = ",".join(map(degrees, LocalFrame(at).to_geodetic(place)))
+        where = ",".join(map(degrees_text, LocalFrame(at).to_geodetic(place)))
     mission, program = folder / "mission.yaml", folder / ROVERS[kind]
     lines = [
         "next:",

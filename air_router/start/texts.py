@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from air_router.files.text.first_mission import mission_text
-from air_router.files.text.rendering import degrees
+from air_router.files.missions.mission_write import first_mission_text
+from air_router.files.text_values import degrees_text
 from geo.frame import Geodetic, Point
 
 ROVERS: Final = {"json": "rover_json.py", "ros1": "rover_ros1.py", "ros2": "rover_ros2.py"}
@@ -102,7 +102,7 @@ def texts_of(
     places = first_places(len(robots))
     kinds = dict.fromkeys(robots.values())
     texts = {
-        "mission.yaml": mission_text(
+        "mission.yaml": first_mission_text(
             "air-router new", home, places, altitude_m=altitude_m, fence_radius_m=_FENCE_M
         )
         + _MISSION.format(
@@ -111,7 +111,7 @@ def texts_of(
             accepts=_ACCEPTS if altitude_m > _PX4_RETURN_M else "",
         ),
         "team.yaml": _TEAM.format(
-            robots=_robots(", ".join(map(degrees, home)), uav, robots),
+            robots=_robots(", ".join(map(degrees_text, home)), uav, robots),
             occupancy="" if set(kinds) == {"json"} else _OCCUPANCY,
             kinds="\n".join(_KINDS[kind] for kind in kinds),
         ),

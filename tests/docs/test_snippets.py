@@ -46,7 +46,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
         "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
     ),
     "mission-file.md yaml": (
-        "air_router/files/yaml/test_mission_file.py::"
+        "air_router/files/missions/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
     ),
     "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",

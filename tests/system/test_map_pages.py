@@ -10,10 +10,9 @@ import pytest
 
 from air_router.control.command_request import CommandRequestError
 from air_router.controller.flight_setup import FlightSetup
-from air_router.editor.mission_file import MissionFile
+from air_router.editor.mission_file import MissionFile, write_starter
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
-from air_router.editor.starter import write_starter
 from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission

@@ -1,1 +1,1 @@
-"""A mission as map programs show it: features in degrees, GeoJSON and KML."""
+"""No-fly zones and missions in the formats of map programs and authorities."""

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from air_router.files.altitudes import Altitudes
+from air_router.files.maps.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
+from air_router.files.maps.zone_files import placed, unique_names
 from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.zones.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
-from air_router.files.zones.zone_files import placed, unique_names
 from geo.airspace.zone import Circle, Ring, Shape
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.validity import Validity

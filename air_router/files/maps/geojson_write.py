@@ -16,8 +16,8 @@ from shapely.geometry.polygon import orient
 from air_router.files.altitudes import Altitudes
 from air_router.files.json_document import json_text
 from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint
-from air_router.files.zones.properties import active_of
-from air_router.files.zones.reading import MapCircle, MapOutline, MapRing
+from air_router.files.maps.properties import active_of
+from air_router.files.maps.reading import MapCircle, MapOutline, MapRing
 from geo.airspace.zone import polygons_of
 from geo.frame import Geodetic
 

@@ -6,7 +6,7 @@ from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.gpx_document import HOME, RALLY_POINT
 from air_router.files.maps.feature_set import FeatureSet, MapArea, MapPoint
 from air_router.files.maps.kml_write import add, decimal
-from air_router.files.zones.reading import MapCircle
+from air_router.files.maps.reading import MapCircle
 from geo.frame import Geodetic
 from geo.geodesic import circle_around
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 from air_router.files.altitudes import AltitudeLimit, Reference
 from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint, counterclockwise
 from air_router.files.maps.geojson_write import terms_properties
-from air_router.files.zones.reading import MapCircle, MapRing
+from air_router.files.maps.reading import MapCircle, MapRing
 from geo.geodesic import circle_around
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"

@@ -11,7 +11,7 @@ import shapely
 import yaml
 
 from air_router.errors import MissionFileError
-from air_router.files.yaml.mission_file import read_mission
+from air_router.files.missions.mission_file import read_mission
 from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
 from geo.frame import Point

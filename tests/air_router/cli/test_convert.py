@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode
+from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.waypoint_file import read_waypoints
+from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
-from air_router.files.zones.zone_files import read_zones
 from air_router.mission.loading import load_mission, read_draft
 from geo.airspace.zone import Circle
 from mocha_link.team.document import DocumentError

@@ -13,12 +13,10 @@ from air_router.cli.arguments import home
 from air_router.cli.cli import main
 from air_router.editor import edits
 from air_router.editor.analysis import LegKind
+from air_router.editor.changes import PlanChanges, YamlChanges
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_file import ChangedOnDiskError, MissionFile, SaveError
-from air_router.editor.plan_editor import PlanEditor
+from air_router.editor.mission_file import ChangedOnDiskError, MissionFile, SaveError, write_starter
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
-from air_router.editor.starter import write_starter
-from air_router.editor.yaml_editor import YamlEditor
 from air_router.errors import ExitCode, UsageError
 from mocha_link.team.document import DocumentError
 
@@ -40,7 +38,7 @@ def changed_lines(before, after):
     return [line for line in lines if line[:1] in "+-"]
 
 
-@pytest.mark.parametrize("editor", [PlanEditor, YamlEditor])
+@pytest.mark.parametrize("editor", [PlanChanges, YamlChanges])
 def test_every_edit_is_known_to_every_editor(editor):
     for edit in get_args(edits.Edit):
         (name,) = get_args(edit.model_fields["do"].annotation)
@@ -284,11 +282,11 @@ def test_a_plan_is_edited_in_place(plan):
 
 
 def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
-    handles = list(plan.editable.editor.features.handles())
+    handles = list(plan.editable.parts.features.handles())
     assert len(handles) > 90
     for handle in handles[::20]:
         plan.edit(move(handle.keys, FREE))
-        (moved,) = [h for h in plan.editable.editor.features.handles() if h.keys == handle.keys]
+        (moved,) = [h for h in plan.editable.parts.features.handles() if h.keys == handle.keys]
         assert moved.pair == FREE
 
 

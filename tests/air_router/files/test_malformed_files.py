@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.files.zones.zone_files import read_zones
+from air_router.files.maps.zone_files import read_zones
 from air_router.mission.loading import load_mission
 from mocha_link.team.document import DocumentError
 

@@ -10,7 +10,7 @@ import pytest
 
 from air_router.cli.cli import main
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.yaml.mission_write import mission_text
+from air_router.files.missions.mission_write import mission_text
 from air_router.mission.fence_plan import fence_plan
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.flown import load_flown

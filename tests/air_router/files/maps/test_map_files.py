@@ -21,11 +21,11 @@ from air_router.files.maps.feature_set import (
     corners_of,
     feature_set_of,
 )
+from air_router.files.maps.geojson import read_geojson
 from air_router.files.maps.geojson_write import geojson_of, geojson_text
+from air_router.files.maps.kml import read_kml
 from air_router.files.maps.kml_write import kml_text
-from air_router.files.zones.geojson import read_geojson
-from air_router.files.zones.kml import read_kml
-from air_router.files.zones.reading import MapCircle, MapOutline
+from air_router.files.maps.reading import MapCircle, MapOutline
 from air_router.mission.loading import read_draft
 from geo.degree_lines import dense_ring
 from geo.frame import Geodetic, LocalFrame, Point

@@ -1,0 +1,259 @@
+"""No-fly zones from KML: polygons with holes, in folders and multi-geometries; circles of ours.
+
+A polygon that is extruded down to the ground ends at its altitude; any other has no altitude
+limit. `ExtendedData` may say more, with the names of the mission file (`clearance_m`, `upper_m`).
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
+from air_router.files.maps.properties import terms_of
+from air_router.files.maps.reading import (
+    MAX_ALTITUDE_M,
+    MAX_RADIUS_M,
+    MapCircle,
+    MapOutline,
+    MapRing,
+    ZoneReading,
+    is_number,
+)
+from air_router.files.mission_document import Keys
+from air_router.files.whole_file import PlacedSource
+from air_router.files.xml_document import Element, parse_xml
+from geo.frame import Geodetic
+from geo.geodesic import polar
+
+Shapes = list[tuple[Keys, MapOutline | MapCircle]]
+
+_FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
+_NOT_FOLLOWED: Final = frozenset(
+    {"NetworkLink", "GroundOverlay", "ScreenOverlay", "PhotoOverlay", "Tour"}
+)
+_NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
+_REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
+_ZONE_KIND: Final = "zone"
+_CIRCLE_CORNERS: Final = 12
+
+
+def read_kml(raw: bytes, path: Path) -> ZoneReading:
+    """The zones of a KML file's bytes. Raises DocumentError: it is not XML."""
+    root = parse_xml(raw, path)
+    reader = _Reader(ZoneReading(PlacedSource(path), "KML"))
+    if root.name in _FOLDERS:
+        reader.read(root)
+    else:
+        message = f"the outermost element is <{root.name[:30]}>, not <kml>; choose another file"
+        reader.reading.report(root.keys, message, "not-kml")
+    return reader.reading
+
+
+class _Reader:
+    def __init__(self, reading: ZoneReading) -> None:
+        self.reading = reading
+        self._number = 0  # of the placemark
+        self._others = 0  # placemarks that are no zones
+
+    def read(self, root: Element) -> None:
+        for element in self._placemarks(root):
+            self._number += 1
+            self._placemark(element)
+        if self._others:
+            message = f"{self._others} placemarks are no zones, by their data 'kind': left out"
+            self.reading.note((), message, "not-a-zone")
+
+    def _placemarks(self, folder: Element) -> Iterator[Element]:
+        for child in folder.children:
+            if child.name == "Placemark":
+                yield child
+            elif child.name in _FOLDERS:
+                yield from self._placemarks(child)
+            elif child.name in _NOT_FOLLOWED:
+                message = f"<{child.name}> is not followed: left out"
+                self.reading.note(child.keys, message, "not-a-zone")
+
+    def _placemark(self, element: Element) -> None:
+        data = dict(_data(element))
+        if data.get("kind", _ZONE_KIND) != _ZONE_KIND:
+            self._others += 1
+            return
+        name = element.text_of("name")[:80] or f"{self.reading.path.stem} {self._number}"
+
+        def place(key: str) -> tuple[int, int]:
+            named = (e for e in _data_elements(element) if e.attributes["name"] == key)
+            return next(named, element).keys
+
+        terms = terms_of(data, self.reading, place)
+        circle = self._circle(element, data)
+        shapes: Shapes = []
+        heights: list[AltitudeLimit | None] = []
+        if circle is not None:
+            shapes = [(element.keys, circle)]
+        else:
+            for polygon in self._polygons(element):
+                outline = self._outline(polygon)
+                shapes += [(polygon.keys, outline)] if outline else []
+                heights.append(self._height(polygon))
+        upper = _highest(heights)
+        if upper is not None and terms.altitudes is None:
+            terms = replace(terms, altitudes=Altitudes(upper=upper))
+        self.reading.add(name, shapes, terms)
+
+    def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
+        """A circle: a point with a radius, or a polygon that says which circle it draws."""
+        radius_m = data.get("radius_m")
+        if radius_m is None:
+            return None
+        if not is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
+            message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
+            self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
+            return None
+        point = element.child("Point", "coordinates")
+        if point is not None:
+            places = self._places(point)
+            return MapCircle(places[0][0], radius_m) if places else None
+        latitude_deg, longitude_deg = (
+            value if is_number(value) and math.isfinite(value) else math.inf
+            for value in (data.get("centre_latitude_deg"), data.get("centre_longitude_deg"))
+        )
+        if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
+            return None
+        circle = MapCircle(Geodetic(float(latitude_deg), float(longitude_deg)), float(radius_m))
+        outlines = [self._outline(polygon) for polygon in self._polygons(element)]
+        if len(outlines) == 1 and outlines[0] is not None and _draws(outlines[0], circle):
+            return circle
+        message = "the polygon is not the circle any more that its data tell of: the polygon counts"
+        self.reading.note(element.keys, message, "changed-circle")
+        return None
+
+    def _polygons(self, element: Element) -> Iterator[Element]:
+        found = False
+        for child in element.children:
+            if child.name == "Polygon":
+                found = True
+                yield child
+            elif child.name == "MultiGeometry":
+                found = True
+                yield from self._polygons(child)
+            elif child.name in _NO_AREAS:
+                found = True
+                self.reading.report(
+                    child.keys,
+                    f"a {child.name} has no area; draw a polygon, or give a point the data "
+                    "'radius_m'",
+                    "no-area",
+                )
+        if not found and element.name == "Placemark":
+            message = "a placemark without a geometry: left out"
+            self.reading.note(element.keys, message, "no-area")
+
+    def _outline(self, polygon: Element) -> MapOutline | None:
+        outer = list(polygon.all("outerBoundaryIs"))
+        if len(outer) != 1:
+            message = f"a polygon has one outer boundary, found {len(outer)}; draw it again"
+            self.reading.report(polygon.keys, message, "missing-key")
+            return None
+        rings = [self._ring(ring) for ring in [*outer, *polygon.all("innerBoundaryIs")]]
+        first, *holes = rings
+        read = tuple(hole for hole in holes if hole is not None)
+        return MapOutline(first, read) if first and len(read) == len(holes) else None
+
+    def _ring(self, boundary: Element) -> MapRing | None:
+        coordinates = boundary.child("LinearRing", "coordinates")
+        if coordinates is None:
+            message = "a boundary without coordinates; draw it again"
+            self.reading.report(boundary.keys, message, "missing-key")
+            return None
+        places = self._places(coordinates)
+        if places is None:
+            return None
+        return self.reading.ring([place for place, _ in places], coordinates.keys)
+
+    def _places(self, element: Element) -> list[tuple[Geodetic, float]] | None:
+        """Places and altitudes of <coordinates>; None, with a problem noted."""
+        places = []
+        for word in element.text.split():
+            try:
+                longitude_deg, latitude_deg, altitude_m = _numbers(word)
+            except ValueError:
+                message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
+                self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
+                return None
+            if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
+                message = f"there is no place '{word[:40]}'"
+                self.reading.report_place(element.keys, message, longitude_deg, latitude_deg)
+                return None
+            places.append((Geodetic(latitude_deg, longitude_deg), altitude_m))
+        if not places:
+            self.reading.report(
+                element.keys, "no coordinates; draw it again", "zone-too-few-corners"
+            )
+            return None
+        return places
+
+    def _height(self, polygon: Element) -> AltitudeLimit | None:
+        """Where an extruded polygon ends; None: it has no limit."""
+        reference = _REFERENCES.get(polygon.text_of("altitudeMode"))
+        coordinates = polygon.child("outerBoundaryIs", "LinearRing", "coordinates")
+        if reference is None or coordinates is None:
+            return None
+        try:
+            highest_m = max(_numbers(word)[2] for word in coordinates.text.split())
+        except ValueError:
+            return None
+        if polygon.text_of("extrude") not in ("1", "true") or highest_m <= 0:
+            message = "an area that is not extruded from the ground: read as without altitude limit"
+            self.reading.note(polygon.keys, message, "no-height")
+            return None
+        return AltitudeLimit(min(highest_m, MAX_ALTITUDE_M), reference)
+
+
+def _data_elements(placemark: Element) -> Iterator[Element]:
+    extended = placemark.child("ExtendedData")
+    if extended is None:
+        return
+    simple = [data for schema in extended.all("SchemaData") for data in schema.all("SimpleData")]
+    for element in [*extended.all("Data"), *simple]:
+        if "name" in element.attributes:
+            yield element
+
+
+def _data(placemark: Element) -> Iterator[tuple[str, Any]]:
+    for element in _data_elements(placemark):
+        text = element.text_of("value") if element.name == "Data" else element.text.strip()
+        try:
+            value = json.loads(text) if len(text) < 10_000 else text
+        except (ValueError, RecursionError):
+            value = text
+        yield element.attributes["name"], value
+
+
+def _numbers(word: str) -> tuple[float, float, float]:
+    parts = [float(part) for part in word.split(",")]
+    if not 2 <= len(parts) <= 3 or not all(map(math.isfinite, parts)):
+        raise ValueError(word)
+    return parts[0], parts[1], parts[2] if len(parts) == 3 else 0.0
+
+
+def _draws(outline: MapOutline, circle: MapCircle) -> bool:
+    """Whether an outline is a circle as we draw it: many corners, all just outside of it."""
+    distances = [polar(circle.centre, corner)[1] for corner in outline.ring]
+    nearest_m, farthest_m = 0.98 * circle.radius_m, 1.06 * circle.radius_m + 0.05
+    return (
+        len(outline.ring) >= _CIRCLE_CORNERS
+        and not outline.holes
+        and nearest_m <= min(distances)
+        and max(distances) <= farthest_m
+    )
+
+
+def _highest(limits: list[AltitudeLimit | None]) -> AltitudeLimit | None:
+    """The limit of several polygons of one zone: the highest, none if one has none."""
+    known = [limit for limit in limits if limit is not None]
+    if not known or len(known) < len(limits) or len({limit.reference for limit in known}) > 1:
+        return None
+    return max(known, key=lambda limit: limit.metres)

@@ -1,0 +1,222 @@
+"""No-fly zones from OpenAir, the text format of soaring: airspaces of points, arcs and circles.
+
+Every airspace is a no-fly zone, whatever its class, unless the operator allows its class, type or
+name. It ends where the next one begins.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+from air_router.files.altitudes import AltitudeLimit, Altitudes
+from air_router.files.maps.limits import UNCLEAR, limit_in_text
+from air_router.files.maps.reading import (
+    MAX_RADIUS_M,
+    AllowedZones,
+    MapCircle,
+    MapOutline,
+    ZoneReading,
+    ZoneTerms,
+)
+from air_router.files.mission_document import Keys
+from air_router.files.whole_file import PlacedSource
+from geo.frame import Geodetic
+from geo.geodesic import arc_around, polar
+
+_NAUTICAL_MILE_M: Final = 1852.0
+_ANGLE = r"(\d{1,3}(?:\.\d{1,12})?)(?::(\d{1,2}(?:\.\d{1,12})?))?(?::(\d{1,2}(?:\.\d{1,12})?))?\s*"
+_PLACE = re.compile(rf"{_ANGLE}([NS])[\s,]*{_ANGLE}([EW])", re.IGNORECASE)
+_NUMBER = re.compile(r"\d{1,6}(?:\.\d{1,12})?")
+_COMMAND = re.compile(r"\s*([A-Za-z]{1,2})(?:\s+(\S.*))?")
+_SAID: Final = frozenset({"AN", "AY", "AL", "AH"})
+
+Place = tuple[int, int]
+"""Line and column in the file."""
+
+
+def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneReading:
+    """The zones of an OpenAir file; `allow`: classes, types or names that may be flown in."""
+    reading = ZoneReading(PlacedSource(path), "OpenAir")
+    if re.search(r"^\s*AC\s", text, re.MULTILINE) is None:
+        message = "no airspace begins in it (no line 'AC'); choose another file"
+        reading.report((), message, "unknown-format")
+        return reading
+    reader = _Reader(reading, AllowedZones(allow))
+    for number, line in enumerate(text.splitlines(), start=1):
+        reader.line(line.partition("*")[0].rstrip(), number)
+    return reader.end()
+
+
+class _Reader:
+    def __init__(self, reading: ZoneReading, allowed: AllowedZones) -> None:
+        self._reading, self._allowed = reading, allowed
+        self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
+        self._zone: _Airspace | None = None  # the one whose lines are read
+
+    def line(self, line: str, number: int) -> None:
+        """Read a line without its comment and the blanks at its end."""
+        if not line:
+            return
+        match = _COMMAND.fullmatch(line)
+        if match is None:
+            self._wrong((number, 1), f"'{line.strip()[:40]}' is no OpenAir command")
+            return
+        command, value = match[1].upper(), match[2] or ""
+        at = (number, match.start(2 if value else 1) + 1)
+        if command == "AC":
+            self._close()
+            self._zone = _Airspace((number, match.start(1) + 1), value.upper())
+        elif command in ("TO", "TC"):
+            self._close()
+            self._reading.note(at, "terrain is no airspace: left out", "not-a-zone")
+        elif command in _SAID and self._zone is not None:
+            self._zone.said[command] = (value, at)
+        elif command == "AA" and value.upper() != "NONE":
+            self._reading.note(at, "when it applies is not read: always", "unclear-time")
+        elif command[0] in "DV":
+            self._geometry(command, value, at)
+        elif command[0] not in "AS":  # frequencies, labels, pens: not where the zone is
+            self._wrong(at, f"'{command}' is no OpenAir command")
+
+    def end(self) -> ZoneReading:
+        """End the file: what was read."""
+        self._close()
+        self._allowed.tell(self._reading, "class, type or name")
+        return self._reading
+
+    def _close(self) -> None:
+        zone, self._zone = self._zone, None
+        if zone is None:
+            return
+        words = {key: value for key, (value, _) in zone.said.items()}
+        name = words.get("AN", "")[:80] or f"{self._reading.path.stem} {zone.place[0]}"
+        if zone.broken or self._allowed.takes(name, zone.kind, words.get("AY", ""), name):
+            return
+        shapes: list[tuple[Keys, MapOutline | MapCircle]] = [
+            (zone.place, circle) for circle in zone.circles
+        ]
+        if zone.corners or not shapes:
+            ring = self._reading.ring(zone.corners, zone.place)
+            shapes += [(zone.place, MapOutline(ring))] if ring else []
+        lower, upper = self._limit(zone, "AL"), self._limit(zone, "AH")
+        altitudes = Altitudes(lower, upper) if lower or upper else None
+        self._reading.add(name, shapes, ZoneTerms(altitudes=altitudes))
+
+    def _limit(self, zone: _Airspace, command: str) -> AltitudeLimit | None:
+        text, at = zone.said.get(command, ("", zone.place))
+        what = "ceiling (AH)" if command == "AH" else "floor (AL)"
+        if not text:
+            self._reading.note(at, f"an airspace without a {what}: without limit", UNCLEAR)
+            return None
+        try:
+            return limit_in_text(text, upper=command == "AH")
+        except ValueError as error:
+            self._reading.note(at, f"its {what}: {error}", UNCLEAR)
+            return None
+
+    def _geometry(self, command: str, value: str, at: Place) -> None:
+        zone = self._zone
+        if command == "V":
+            self._variable(value, at)
+        elif zone is None:
+            return  # terrain, or what stands before the first airspace
+        elif command == "DP":
+            zone.corners += self._places(value, 1, at) or []
+        elif command == "DC":
+            numbers = self._numbers(value, 1, at)
+            if numbers and self._centre is not None:
+                zone.circles.append(MapCircle(self._centre, numbers[0] * _NAUTICAL_MILE_M))
+        elif command == "DA":
+            numbers = self._numbers(value, 3, at)
+            if numbers and self._centre is not None:
+                radius_m = numbers[0] * _NAUTICAL_MILE_M
+                self._arc(zone, (numbers[1], radius_m), (numbers[2], radius_m))
+        elif command == "DB":
+            places = self._places(value, 2, at)
+            if places and self._centred(at) and self._centre is not None:
+                self._arc(zone, *(polar(self._centre, place) for place in places))
+        else:
+            self._wrong(at, f"'{command}' is not read: draw the airspace with DP, DA, DB or DC")
+
+    def _arc(self, zone: _Airspace, start: tuple[float, float], end: tuple[float, float]) -> None:
+        if self._centre is not None:
+            zone.corners += arc_around(self._centre, start, end, clockwise=zone.clockwise)
+
+    def _variable(self, value: str, at: Place) -> None:
+        name, _, text = (part.strip() for part in value.partition("="))
+        if name.upper() == "X":
+            places = self._places(text, 1, at)
+            self._centre = places[0] if places else None
+        elif name.upper() == "D" and text in ("+", "-"):
+            if self._zone is not None:
+                self._zone.clockwise = text == "+"
+        elif name.upper() not in ("Z", "W", "T"):  # zoom; widths of what is not read
+            self._wrong(at, f"'V {value[:20]}' is none of V X=, V D=+ and V D=-")
+
+    def _places(self, text: str, count: int, at: Place) -> list[Geodetic] | None:
+        found = list(_PLACE.finditer(text))
+        rest = _PLACE.sub("", text).strip(" ,\t")
+        if len(found) != count or rest:
+            what = "a place" if count == 1 else f"{count} places"
+            self._wrong(at, f"'{text[:60]}' is not {what} like 47:10:30 N 008:25:00 E")
+            return None
+        places = [_place(match) for match in found]
+        for place in places:
+            if place is None:
+                self._wrong(at, f"there is no place '{text[:60]}'", "not-on-earth")
+        known = [place for place in places if place is not None]
+        return known if len(known) == count else None
+
+    def _numbers(self, text: str, count: int, at: Place) -> list[float] | None:
+        """The radius in nautical miles, and for an arc its two directions."""
+        words = re.split(r"[\s,]+", text)
+        if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
+            what = "a radius in nautical miles" if count == 1 else "radius, first, last direction"
+            self._wrong(at, f"'{text[:40]}' is not {what}")
+            return None
+        numbers = [float(word) for word in words]
+        if not 0 < numbers[0] * _NAUTICAL_MILE_M <= MAX_RADIUS_M:
+            self._wrong(at, f"a radius of {numbers[0]:g} nautical miles", "out-of-range")
+            return None
+        return numbers if self._centred(at) else None
+
+    def _centred(self, at: Place) -> bool:
+        if self._centre is None:
+            self._wrong(at, "no centre: a line 'V X=' with a place has to stand before it")
+        return self._centre is not None
+
+    def _wrong(self, at: Place, message: str, code: str = "wrong-form") -> None:
+        if self._zone is not None:
+            self._zone.broken = True
+        self._reading.report(at, f"{message}; correct it", code)
+
+
+class _Airspace:
+    """What the lines of an airspace have said so far."""
+
+    def __init__(self, place: Place, kind: str) -> None:
+        self.place, self.kind = place, kind  # line and column; class
+        self.said: dict[str, tuple[str, Place]] = {}  # value and place, by command
+        self.corners: list[Geodetic] = []  # of its outline so far
+        self.circles: list[MapCircle] = []  # each an area of its own
+        self.clockwise = True  # direction of the next arc
+        self.broken = False  # a line of it could not be read
+
+
+def _place(match: re.Match[str]) -> Geodetic | None:
+    parts = match.groups()
+    latitude_deg, longitude_deg = (
+        sum(float(part or 0) / 60**power for power, part in enumerate(angle))
+        for angle in (parts[:3], parts[4:7])
+    )
+    minutes = [float(part) for part in (*parts[1:3], *parts[5:7]) if part]
+    if latitude_deg > 90 or longitude_deg > 180 or any(part >= 60 for part in minutes):
+        return None
+    return Geodetic(
+        math.copysign(latitude_deg, -1 if parts[3].upper() == "S" else 1),
+        math.copysign(longitude_deg, -1 if parts[7].upper() == "W" else 1),
+    )

@@ -1,0 +1,1 @@
+"""Mission files: YAML, QGroundControl plans, waypoint files; read and written."""

@@ -1,0 +1,257 @@
+"""The items of a QGroundControl plan: which of them are waypoints, and what of the rest to tell.
+
+Surveys and corridor scans carry the items that they fly in themselves. What a mission of ours does
+not do (cameras, loitering, splines, landing elsewhere) is told, and stays in the plan's file.
+"""
+
+import math
+from enum import IntEnum
+from typing import Any, Final
+
+from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
+from air_router.files.missions.qgc_values import PlanValues, shown
+
+SAME_PLACE_M: Final = 0.1
+_AT_HOME_M: Final = 20.0
+NOT_FLOWN: Final = "not-flown"
+"""The code of notes about items that only the plan's file keeps."""
+_AMSL_FRAMES, RELATIVE_FRAMES, _TERRAIN_FRAMES = (0, 5), (3, 6), (10, 11)
+_GROUND_SPEED = 1
+_FASTEST_M_S: Final = 50.0
+
+
+class MavCommand(IntEnum):
+    """MAV_CMD values with a meaning of their own for a mission."""
+
+    WAYPOINT = 16
+    LOITER_UNLIMITED = 17
+    LOITER_TURNS = 18
+    LOITER_TIME = 19
+    RETURN_TO_LAUNCH = 20
+    LAND = 21
+    TAKEOFF = 22
+    LOITER_TO_ALTITUDE = 31
+    SPLINE_WAYPOINT = 82
+    VTOL_TAKEOFF = 84
+    VTOL_LAND = 85
+    DELAY = 93
+    CHANGE_SPEED = 178
+
+
+_AS_WAYPOINTS: Final = {
+    MavCommand.LOITER_UNLIMITED: "without loitering",
+    MavCommand.LOITER_TURNS: "without circling",
+    MavCommand.LOITER_TIME: "without loitering",
+    MavCommand.LOITER_TO_ALTITUDE: "without loitering",
+    MavCommand.SPLINE_WAYPOINT: "on straight legs, not on a spline",
+}
+_TAKEOFFS: Final = (MavCommand.TAKEOFF, MavCommand.VTOL_TAKEOFF)
+_ENDS: Final = (MavCommand.RETURN_TO_LAUNCH, MavCommand.LAND, MavCommand.VTOL_LAND)
+_FIRST_NAV, _LAST_NAV = 16, 95
+_FENCE_AND_RALLY: Final = range(5000, 5101)
+_USER_WAYPOINTS: Final = range(31000, 31005)
+
+
+class ItemsReader(PlanValues):
+    """Fills a draft's waypoints, altitude and speed from the plan's items."""
+
+    def __init__(self, draft: MissionDocument, data: Any) -> None:
+        super().__init__(draft, data)
+        self._takeoff_m: float | None = None  # altitude of the take-off item
+        self._speeds: list[tuple[float, Keys]] = []  # in m/s, and the item's keys
+        self._others: dict[int, list[Keys]] = {}  # places of items that are not flown, by command
+        self._end: Keys | None = None  # item after which nothing is flown
+        self._places: dict[tuple[int, int], list[MissionPoint]] = {}  # waypoints by cell
+
+    def read(self) -> None:
+        """Read all items."""
+        for index in range(len(self.entries("mission", "items"))):
+            self._read_item(("mission", "items", index))
+        for command, places in self._others.items():
+            times = "" if len(places) == 1 else f" ({len(places)} times)"
+            message = f"command {command}{times} stays in the plan's file and is not flown"
+            self.draft.note((*places[0], "command"), message, "not-flown")
+        self._settle()
+
+    def _read_item(self, keys: Keys) -> None:
+        item = self.at(*keys)
+        kind = item.get("type") if isinstance(item, dict) else None
+        if kind == "SimpleItem":
+            self._read_simple(keys)
+        elif kind == "ComplexItem":
+            self._read_complex(keys)
+        else:
+            found = shown(item if kind is None else kind)
+            message = f"an item must be a SimpleItem or a ComplexItem, found {found}; remove it"
+            self.draft.report((*keys, "type"), message, "unknown-item")
+
+    def _read_complex(self, keys: Keys) -> None:
+        kind = self.at(*keys, "complexItemType")
+        inner: Keys = (*keys, "TransectStyleComplexItem", "Items")
+        items = self.at(*inner)
+        if not isinstance(items, list):
+            message = (
+                f"{shown(kind)} stays in the plan's file and is not flown: the file does not say "
+                "on which way"
+            )
+            self.draft.note((*keys, "complexItemType"), message, "not-flown")
+            return
+        before = len(self.draft.waypoints)
+        for index in range(len(items)):
+            self._read_item((*inner, index))
+        count = len(self.draft.waypoints) - before
+        message = f"{shown(kind)}: flown by way of its {count} waypoints"
+        self.draft.note((*keys, "complexItemType"), message, "survey-waypoints")
+
+    def _read_simple(self, keys: Keys) -> None:
+        command = self.at(*keys, "command")
+        if not isinstance(command, int) or isinstance(command, bool):
+            message = f"an item's command must be a whole number, found {shown(command)}; remove it"
+            self.draft.report((*keys, "command"), message, "wrong-type")
+        elif command == MavCommand.WAYPOINT or command in _AS_WAYPOINTS:
+            self._read_waypoint(keys, command)
+        elif command in _TAKEOFFS:
+            self._takeoff_m = self._altitude(keys)
+        elif command == MavCommand.CHANGE_SPEED:
+            self._read_speed(keys)
+        elif command in _ENDS:
+            self._read_end(keys, command)
+        elif command == MavCommand.DELAY or not _decides_where(command):
+            self._others.setdefault(command, []).append(keys)
+        else:
+            message = f"command {command} is not read yet; remove the item in QGroundControl"
+            self.draft.report((*keys, "command"), message, "unknown-command")
+
+    def _read_waypoint(self, keys: Keys, command: int) -> None:
+        draft = self.draft
+        latitude_deg = self.number(*keys, "params", 4)
+        longitude_deg = self.number(*keys, "params", 5)
+        altitude_m = self._altitude(keys)
+        if self._end is not None:
+            message = "the plan returns or lands before this waypoint; put that item last"
+            draft.report((*self._end, "command"), message, "end-before-waypoint")
+            self._end = None
+        if latitude_deg is None or longitude_deg is None or altitude_m is None:
+            return
+        label = f"waypoint {len(draft.waypoints) + 1}"
+        pair = (latitude_deg, longitude_deg)
+        spot = draft.spot(label, pair, (*keys, "params", 4), altitude_m)
+        if spot is None:
+            return
+        other = self._same_place(spot)
+        if other is not None:
+            message = f"this waypoint lies on {other.label}: visited once"
+            draft.note(spot.keys, message, "waypoint-twice")
+            return
+        draft.waypoints.append(spot)
+        if command in _AS_WAYPOINTS:
+            how = _AS_WAYPOINTS[MavCommand(command)]
+            message = f"{label} is command {command}: flown as a waypoint, {how}"
+            draft.note((*keys, "command"), message, "flown-as-waypoint")
+
+    def _same_place(self, spot: MissionPoint) -> MissionPoint | None:
+        """An earlier waypoint at this place; the grid's cells are as wide as that."""
+        east, north = (math.floor(metres / SAME_PLACE_M) for metres in spot.position)
+        around = [(east + i, north + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        for cell in around:
+            for other in self._places.get(cell, ()):
+                if math.dist(other.position, spot.position) < SAME_PLACE_M:
+                    return other
+        self._places.setdefault((east, north), []).append(spot)
+        return None
+
+    def _altitude(self, keys: Keys) -> float | None:
+        """Metres above home of an item, whatever its frame counts from."""
+        altitude_m = self.number(*keys, "params", 6)
+        frame = self.at(*keys, "frame")
+        if altitude_m is None:
+            return None
+        if frame in _TERRAIN_FRAMES and self.at(*keys, "AMSLAltAboveTerrain") is not None:
+            altitude_m = self.number(*keys, "AMSLAltAboveTerrain")
+            frame = _AMSL_FRAMES[0]
+        if frame in _AMSL_FRAMES and altitude_m is not None:
+            altitude_m = self._above_home(altitude_m, keys)
+        elif frame in _TERRAIN_FRAMES:
+            message = "the height of the terrain here is not in the plan; "
+            message += "choose altitudes relative to launch in QGroundControl"
+            self.draft.report((*keys, "frame"), message, "altitude-frame")
+            return None
+        elif frame not in RELATIVE_FRAMES:
+            message = f"altitude frame {shown(frame)} is not read; "
+            message += "choose altitudes relative to launch in QGroundControl"
+            self.draft.report((*keys, "frame"), message, "altitude-frame")
+            return None
+        if altitude_m is not None and not altitude_m > 0:
+            message = f"the altitude is {altitude_m:g} m above home; it must be more than 0"
+            self.draft.report((*keys, "params", 6), message, "out-of-range")
+            return None
+        return altitude_m
+
+    def _above_home(self, altitude_amsl_m: float, keys: Keys) -> float | None:
+        home_amsl_m = self.draft.home_altitude_amsl_m
+        if home_amsl_m is None:
+            message = "an altitude above the sea, and home has none; give 'plannedHomePosition' one"
+            self.draft.report((*keys, "params", 6), message, "home-altitude-unknown")
+            return None
+        return altitude_amsl_m - home_amsl_m
+
+    def _read_speed(self, keys: Keys) -> None:
+        kind, speed_m_s = self.number(*keys, "params", 0), self.number(*keys, "params", 1)
+        if kind is None or speed_m_s is None or speed_m_s in (-1, -2):  # no change, the default
+            return
+        if kind != _GROUND_SPEED or not 0 < speed_m_s <= _FASTEST_M_S:
+            message = f"a speed of {speed_m_s:g} m/s of type {kind:g}; write a ground speed up to "
+            message += f"{_FASTEST_M_S:g} m/s"
+            self.draft.report((*keys, "params", 1), message, "out-of-range")
+            return
+        self._speeds.append((speed_m_s, (*keys, "params", 1)))
+
+    def _read_end(self, keys: Keys, command: int) -> None:
+        self._end = keys
+        if command == MavCommand.RETURN_TO_LAUNCH:
+            return
+        latitude_deg, longitude_deg = self.at(*keys, "params", 4), self.at(*keys, "params", 5)
+        if not latitude_deg and not longitude_deg:  # where the vehicle is by then
+            latitude_deg = longitude_deg = None
+        far_m = self._from_home_m(latitude_deg, longitude_deg)
+        if far_m > _AT_HOME_M:
+            where = f"{far_m:.0f} m from home" if math.isfinite(far_m) else "wherever it is by then"
+            message = f"command {command} lands {where}; a mission of ours lands at home"
+            self.draft.note((*keys, "command"), message, "lands-at-home")
+
+    def _from_home_m(self, latitude_deg: Any, longitude_deg: Any) -> float:
+        """How far a place is from home; infinite if it is none."""
+        home, frame = self.draft.home, self.draft.frame
+        if home is None or frame is None:
+            return math.inf
+        try:
+            place = frame.to_local(float(latitude_deg), float(longitude_deg))
+        except (TypeError, ValueError, OverflowError):
+            return math.inf
+        return math.dist(place, home.position)
+
+    def _settle(self) -> None:
+        draft = self.draft
+        altitudes = [spot.altitude_m for spot in draft.waypoints if spot.altitude_m]
+        draft.altitude_m = self._takeoff_m or max(altitudes, default=0.0)
+        if self._speeds:
+            draft.speed_m_s = min(speed_m_s for speed_m_s, _ in self._speeds)
+            first_m_s = self._speeds[0][0]
+            differing = [keys for speed_m_s, keys in self._speeds if speed_m_s != first_m_s]
+            if differing:
+                message = f"the speed changes; flown is the slowest, {draft.speed_m_s:g} m/s"
+                draft.note(differing[0], message, "speeds-differ")
+        elif (hover_m_s := self.number("mission", "hoverSpeed")) is not None:
+            draft.speed_m_s = hover_m_s
+            if not 0 < hover_m_s <= _FASTEST_M_S:
+                message = f"the speed must be more than 0 and at most {_FASTEST_M_S:g} m/s"
+                draft.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
+
+
+def _decides_where(command: int) -> bool:
+    """Whether a command that we do not know says where to fly, or where not to."""
+    return (
+        _FIRST_NAV <= command <= _LAST_NAV
+        or command in _FENCE_AND_RALLY
+        or command in _USER_WAYPOINTS
+    )

@@ -1,0 +1,169 @@
+"""Writes a mission as a QGroundControl plan, as far as a plan can say it.
+
+A plan's fence knows polygons and circles that are kept to or kept out of, at every altitude and at
+all times. What a mission knows beyond that becomes larger, never smaller, and is told as a loss.
+"""
+
+import copy
+from collections.abc import Iterable
+from typing import Any, Final
+
+from air_router.files.conversion_warnings import ConversionWarnings
+from air_router.files.json_document import JsonDocument
+from air_router.files.maps.feature_set import corners_of
+from air_router.files.mission_document import Area, MissionDocument
+from air_router.files.missions.qgc_items import MavCommand
+from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
+from air_router.files.text_edit import rewritten
+from geo.airspace.zone import Circle, Ring
+from geo.frame import Geodetic, LocalFrame
+
+RELATIVE_FRAME: Final = 3
+_MISSION_FRAME: Final = 2
+_PX4, _MULTIROTOR = 12, 2
+_GROUND_SPEED: Final = 1.0
+
+_DEGREE_DIGITS: Final = 10
+"""Of degrees that are written: a hundredth of a millimetre."""
+
+
+def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, Any]:
+    """A new plan's data. The draft has a frame and a home."""
+    if draft.frame is None or draft.home is None:
+        raise ValueError("a mission without a home is no plan")
+    frame = draft.frame
+    home = frame.to_geodetic(draft.home.position)
+    altitude_m = draft.home_altitude_amsl_m
+    if altitude_m is None:
+        message = "home's height above the sea is not known: written as 0"
+        warnings.add("home", message, "home-altitude-unknown")
+    fence = areas_of(draft.fences, frame, warnings, inclusion=True)
+    zones = areas_of(draft.zones, frame, warnings, inclusion=False)
+    rally_points = [
+        [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in draft.rally_points
+    ]
+    tell_settings(draft, warnings, "a plan")
+    return {
+        "fileType": "Plan",
+        "geoFence": {**{kind: fence[kind] + zones[kind] for kind in sorted(fence)}, "version": 2},
+        "groundStation": "QGroundControl",
+        "mission": {
+            "cruiseSpeed": draft.speed_m_s,
+            "firmwareType": _PX4,
+            "globalPlanAltitudeMode": 1,
+            "hoverSpeed": draft.speed_m_s,
+            "items": _items(draft, frame, home),
+            "plannedHomePosition": [*_rounded(home), altitude_m or 0.0],
+            "vehicleType": _MULTIROTOR,
+            "version": 2,
+        },
+        "rallyPoints": {"points": rally_points, "version": 2},
+        "version": 1,
+    }
+
+
+def areas_of(
+    areas: Iterable[Area], frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
+) -> dict[str, list[Any]]:
+    """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
+    found: dict[str, list[Any]] = {"circles": [], "polygons": []}
+    for area in areas:
+        shape = area.shape
+        if isinstance(shape, Circle):
+            circle = {"center": _rounded(frame.to_geodetic(shape.centre)), "radius": shape.radius_m}
+            entry = {"circle": circle, "inclusion": inclusion, "version": 1}
+            found["circles"].append(entry)
+        else:
+            holes = shape.holes if inclusion else ()
+            found["polygons"].append(_polygon(shape.ring, frame, inclusion=inclusion))
+            found["polygons"] += [_polygon(hole, frame, inclusion=False) for hole in holes]
+        _warn_of_losses(area, warnings, inclusion=inclusion)
+    return found
+
+
+def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
+    """The text of a plan, which stays what it is and gets more zones."""
+    data = copy.deepcopy(plan.data)
+    fence = data.setdefault("geoFence", {"version": 2})
+    for kind, entries in more.items():
+        if entries:
+            fence[kind] = [*fence.get(kind, []), *entries]
+    return rewritten(plan.text, plan, data)
+
+
+def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any]:
+    corners = [_rounded(corner) for corner in corners_of(ring, frame)]
+    return {"inclusion": inclusion, "polygon": corners, "version": 1}
+
+
+def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool) -> None:
+    what = "a fence" if inclusion else f"no-fly zone '{area.name}'"
+    if not inclusion and not isinstance(area.shape, Circle) and area.shape.holes:
+        warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
+    if area.altitudes is not None:
+        warnings.add(what, "it reaches over all altitudes: a plan's zones do", "altitudes-lost")
+    if area.validity is not None:
+        warnings.add(what, "it applies always: a plan's zones do", "schedule-lost")
+    if area.clearance_m is not None:
+        warnings.add(what, "its own clearance is not in the plan", "clearance-lost")
+    if not inclusion and not _is_number_name(area.name):
+        warnings.add("names of zones", "a plan's zones have none", "names-lost")
+
+
+def _items(draft: MissionDocument, frame: LocalFrame, home: Geodetic) -> list[dict[str, Any]]:
+    speed = [_GROUND_SPEED, draft.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
+    steps: list[tuple[MavCommand, list[Any], int]] = [
+        (MavCommand.CHANGE_SPEED, speed, _MISSION_FRAME),
+        (MavCommand.TAKEOFF, [0, 0, 0, None, *_rounded(home), draft.altitude_m], RELATIVE_FRAME),
+    ]
+    for spot in draft.waypoints:
+        place = _rounded(frame.to_geodetic(spot.position))
+        params = [0, draft.planner.acceptance_radius_m, 0, None, *place]
+        params.append(spot.altitude_m or draft.altitude_m)
+        steps.append((MavCommand.WAYPOINT, params, RELATIVE_FRAME))
+    steps.append((MavCommand.RETURN_TO_LAUNCH, [0.0] * 7, _MISSION_FRAME))
+    return [
+        simple_item(command, params, number=number, frame=altitude_frame)
+        for number, (command, params, altitude_frame) in enumerate(steps, start=1)
+    ]
+
+
+def simple_item(
+    command: MavCommand, params: list[Any], *, number: int, frame: int = RELATIVE_FRAME
+) -> dict[str, Any]:
+    """A simple item as QGroundControl writes it; `number` counts the plan's items from 1."""
+    altitude = {"AMSLAltAboveTerrain": None, "Altitude": params[6] or 0.0, "AltitudeMode": 1}
+    return {
+        **(altitude if frame == RELATIVE_FRAME else {}),
+        "autoContinue": True,
+        "command": int(command),
+        "doJumpId": number,
+        "frame": frame,
+        "params": params,
+        "type": "SimpleItem",
+    }
+
+
+def _rounded(place: Geodetic) -> list[float]:
+    return [round(degrees, _DEGREE_DIGITS) for degrees in place]
+
+
+def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: str) -> None:
+    """Note the settings of a mission that only a mission file has."""
+    for what, given in (
+        ("timers", draft.timers != Timers()),
+        ("planner", draft.planner != PlannerSettings()),
+        ("team", draft.team is not None),
+        ("world", draft.world is not None),
+        ("seek", bool(draft.seek) or draft.seek_policy != DEFAULT_SEEK_POLICY),
+        ("goals_from", bool(draft.goals_from)),
+        ("uavs", bool(draft.uavs)),
+        ("duration_s", draft.duration_s is not None),
+        ("accepts", bool(draft.accepts)),
+    ):
+        if given:
+            warnings.add(what, f"{where} has none; keep the mission file", "settings-lost")
+
+
+def _is_number_name(name: str) -> bool:
+    return name.removeprefix("zone ").isdigit()

@@ -1,1 +1,0 @@
-"""QGroundControl plans: read, edited in place, and written."""

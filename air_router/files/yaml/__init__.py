@@ -1,1 +1,0 @@
-"""Mission files in YAML: their form, read and written."""

@@ -1,1 +1,0 @@
-"""No-fly zones in the formats of map programs and authorities."""

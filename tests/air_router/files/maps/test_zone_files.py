@@ -1,0 +1,456 @@
+"""Zones from GeoJSON, KML, ED-269 and ED-318: what they become, alone and in a mission."""
+
+import json
+import math
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from implicitdict import ImplicitDict
+from uas_standards import eurocae_ed318
+from uas_standards.eurocae_ed269 import ED269Schema
+
+from air_router.errors import MissionFileError
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
+from air_router.files.maps.reading import MapCircle, MapOutline
+from air_router.files.maps.schedule import days_of, hours_of
+from air_router.files.maps.zone_files import add_zones, read_zones, unique_names
+from air_router.files.mission_document import MissionDocument, MissionPoint
+from air_router.mission.loading import load_mission
+from geo.frame import Geodetic, LocalFrame, Point
+from geo.validity import Hours
+from mocha_link.team.document import Document
+
+FILES = Path(__file__).parents[3] / "data" / "files"
+GROUND, AMSL = Reference.GROUND, Reference.AMSL
+MISSION = """\
+home: {position: [47.0, 8.0], altitude_amsl_m: 450}
+altitude_m: 60
+waypoints: [[47.0005, 8.0], [47.0036, 8.0015]]
+fence: [[46.998, 7.9965], [47.006, 7.9965], [47.006, 8.007], [46.998, 8.007]]
+no_fly_zones: []
+"""
+
+
+def read(name, **options):
+    reading = read_zones(FILES / name, **options)
+    assert reading.problems == []
+    return reading
+
+
+def codes(reading):
+    return [note.code for note in reading.notes]
+
+
+def test_geojson():
+    reading = read("zones.geojson")
+    yard, mast, first, second = reading.zones
+    assert [zone.name for zone in reading.zones] == ["yard", "mast", "7, part 1", "7, part 2"]
+    assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
+    assert yard.shape.ring[1] == Geodetic(47.0010, 8.0030)
+    assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
+    assert mast.altitudes == Altitudes(upper=AltitudeLimit(60, GROUND))
+    assert str(mast.validity) == "from 2026-11-01 00:00, mon fri 06:00-18:00 UTC"
+    assert {type(zone.shape) for zone in (first, second)} == {MapOutline}
+    assert codes(reading) == ["no-area", "not-a-zone"]
+
+
+def test_kml():
+    reading = read("zones.kml")
+    yard, first, second, mast = reading.zones
+    assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
+    assert (yard.altitudes, yard.place) == (None, (9, 9))
+    assert first.altitudes == second.altitudes == Altitudes(upper=AltitudeLimit(20, GROUND))
+    assert mast.name == "zones 3"
+    assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
+    assert codes(reading) == ["no-area", "not-a-zone"]
+
+
+def test_the_same_zones_in_geojson_and_kml():
+    geojson, kml = read("zones.geojson").zones, read("zones.kml").zones
+    assert set(geojson[0].shape.ring) == set(kml[0].shape.ring)
+    assert set(geojson[0].shape.holes[0]) == set(kml[0].shape.holes[0])
+    assert geojson[1].shape == kml[3].shape
+
+
+def test_ed269():
+    reading = read("geozones_ed269.json")
+    low, high, school = reading.zones
+    assert low.name == "XXA001 Heliport, volume 1"
+    assert low.shape == MapCircle(Geodetic(47.0, 8.0040), 250)
+    assert low.altitudes == Altitudes(AltitudeLimit(0, GROUND), AltitudeLimit(120, GROUND))
+    assert low.validity is None
+    assert high.altitudes.lower.metres == pytest.approx(457.2)
+    assert high.altitudes.upper == AltitudeLimit(pytest.approx(762.0), AMSL)
+    assert school.altitudes is None  # up to 0 m above ground: as good as nothing said
+    assert str(school.validity) == (
+        "from 2026-01-05 00:00 until 2026-12-18 22:59, mon sun 23:30-16:59 UTC"
+    )
+    assert codes(reading) == ["no-height", "no-restriction"]
+
+
+def test_ed318():
+    reading = read("geozones_ed318.json")
+    heliport, low, high, owls = reading.zones
+    assert heliport.name == "XXA001 Heliport"
+    assert heliport.altitudes.upper == AltitudeLimit(pytest.approx(121.92), GROUND)
+    assert low.altitudes == Altitudes(
+        lower=AltitudeLimit(0, GROUND)
+    )  # above the ellipsoid: no limit
+    assert high.altitudes == Altitudes(AltitudeLimit(450, AMSL), AltitudeLimit(600, AMSL))
+    assert high.validity.active_between(*(datetime(2026, 11, 3, h, tzinfo=UTC) for h in (8, 9)))
+    assert not high.validity.active_between(*(datetime(2026, 11, 6, h, tzinfo=UTC) for h in (8, 9)))
+    assert owls.validity is None  # from sunset to sunrise: read as always
+    assert codes(reading) == ["no-reference", "unclear-time", "no-restriction"]
+
+
+def test_our_samples_follow_the_standards():
+    document = json.loads((FILES / "geozones_ed269.json").read_text())
+    assert len(ED269Schema.from_dict(document).features) == 3
+    document = json.loads((FILES / "geozones_ed318.json").read_text())
+    for feature in document["features"]:  # piecewise: as a whole it takes points only
+        ImplicitDict.parse(feature["properties"], eurocae_ed318.UASZone)
+        geometry = feature["geometry"]
+        for each in geometry.get("geometries", [geometry]):
+            ImplicitDict.parse(each, getattr(eurocae_ed318, each["type"]))
+
+
+@pytest.mark.parametrize(
+    ("allow", "names"),
+    [
+        (
+            ["conditional"],
+            ["XXA001 Heliport", "XXA002 School, volume 1", "XXA002 School, volume 2"],
+        ),
+        (["REQ_AUTHORISATION", "XXA001"], ["XXA003 Owls"]),
+        (["REQ_AUTHORIZATION"], ["XXA001 Heliport", "XXA003 Owls"]),
+        (["PROHIBITED", "REQ_AUTHORISATION", "CONDITIONAL"], []),
+    ],
+)
+def test_what_the_operator_may_do_is_left_out(allow, names):
+    reading = read("geozones_ed318.json", allow=allow)
+    assert [zone.name for zone in reading.zones] == names
+    assert codes(reading)[-1] == "zone-allowed"
+
+
+def test_what_is_allowed_in_vain_is_noted():
+    reading = read("geozones_ed269.json", allow=["CONDITONAL", "xxa002"])
+    assert [zone.name[:6] for zone in reading.zones] == ["XXA001", "XXA001"]
+    assert codes(reading) == ["no-restriction", "zone-allowed", "allow-unused"]
+    assert "'CONDITONAL'" in reading.notes[-1].message
+
+
+def test_a_mission_allows_zones(tmp_path):
+    entry = f"{{file: '{FILES}/geozones_ed318.json', allow: [PROHIBITED, XXA002, CONDITIONAL]}}"
+    found = load_mission(mission(tmp_path, f"no_fly_files: [{entry}]\n"))
+    assert found.zones == ()
+    assert [note.code for note in found.notes] == ["no-restriction", "zone-allowed"]
+
+
+def ed269(**zone):
+    projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
+    volume = {"uomDimensions": "M", "horizontalProjection": projection}
+    return {"identifier": "X1", "restriction": "PROHIBITED", "geometry": [volume], **zone}
+
+
+def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [ed269()]}))
+    assert read_zones(path).kind == "ED-269"
+    assert len(read_zones(path).zones) == 1
+
+
+def test_ed269_as_it_was_written_years_ago(tmp_path):
+    daily = {"day": [], "startTime": None, "endTime": None}
+    period = {"permanent": "NO", "startDateTime": None, "endDateTime": None}
+    projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
+    volume = {
+        "uomDimensions": "FT",
+        "lowerLimit": "100",
+        "lowerVerticalReference": "AGL",
+        "upperLimit": None,
+        "upperVerticalReference": "AGL",
+        "horizontalProjection": projection,
+    }
+    zones = [
+        ed269(geometry=[volume], applicability=[{**period, "dailyPeriod": [daily]}]),
+        ed269(applicability=[{**period, "dailyPeriod": [{**daily, "day": ["MON"]}]}]),
+    ]
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps({"formatVersion": "1.0.0", "UASZoneList": zones}))
+    reading = read_zones(path)
+    assert reading.problems == reading.notes == []
+    every, mondays = reading.zones
+    assert every.altitudes == Altitudes(lower=AltitudeLimit(pytest.approx(30.48), GROUND))
+    assert every.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+    assert not mondays.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+
+
+def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
+    document = json.loads((FILES / "geozones_ed318.json").read_text())
+    del document["features"][0]["geometry"]["layer"]["uom"]
+    document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps(document))
+    assert read_zones(path).zones[0].altitudes.upper == AltitudeLimit(400, GROUND)
+    assert read_zones(path).zones[2].altitudes.upper is None  # beyond all flight
+
+
+def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
+    path = tmp_path / "z.json"
+    path.write_text(
+        json.dumps(
+            [
+                ed269(restriction="MAYBE"),
+                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00Z",
+                                      "endDateTime": "2026-07-22T06:50:00Z"}]),
+                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00"}]),
+                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00Z", "schedule": [7]}]),
+                ed269(applicability=[{"permanent": "YES", "endDateTime": "2020-01-01T00:00:00Z"}]),
+                ed269(applicability=[{"endDateTime": "2020-01-01T00:00:00Z"}, {}]),
+            ]
+        )
+    )  # fmt: skip
+    reading = read_zones(path)
+    assert [zone.validity for zone in reading.zones[:3]] == [None] * 3
+    assert str(reading.zones[3].validity) == "from 2026-07-22 07:00 UTC"
+    assert [zone.validity for zone in reading.zones[4:]] == [None] * 2
+    assert codes(reading) == ["unknown-restriction", *["unclear-time"] * 3]
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "expected"),
+    [
+        ("08:00Z", "18:00Z", "mon 08:00-18:00"),
+        ("08:00:00.00Z", "18:00:01Z", "mon 08:00-18:01"),
+        ("00:00Z", "23:59Z", "mon 00:00-00:00"),
+        ("00:00", "24:00", "mon 00:00-00:00"),
+        ("01:00+02:00", "10:00+0200", "sun 23:00-08:00"),
+        ("20:00-05:00", "23:00-05:00", "tue 01:00-04:00"),
+        ("22:00Z", "06:00Z", "mon 22:00-06:00"),
+    ],
+)
+def test_hours_in_utc(start, end, expected):
+    days, start_s, end_s = expected.replace("-", " ").split()
+    number = ["mon", "tue", "wed", "thu", "fri", "sat", "sun"].index(days)
+    found = hours_of(days_of(["MON"]), start, end)
+    assert found == Hours(frozenset({number}), *(time_of(text) for text in (start_s, end_s)))
+
+
+def time_of(text):
+    return datetime.strptime(text, "%H:%M").replace(tzinfo=UTC).time()
+
+
+def mission(folder, extra, text=MISSION):
+    path = folder / "mission.yaml"
+    path.write_text(text + extra)
+    return path
+
+
+def test_zones_of_files_take_part_in_a_mission(tmp_path):
+    extra = f"no_fly_files: ['{FILES}/zones.geojson', '{FILES}/zones.kml']\n"
+    path = mission(tmp_path, extra)
+    found = load_mission(path, start=datetime(2026, 11, 20, 12, tzinfo=UTC))  # a Friday
+    names = [zone.name for zone in found.zones]
+    assert names == [
+        "yard", "mast", "7, part 1", "7, part 2",
+        "yard (2)", "hall, part 1", "hall, part 2", "zones 3",
+    ]  # fmt: skip
+    assert found.zones[0].clearance_m == 8
+    assert not found.airspace.point_clear(found.frame.to_local(47.0012, 8.0012))
+    assert found.airspace.point_clear(found.frame.to_local(47.0020, 8.0020))  # the hole
+    assert "hall, part 1" not in [zone.name for zone in found.airspace.zones]  # 20 m high
+
+
+def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
+    path = mission(tmp_path, f"no_fly_files: ['{FILES}/zones.geojson']\n",
+                   MISSION.replace("[47.0036, 8.0015]", "[47.0012, 8.0012]"))  # fmt: skip
+    with pytest.raises(MissionFileError) as caught:
+        load_mission(path)
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.code) == (path, "waypoint-in-zone")
+    crossed = {
+        "type": "Polygon",
+        "coordinates": [[[8.0, 47.001], [8.001, 47.002], [8.001, 47.001], [8.0, 47.002]]],
+    }
+    (tmp_path / "bow.geojson").write_text(json.dumps(crossed, indent=1))
+    path = mission(tmp_path, "no_fly_files: [bow.geojson]\n")
+    with pytest.raises(MissionFileError) as caught:
+        load_mission(path)
+    (problem,) = caught.value.problems
+    assert str(problem).startswith(f"{tmp_path}/bow.geojson:1:1: no-fly zone 'bow 1' cannot be")
+    assert problem.code == "zone-self-intersects"
+
+
+def draft_at(home):
+    draft = MissionDocument(Document.from_text("no_fly_files: []", Path("mission.yaml")))
+    draft.frame = LocalFrame(home)
+    draft.home = MissionPoint("home", Point(0, 0), ())
+    draft.waypoints = [MissionPoint("waypoint 1", Point(300, 200), ())]
+    return draft
+
+
+def square(longitude_deg, latitude_deg, half_m=50):
+    half_lat = half_m / 111_200
+    half_lon = half_lat / math.cos(math.radians(latitude_deg))
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    ring = [[longitude_deg + x * half_lon, latitude_deg + y * half_lat] for x, y in signs]
+    wrapped = [[(x + 180) % 360 - 180, y] for x, y in ring]
+    return {"type": "Polygon", "coordinates": [wrapped]}
+
+
+def add(folder, draft, *geometries, allow=()):
+    features = [
+        {"type": "Feature", "properties": {"name": f"z{i}", **properties}, "geometry": geometry}
+        for i, (geometry, properties) in enumerate(
+            entry if isinstance(entry, tuple) else (entry, {}) for entry in geometries
+        )
+    ]
+    path = folder / "z.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    add_zones(draft, path, ("no_fly_files", 0), allow)
+    return [area.name for area in draft.zones]
+
+
+def test_far_zones_are_left_out(tmp_path):
+    draft = draft_at(Geodetic(47.0, 8.0))
+    names = add(
+        tmp_path,
+        draft,
+        square(8.0, 47.1),  # 11 km: within reach without a fence
+        square(8.0, 48.0),  # 111 km
+        square(-172.0, -47.0),  # the other side of the Earth
+        square(8.0, 47.0, half_m=400_000),  # around everything
+        ({"type": "Point", "coordinates": [8.0, 48.0]}, {"radius_m": 90_000}),
+    )
+    assert names == ["z0", "z3", "z4"]
+    assert [note.code for note in draft.notes] == ["zones-far"]
+    assert "3 of 5 zones are within 50 km" in draft.notes[0].message
+    assert draft.problems == []
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "longitude_deg"),
+    [(47.0, 8.0), (0.0, 0.0), (-17.0, 179.9999), (-17.0, -179.9999), (89.9, 20.0), (-70.0, 179.0)],
+)
+def test_zones_are_near_wherever_the_mission_is(tmp_path, latitude_deg, longitude_deg):
+    draft = draft_at(Geodetic(latitude_deg, longitude_deg))
+    assert add(tmp_path, draft, square(longitude_deg + 0.0005, latitude_deg)) == ["z0"]
+    assert draft.zones[0].shape.polygon.area == pytest.approx(10_000, rel=0.02)
+    assert (draft.problems, draft.notes) == ([], [])
+
+
+def test_exchanged_coordinates_are_noticed(tmp_path):
+    draft = draft_at(Geodetic(47.0, 8.0))
+    assert add(tmp_path, draft, square(47.0, 8.0), square(47.001, 8.0)) == []
+    (problem,) = draft.problems
+    assert problem.code == "coordinates-exchanged"
+    assert (problem.path.name, problem.line) == ("z.geojson", 1)
+    draft = draft_at(Geodetic(47.0, 8.0))  # polygons in order, circles not
+    circle = ({"type": "Point", "coordinates": [47.0, 8.0]}, {"radius_m": 30})
+    assert add(tmp_path, draft, square(8.0, 47.001), circle) == []
+    assert [problem.code for problem in draft.problems] == ["coordinates-exchanged"]
+    draft = draft_at(Geodetic(10.0, 10.1))  # on the diagonal a far zone is just far
+    assert add(tmp_path, draft, square(10.1, 10.0), square(10.0, 10.1)) == ["z0", "z1"]
+    assert draft.problems == []
+
+
+def test_long_sides_are_straight_on_the_map(tmp_path):
+    draft = draft_at(Geodetic(60.0, 8.0))
+    ring = [[7.9, 60.01], [8.1, 60.01], [8.1, 60.02], [7.9, 60.02], [7.9, 60.01]]
+    add(tmp_path, draft, {"type": "Polygon", "coordinates": [ring]})
+    polygon = draft.zones[0].shape.polygon
+    for share in (0.13, 0.25, 0.5, 0.77):
+        place = draft.frame.to_local(60.01, 7.9 + share * 0.2)
+        assert polygon.exterior.distance(shapely_point(place)) < 0.06  # not 4 m
+
+
+def shapely_point(place):
+    from shapely import Point as ShapelyPoint  # noqa: PLC0415 - the name is taken here
+
+    return ShapelyPoint(place)
+
+
+def test_rings_and_zones_without_end_are_bounded(tmp_path):
+    def star(corners):
+        turns = [k * math.tau / corners for k in range(corners)]
+        reach = [0.01 + 0.3 * (k % 2) for k in range(corners)]
+        ring = [
+            [8 + r * math.cos(a), 47 + r * math.sin(a)] for r, a in zip(reach, turns, strict=True)
+        ]
+        return {"type": "Polygon", "coordinates": [ring]}
+
+    draft = draft_at(Geodetic(47.0, 8.0))
+    started = time.process_time()
+    assert add(tmp_path, draft, star(1000)) == ["z0"]
+    assert len(draft.zones[0].shape.ring) < 50_000
+    assert time.process_time() - started < 4
+    draft = draft_at(Geodetic(47.0, 8.0))
+    assert add(tmp_path, draft, star(20_001)) == []
+    assert [problem.code for problem in draft.problems] == ["too-large"]
+    triangles = [[[[8 + i / 1e5, 47], [8 + i / 1e5, 47.001], [8, 47.002]]] for i in range(1, 3002)]
+    draft = draft_at(Geodetic(47.0, 8.0))
+    assert add(tmp_path, draft, {"type": "MultiPolygon", "coordinates": triangles}) == []
+    assert "3001 zones near the mission" in draft.problems[0].message
+
+
+def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
+    zones = [
+        ed269(identifier=f"X{i}", geometry=[{
+            "uomDimensions": "M", "lowerVerticalReference": "AGL", "upperVerticalReference": "AGL",
+            "upperLimit": 120, "lowerLimit": 0, "horizontalProjection": {
+                "type": "Polygon", "coordinates": [[
+                    [5 + i % 60 / 10 + math.cos(k) / 50, 46 + i // 60 / 20 + math.sin(k) / 50]
+                    for k in range(7)
+                ]]}}])
+        for i in range(1000)
+    ]  # fmt: skip
+    path = tmp_path / "country.json"
+    path.write_text(json.dumps({"features": zones}, indent=2))
+    draft = draft_at(Geodetic(47.0, 8.0))
+    started = time.process_time()
+    add_zones(draft, path, (), ())
+    assert time.process_time() - started < 3
+    assert 1 < len(draft.zones) < 1000
+
+
+def test_circles_of_ours_come_back_from_kml_unless_they_were_changed(tmp_path):
+    ring = [
+        (8 + 30 * math.cos(a) / 75_900, 47 + 30 * math.sin(a) / 111_200)
+        for a in (k * math.pi / 16 for k in range(32))
+    ]
+
+    def written(corners):
+        coordinates = " ".join(f"{x},{y}" for x, y in corners)
+        values = {"radius_m": 30, "centre_latitude_deg": 47.0, "centre_longitude_deg": 8.0}
+        data = "".join(f'<Data name="{k}"><value>{v}</value></Data>' for k, v in values.items())
+        path = tmp_path / "c.kml"
+        path.write_text(
+            f"<kml><Placemark><ExtendedData>{data}</ExtendedData><Polygon><outerBoundaryIs>"
+            f"<LinearRing><coordinates>{coordinates}</coordinates></LinearRing></outerBoundaryIs>"
+            "</Polygon></Placemark></kml>"
+        )
+        return read_zones(path)
+
+    assert written(ring).zones[0].shape == MapCircle(Geodetic(47.0, 8.0), 30.0)
+    changed = written([*ring[:5], (8.01, 47.0), *ring[6:]])
+    assert isinstance(changed.zones[0].shape, MapOutline)
+    assert codes(changed) == ["changed-circle"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
+def test_kml_in_other_encodings(tmp_path, encoding):
+    text = (FILES / "zones.kml").read_text().replace("UTF-8", encoding).replace("yard", "Höfe")
+    path = tmp_path / "zones.kml"
+    path.write_bytes(text.encode(encoding))
+    assert read_zones(path).zones[0].name == "Höfe"
+
+
+@given(st.lists(st.sampled_from(["a", "b", "a (2)"])), st.sets(st.sampled_from(["a", "a (2)"])))
+def test_names_are_unique(names, taken):
+    unique = unique_names(names, taken)
+    assert len(set(unique)) == len(names)
+    assert not taken & set(unique)

@@ -1,0 +1,104 @@
+"""MAVSDK, which reads plans by strict rules of its own, reads those that we write."""
+
+import contextlib
+import json
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+from mavsdk.component_type import ComponentType
+from mavsdk.logging import log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
+from pymavlink.dialects.v20 import common
+
+from air_router.files.conversion_warnings import ConversionWarnings
+from air_router.files.json_document import json_from_text, json_text
+from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.missions.qgc_write import plan_of
+from air_router.mission.loading import read_draft
+
+DATA = Path(__file__).parents[3] / "data"
+MISSIONS = Path(__file__).parents[4] / "missions"
+SOURCES = [
+    DATA / "pennovation.plan",
+    DATA / "files" / "survey.plan",
+    DATA / "files" / "town.yaml",
+    MISSIONS / "pennovation" / "mission.yaml",
+    MISSIONS / "urban" / "mission.yaml",
+]
+
+
+@pytest.fixture(scope="module")
+def importer():
+    """The importing plugin; it wants an autopilot that says that it is there."""
+    log_subscribe(lambda *_: True)  # keeps MAVSDK's log off stdout
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+    mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+    over = threading.Event()
+
+    def say_that_i_am_there():
+        link = common.MAVLink(None, srcSystem=1, srcComponent=1)
+        beat = link.heartbeat_encode(common.MAV_TYPE_QUADROTOR, common.MAV_AUTOPILOT_PX4, 0, 0, 4)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            while not over.wait(0.1):
+                sender.sendto(beat.pack(link), ("127.0.0.1", port))
+
+    beating = threading.Thread(target=say_that_i_am_there)
+    beating.start()
+    try:
+        plugin = MissionRaw(mavsdk.first_autopilot(30))
+        yield plugin
+        plugin.destroy()
+    finally:
+        over.set()
+        beating.join()
+        mavsdk.destroy()
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
+def test_mavsdk_reads_what_is_written(importer, source):
+    draft = read_draft(source)
+    found = importer.import_qgroundcontrol_mission_from_string(
+        json_text(plan_of(draft, ConversionWarnings()))
+    )
+    waypoints = [item for item in found.mission_items if item.command == 16]
+    assert len(waypoints) == len(draft.waypoints)
+    for item, spot in zip(waypoints, draft.waypoints, strict=True):
+        place = draft.frame.to_local(item.x / 1e7, item.y / 1e7)
+        assert place == pytest.approx(spot.position, abs=0.02)
+        assert item.z == pytest.approx(spot.altitude_m or draft.altitude_m)
+    assert [item.command for item in found.mission_items if item.command != 16] == [178, 22, 20]
+    starts = [item.command for item in found.geofence_items]
+    circles = sum(not has_ring(area) for area in draft.fences + draft.zones)
+    assert sum(command in (5003, 5004) for command in starts) == circles
+    assert len(found.rally_items) == len(draft.rally_points)
+
+
+@pytest.mark.parametrize("source", SOURCES[:2], ids=lambda path: path.stem)
+def test_mavsdk_finds_the_waypoints_that_we_find(importer, source):
+    data = json.loads(source.read_text(encoding="utf-8"))
+    data["mission"]["items"] = [  # it reads no corridor and no structure scans
+        item
+        for item in data["mission"]["items"]
+        if item.get("complexItemType") not in ("CorridorScan", "StructureScan")
+    ]
+    text = json_text(data)
+    draft = plan_draft(json_from_text(text, source))
+    found = importer.import_qgroundcontrol_mission_from_string(text)
+    waypoints = [item for item in found.mission_items if item.command in (16, 82)]
+    for item, spot in zip(waypoints, draft.waypoints, strict=True):
+        place = draft.frame.to_local(item.x / 1e7, item.y / 1e7)
+        assert place == pytest.approx(spot.position, abs=0.02)
+    corners = sum(len(area.shape.ring) for area in draft.fences + draft.zones if has_ring(area))
+    polygons = [item for item in found.geofence_items if item.command in (5001, 5002)]
+    assert len(polygons) == corners
+    assert len(found.rally_items) == len(draft.rally_points)
+
+
+def has_ring(area):
+    return hasattr(area.shape, "ring")

@@ -1,0 +1,255 @@
+"""Texts are edited where their data change: what was asked for is there, and nothing else."""
+
+import copy
+import json
+import re
+from itertools import count
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from air_router.files.json_document import json_from_text
+from air_router.files.text_edit import SourceError, Splice, rewritten, spliced
+from air_router.files.text_values import Digits, degrees, like, word
+from mocha_link.team.document import Document
+
+PATH = Path("mission.yaml")
+NEW = [degrees(1.2345678), degrees(-2.5)]
+
+
+class Writer:
+    """Writes plain values as YAML, each time in another of the ways that people write it."""
+
+    def __init__(self, draw):
+        self.choose = lambda *ways: draw(st.sampled_from(ways))
+        self.numbers = count(1)
+
+    def text(self, data):
+        lines = [*self.remarks(""), *self.block(data, ""), *self.remarks("")]
+        newline = self.choose("\n", "\n", "\r\n")
+        return newline.join(lines) + self.choose(newline, newline, "")
+
+    def remark(self):
+        return self.choose("", "", f"  # remark {next(self.numbers)} °é😀")
+
+    def remarks(self, indent):
+        return self.choose([], [], [""], [f"{indent}# remark {next(self.numbers)} ü"])
+
+    def block(self, value, indent):
+        if isinstance(value, dict):
+            return [line for item in value.items() for line in self.entry(*item, indent)]
+        return [line for item in value for line in self.item(item, indent)]
+
+    def entry(self, key, value, indent):
+        yield from self.remarks(indent)
+        if not isinstance(value, list | dict) or not value or self.choose(True, False, False):
+            first, *more = self.flow(value, indent)
+            yield f"{indent}{key}: {first}"
+            yield from more
+        else:
+            yield f"{indent}{key}:{self.remark()}"
+            deeper = self.choose("  ", "    ", "" if isinstance(value, list) else "  ")
+            yield from self.block(value, indent + deeper)
+
+    def item(self, value, indent):
+        yield from self.remarks(indent)
+        if not isinstance(value, list | dict) or not value or self.choose(True, True, False):
+            first, *more = self.flow(value, indent)
+            yield f"{indent}- {first}"
+            yield from more
+            return
+        deeper = indent + "  "
+        lines = self.block(value, deeper)
+        if lines[0].strip() and not lines[0].lstrip().startswith("#"):
+            lines[0] = f"{indent}- {lines[0].removeprefix(deeper)}"
+        else:
+            lines.insert(0, f"{indent}-")
+        yield from lines
+
+    def flow(self, value, indent):
+        """Lines; the first one has no indent."""
+        if isinstance(value, list) and len(value) > 1 and self.choose(True, False, False):
+            deeper = indent + "    "
+            yield "["
+            for index, item in enumerate(value):
+                comma = "," if index + 1 < len(value) else self.choose("", ",")
+                yield f"{deeper}{self.line(item)}{comma}{self.remark()}"
+            yield f"{indent}  ]{self.remark()}"
+        else:
+            yield self.line(value) + self.remark()
+
+    def line(self, value):
+        comma = self.choose(", ", ",  ", " , ")
+        if isinstance(value, list):
+            return "[" + comma.join(map(self.line, value)) + "]"
+        if isinstance(value, dict):
+            inside = (f"{key}: {self.line(item)}" for key, item in value.items())
+            return "{" + comma.join(inside) + "}"
+        return "null" if value is None else str(value)
+
+
+numbers = st.decimals(-89, 89, places=7).map(float)
+pairs = st.tuples(numbers, numbers).map(list)
+spots = pairs | st.fixed_dictionaries({"position": pairs, "altitude_m": st.integers(1, 99)})
+rings = st.lists(pairs, min_size=3, max_size=5)
+zones = rings | st.fixed_dictionaries({"name": st.just("hall"), "polygon": rings})
+missions = st.fixed_dictionaries(
+    {
+        "home": pairs,
+        "waypoints": st.lists(spots, min_size=1, max_size=4),
+        "fence": rings | st.none(),
+        "no_fly_zones": st.lists(zones, max_size=3),
+        "altitude_m": st.integers(1, 100),
+    }
+)
+
+
+@st.composite
+def texts(draw):
+    data = draw(missions)
+    return data, Writer(draw).text(data)
+
+
+def loaded(text):
+    return Document.from_text(text, PATH)
+
+
+def remarks_of(text):
+    return re.findall(r"# remark \d+", text)
+
+
+def paths(data, keys=()):
+    """The key paths of all lists and mappings, and of all numbers."""
+    yield keys, data
+    items = data.items() if isinstance(data, dict) else ()
+    for key, value in enumerate(data) if isinstance(data, list) else items:
+        yield from paths(value, (*keys, key))
+
+
+def at(data, keys):
+    for key in keys:
+        data = data[key]
+    return data
+
+
+def changed(data, pick, way):
+    """Other data: a number replaced, an item inserted or removed, a key added."""
+    data = copy.deepcopy(data)
+    if way == "number":
+        keys = pick.choice([keys for keys, value in paths(data) if isinstance(value, float | int)])
+        at(data, keys[:-1])[keys[-1]] = Digits(5.25, 7)
+    elif way == "key":
+        data["rally_points"] = [NEW]
+    else:
+        lists = [value for _, value in paths(data) if isinstance(value, list)]
+        lists = [v for v in lists if not (v and isinstance(v[0], float | int))]
+        values = pick.choice([v for v in lists if v or way == "insert"])
+        if way == "insert":
+            values.insert(pick.randint(0, len(values)), NEW)
+        else:
+            del values[pick.randrange(len(values))]
+    return data
+
+
+@pytest.mark.parametrize("way", ["number", "insert", "remove", "key"])
+@settings(max_examples=40)
+@given(data=missions, draw=st.data(), pick=st.randoms(use_true_random=False))
+def test_yaml_says_what_was_asked_for_and_keeps_its_remarks(way, data, draw, pick):
+    text = Writer(draw.draw).text(data)
+    new = changed(data, pick, way)
+    after = rewritten(text, loaded(text), new)
+    assert loaded(after).data == new
+    assert after.count("\r") == (after.count("\n") if "\r" in text else 0)
+    if way == "remove":
+        kept = set(remarks_of(after))
+        assert remarks_of(after) == [remark for remark in remarks_of(text) if remark in kept]
+    else:
+        assert remarks_of(after) == remarks_of(text)
+    if way == "number":
+        assert len(after.splitlines()) == len(text.splitlines())
+        lines = zip(after.splitlines(), text.splitlines(), strict=True)
+        assert sum(a != b for a, b in lines) <= 1
+    if way == "insert":
+        back = rewritten(after, loaded(after), data)
+        assert loaded(back).data == data
+
+
+@pytest.mark.parametrize("way", ["number", "insert", "remove", "key"])
+@settings(max_examples=20)
+@given(
+    data=missions,
+    indent=st.sampled_from([None, 2, 4, "\t"]),
+    pick=st.randoms(use_true_random=False),
+)
+def test_json_stays_json(way, data, indent, pick):
+    text = json.dumps(data, indent=indent)
+    new = changed(data, pick, way)
+    after = rewritten(text, json_from_text(text, PATH), new)
+    assert json.loads(after) == new
+
+
+@pytest.mark.parametrize(
+    ("old", "value", "decimals", "new"),
+    [
+        ("39.9422294", 39.95, 7, "39.9500000"),
+        ("39.94", 39.9512345, 7, "39.9512345"),
+        ("39", 40.0, 7, "40"),
+        ("39.0", 40.0, 7, "40.0"),
+        ("39.942229400001", 39.5, 7, "39.5000000"),
+        ("0.1", -0.0, 2, "0.0"),
+        ("5", 7.256, 2, "7.26"),
+        ("1e2", 99.0, 2, "99"),
+    ],
+)
+def test_numbers_look_like_those_they_replace(old, value, decimals, new):
+    assert like(old, Digits(value, decimals)) == new
+
+
+@given(st.text(min_size=1, max_size=20))
+def test_words_are_read_back_as_they_are(text):
+    if any(0xD800 <= ord(letter) <= 0xDFFF for letter in text):
+        return
+    for shown in (f"name: {word(text)}  # remark", f"[{{name: {word(text)}}}]"):
+        data = loaded(shown).data
+        assert (data if isinstance(data, dict) else data[0]) == {"name": text}
+
+
+def test_pieces_do_not_overlap():
+    assert spliced("abcdef", [Splice(4, 5, ""), Splice(1, 1, "X")]) == "aXbcdf"
+    with pytest.raises(ValueError, match="overlap"):
+        spliced("abc", [Splice(0, 2, ""), Splice(1, 3, "")])
+
+
+def test_what_is_used_twice_is_left_alone():
+    text = "home: &here [1.0, 2.0]\nwaypoints:\n  - *here\n  - [3.0, 4.0]\n"
+    document = loaded(text)
+    home, waypoints = document.data["home"], document.data["waypoints"]
+    for wrong in ({"home": [5.0, 2.0]}, {"waypoints": [home]}):
+        with pytest.raises(SourceError, match="alias"):
+            rewritten(text, document, {**document.data, **wrong})
+    moved = {**document.data, "waypoints": [waypoints[0], [5.0, 4.0]]}
+    assert rewritten(text, document, moved).endswith("[5.0, 4.0]\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "after"),
+    [
+        ("f: null  # none yet\n", {"f": [NEW] * 2}, "f:  # none yet\n  - P\n  - P\n"),
+        ("z: []  # none\nb: 1\n", {"z": [NEW], "b": 1}, "z:  # none\n  - P\nb: 1\n"),
+        ("m: {z: []}\n", {"m": {"z": [NEW]}}, "m: {z: [P]}\n"),
+        ("z:  # one\n  - n: a  # its\n    r: [1]\n# end\n", {"z": []}, "z: []  # one\n# end\n"),
+        ("s: new\n", {"s": {"policy": "new", "r": [1]}}, "s: {policy: new, r: [1]}\n"),
+        ("a:  # x\n  b: 1  # y\n", {"a": {"c": [NEW]}}, "a:  # x\n  c:\n    - P  # y\n"),
+        (
+            "w:\n  - [1, 2]  # 1\n",
+            {"w": [{"position": [1, 2], "h": 3}]},
+            "w:\n  - {position: [1, 2], h: 3}  # 1\n",
+        ),
+        ("t: {s: 1, u: 2}  # all\n", {"t": {"s": 1}}, "t: {s: 1}  # all\n"),
+    ],
+)
+def test_each_way_of_writing_has_a_place_for_the_change(text, change, after):
+    expected = after.replace("P", "[1.2345678, -2.5000000]")
+    assert rewritten(text, loaded(text), change) == expected
