@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from air_router.control.command_request import CommandRequest
-from air_router.vehicle.loop_clock import loop_s
+from air_router.vehicle.clock import loop_s
 
 COSTLY: Final = frozenset({"seek", "goto", "reload"})
 """Requests that have ways planned, or a file read."""

@@ -17,8 +17,7 @@ from air_router.mission.fence_plan import FENCE_TOO_LONG
 from air_router.mission.fleet import STANDING_SHARE
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
-from air_router.vehicle.inspection import GpsFix, Inspection
-from air_router.vehicle.vehicle import Telemetry, VehicleInfo
+from air_router.vehicle.vehicle import GpsFix, Inspection, Telemetry, VehicleInfo
 
 OLDEST: Final = (1, 14)
 """Before it PX4 has no events and none of the mission reports that a flight rests on."""

@@ -1,22 +1,36 @@
-"""The vehicle's clock, as the companion reads it between two messages.
+"""The companion's own clock, and the vehicle's as the companion reads it between two messages.
 
 Every timer of a mission runs on it, so that a simulation at ten times real time (or one that
 stops and goes on) behaves as the real flight does.
 """
 
+import asyncio
 import math
 import threading
 import time
 from collections.abc import Callable
 from typing import Final
 
-from air_router.vehicle.pace import ALLOWANCE_S
+ALLOWANCE_S: Final = 0.2
+"""Simulated seconds by which a world that waits for its parts may be ahead of the slowest."""
 
 _RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured."""
 
 _SILENCE_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
+
+
+def loop_s() -> float:
+    """Seconds on the running event loop's clock, `time.monotonic` on an ordinary one.
+
+    A rehearsal flies on a loop whose clock is simulated time. Without a running loop (on another
+    thread, or before the flight) it is `time.monotonic`.
+    """
+    try:
+        return asyncio.get_running_loop().time()
+    except RuntimeError:
+        return time.monotonic()
 
 
 class VehicleClock:

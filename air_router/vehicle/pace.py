@@ -1,9 +1,8 @@
 """Taking part in the pace of a simulated world: its clock waits for who has to keep up with it.
 
 A process that works with simulated time says up to which moment all is done, as lines of JSON over
-TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes
-`ALLOWANCE_S` beyond the
-slowest, and no further; a connection that has ended is waited for no more.
+TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes `ALLOWANCE_S`
+beyond the slowest, and no further; a connection that has ended is waited for no more.
 """
 
 import contextlib
@@ -18,9 +17,6 @@ from air_router.vehicle.vehicle import Telemetry, VehicleEvent
 from mocha_link.node.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
-
-ALLOWANCE_S: Final = 0.2
-"""Simulated seconds by which the world may be ahead of the slowest."""
 
 _LEAST_S: Final = 0.02  # the vehicle's step: there is nothing to tell of less
 _CONNECT_S: Final = 2.0

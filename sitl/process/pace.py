@@ -12,7 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
-from air_router.vehicle.pace import ALLOWANCE_S
+from air_router.vehicle.clock import ALLOWANCE_S
 from mocha_link.node.lifetime import Closeable
 
 PATIENCE_S: Final = 2.0

@@ -10,7 +10,8 @@ import time
 from collections.abc import Collection
 from typing import Any, Final
 
-from air_router.vehicle.pace import ALLOWANCE_S, PaceSource, line
+from air_router.vehicle.clock import ALLOWANCE_S
+from air_router.vehicle.pace import PaceSource, line
 from sitl.mavlink.udp_link import Address, PortInUseError
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 

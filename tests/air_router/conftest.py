@@ -35,8 +35,14 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from air_router.vehicle.inspection import GpsFix, Inspection
-from air_router.vehicle.vehicle import FlightMode, Telemetry, Vehicle, VehicleInfo
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    GpsFix,
+    Inspection,
+    Telemetry,
+    Vehicle,
+    VehicleInfo,
+)
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 

@@ -22,7 +22,7 @@ def test_what_is_read():
 
 def test_what_is_sent():
     code = "\n".join(SOURCES.values())
-    sent = set(re.findall(r'(?:message\(|_send\(direct, |return )"([A-Z_]+)"', code))
+    sent = set(re.findall(r'(?:message\(|\.send\(|return )"([A-Z_]+)"', code))
     assert len(sent) >= 6
     for name in sent - {"COMMAND_LONG", "COMMAND_INT"}:
         assert name in section("Sent"), name

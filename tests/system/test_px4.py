@@ -10,8 +10,7 @@ from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedErro
 from air_router.mission.flight_plan import Command, FlightPlan, Frame
 from air_router.mission.loading import load_mission
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.mavlink import px4_connection
-from air_router.vehicle.px4 import px4_plan
+from air_router.vehicle.px4 import px4_connection, px4_plan
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -218,7 +217,7 @@ def test_a_plan_that_a_ground_station_uploads_is_noticed(standing):
         log = Log(vehicle)
         await vehicle.upload(plan)
         await log.until(lambda: vehicle.telemetry._plan_ids is not None)  # it is on guard
-        await vehicle._plans.upload(other)  # past the flight's own upload
+        await vehicle._onboard.put(other)  # past the flight's own upload
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         (compared,) = [e for e in log.events if isinstance(e, PlanCompared)]
         assert (
@@ -242,7 +241,7 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
         log = Log(vehicle)
         await vehicle.upload(plan)
         await log.until(lambda: vehicle.telemetry._plan_ids is not None)  # it is on guard
-        await vehicle._plans.upload(rounded)
+        await vehicle._onboard.put(rounded)
         await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
         told = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]
         assert [type(e) for e in told] == [PlanReplaced, PlanCompared]
@@ -288,7 +287,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         assert not any(isinstance(event, PlanReplaced) for event in log.events)
         assert log.telemetry.mode is FlightMode.MISSION
         await log.until(lambda: vehicle.telemetry._plan_ids is not None)  # it is on guard
-        await vehicle._plans.upload(FlightPlan.of(changed))  # by another
+        await vehicle._onboard.put(FlightPlan.of(changed))  # by another
         await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
         return took_off_s
 
@@ -343,7 +342,7 @@ def test_a_mission_without_a_fence_takes_the_one_before_off_board(standing):
         await vehicle.connect()
         await vehicle.upload(fenced)
         await vehicle.upload(dataclasses.replace(fenced, fence=()))
-        assert await vehicle._plans.download(vehicle._plans._fence) == []
+        assert await vehicle._onboard.download(vehicle._onboard.fence) == []
 
     run(mission, udp_port, script)
 
@@ -363,7 +362,7 @@ def test_a_plan_is_recognised_without_changing_it(standing):
 
 
 def stored(vehicle):
-    return vehicle._plans.download(vehicle._plans._rally)
+    return vehicle._onboard.download(vehicle._onboard.rally)
 
 
 def test_the_autopilot_returns_to_this_mission_s_rally_points_only(standing):

@@ -1,1 +1,1 @@
-"""A PX4 vehicle: commands, plans, telemetry, through MAVSDK."""
+"""A PX4: its link and messages, what is believed of them, orders, the plan on board."""

@@ -10,25 +10,21 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from mavsdk.plugins.events.events import Events
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.events.px4_health import arming_problems
-from air_router.vehicle.inspection import Inspection
-from air_router.vehicle.mavlink.mavsdk_bridge import message
-from air_router.vehicle.mavlink.px4_connection import Px4Connection
+from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.px4_commands import Px4Commands
-from air_router.vehicle.px4.px4_inspection import inspect
+from air_router.vehicle.px4.px4_connection import Px4Connection
 from air_router.vehicle.px4.px4_motions import Px4Motions
-from air_router.vehicle.px4.px4_plan import PlanTransfer
-from air_router.vehicle.px4.px4_plan_guard import PlanGuard
-from air_router.vehicle.px4.px4_requests import ONCE_S, Px4Requests
+from air_router.vehicle.px4.px4_plan import OnboardPlan
+from air_router.vehicle.px4.px4_requests import ONCE_S, arming_problems
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import (
     FlightMode,
+    Inspection,
     LinkSilent,
     PlanCompared,
     PlanReplaced,
@@ -67,13 +63,9 @@ class Px4Vehicle(Px4Motions, Vehicle):
     ) -> None:
         self._connection = connection(url, system_id)
         telemetry = Px4Telemetry(mission.frame, clock)
-        super().__init__(mission, telemetry, Px4Commands(telemetry, system_id))
-        self._events: Callable[[], Events]  # makes the plugin; for reports on arming
-        self._plans: PlanTransfer  # from `connect` on
-        self._direct: MavlinkDirect  # from `connect` on
-        self._plan_lock = asyncio.Lock()  # one transfer of the plan at a time, and none at take-off
-        self._plan_guard = PlanGuard(self._compare, self._on_compared)
-        self._telemetry.subscribe(self._on_event)
+        super().__init__(mission, telemetry, Px4Commands(telemetry))
+        self._events: Callable[[], Events]  # from `connect` on: makes the plugin; reports on arming
+        self._onboard: OnboardPlan  # from `connect` on
         self._texts_sent = 0  # id of a text in pieces
         self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
         self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
@@ -86,24 +78,23 @@ class Px4Vehicle(Px4Motions, Vehicle):
     async def connect(self) -> VehicleInfo:
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
         plugins = await self._connection.open()
-        self._direct, self._events = plugins.direct, plugins.events
-        self._plans = PlanTransfer(plugins, self._telemetry, self._connection.system_id)
-        self._telemetry.listen(self._direct, self._connection.system_id)
-        self._commands.listen(self._direct)
-        telemetry = self._telemetry
-        requests = Px4Requests(self._direct, telemetry, self._connection.system_id)
-        await requests.begin()
+        telemetry, self._events = self._telemetry, plugins.events
+        self._onboard = OnboardPlan(plugins, telemetry, self._on_compared)
+        telemetry.subscribe(self._on_event)
+        telemetry.listen(plugins.direct, self._connection.system_id)
+        self._commands.listen()
+        await px4_requests.begin(telemetry)
         await self._connection.heard(telemetry.complete, "positions")
         await telemetry.shows(telemetry.introduced, ONCE_S)
-        work = (self._watch_silence(), requests.go_on())
+        work = (self._watch_silence(), px4_requests.keep_streams(telemetry))
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(
-            system_id=self._connection.system_id,
+            system_id=telemetry.system_id,
             autopilot="PX4",
-            version=self._telemetry.version or "of unknown version",
-            home=self._telemetry.home,
-            home_altitude_amsl_m=self._telemetry.home_altitude_amsl_m,
-            took_off_s=self._telemetry.took_off_s,
+            version=telemetry.version or "of unknown version",
+            home=telemetry.home,
+            home_altitude_amsl_m=telemetry.home_altitude_amsl_m,
+            took_off_s=telemetry.took_off_s,
         )
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
@@ -113,32 +104,19 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
         """See `Vehicle.inspect`; a vehicle that is just being switched on is given some seconds."""
-        return await inspect(
-            self._events, self._direct, self._telemetry, self._connection.system_id, parameters
-        )
+        return await px4_requests.inspect(self._telemetry, self._events, parameters)
 
     async def recognise(self, plan: FlightPlan) -> None:
         """See `Vehicle.recognise`."""
-        async with self._plan_lock:
-            await self._plans.compare(plan)
-            self._guard(plan)
+        await self._onboard.recognise(plan)
 
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`."""
-        async with self._plan_lock:
-            await self._plans.upload(plan)
-            self._guard(plan)
+        await self._onboard.upload(plan)
 
     async def renew(self, plan: FlightPlan) -> None:
         """See `Vehicle.renew`."""
-        async with self._plan_lock:
-            self._telemetry.leave_plan_alone()
-            try:
-                flying = self._telemetry.in_air and self._telemetry.mode is FlightMode.MISSION
-                await self._plans.renew(plan, same_items=bool(flying))
-                self._plan_guard.plan = plan
-            finally:
-                self._telemetry.guard_plan()
+        await self._onboard.renew(plan)
 
     async def arm(self) -> None:
         """See `Vehicle.arm`."""
@@ -164,7 +142,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def start(self) -> None:
         """See `Vehicle.start`."""
-        async with self._plan_lock:  # PX4 begins what is on board when the mode changes
+        async with self._onboard.lock:  # PX4 begins what is on board when the mode changes
             await super().start()
 
     async def announce(self, text: str) -> None:
@@ -174,39 +152,26 @@ class Px4Vehicle(Px4Motions, Vehicle):
             return
         self._texts_sent = self._texts_sent % 0xFFFF + 1
         chunks = chunks_of(text)
+        number = self._texts_sent if len(chunks) > 1 else 0
         for chunk, part in enumerate(chunks):
-            fields = {
-                "severity": NOTICE,
-                "text": part,
-                "id": self._texts_sent if len(chunks) > 1 else 0,
-                "chunk_seq": chunk,
-            }
-            try:
-                self._direct.send_message(message("STATUSTEXT", fields))
-            except MavlinkDirectError as error:
-                _log.warning("the pilot was not told %r: %s", text, error.result.name)
+            fields = {"severity": NOTICE, "text": part, "id": number, "chunk_seq": chunk}
+            fault = self._telemetry.send("STATUSTEXT", fields, to_all=True)
+            if fault is not None:
+                _log.warning("the pilot was not told %r: %s", text, fault)
                 return
 
     async def close(self) -> None:
         """See `Vehicle.close`."""
         for watch in self._watches:
             watch.cancel()
+        if self._watches:
+            self._onboard.close()
         self.stop_telling()
-        self._plan_guard.close()
         await self._connection.close()
-
-    def _guard(self, plan: FlightPlan) -> None:
-        """This plan is on board; another, or the same anew, is noticed from now on."""
-        self._plan_guard.plan = plan
-        self._telemetry.guard_plan()
-
-    async def _compare(self, plan: FlightPlan) -> None:
-        async with self._plan_lock:
-            await self._plans.verify(plan)
 
     def _on_event(self, event: VehicleEvent) -> None:
         if isinstance(event, PlanReplaced):
-            self._plan_guard.replaced()
+            self._onboard.replaced()
 
     def _on_compared(self, difference: str | None) -> None:
         if self._callback is not None:

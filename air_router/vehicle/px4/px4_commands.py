@@ -13,12 +13,9 @@ from dataclasses import dataclass, field
 from enum import Enum, IntEnum, auto
 from typing import Any, Final, NamedTuple, Self
 
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
-
 from air_router.errors import NotConfirmedError
-from air_router.vehicle.loop_clock import loop_s
-from air_router.vehicle.mavlink.mavsdk_bridge import message
-from air_router.vehicle.mavlink.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.clock import loop_s
+from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_order import Px4Order
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -154,32 +151,22 @@ class Px4Commands:
     """Sends orders, one of each kind at a time.
 
     Args:
-        telemetry: What the vehicle says.
-        system_id: Its MAVLink system id, and ours.
+        telemetry: What the vehicle says, and what sends to it.
     """
 
-    def __init__(self, telemetry: Px4Telemetry, system_id: int) -> None:
+    def __init__(self, telemetry: Px4Telemetry) -> None:
         self._telemetry = telemetry
-        self._system_id = system_id
-        self._direct: MavlinkDirect  # set by `listen`
         self._tried: dict[int, _Attempts] = defaultdict(_Attempts)  # by MAV_CMD
 
-    def listen(self, direct: MavlinkDirect) -> None:
-        """Send through this, and take the autopilot's acknowledgements."""
-        self._direct = direct
-        self._telemetry.take(direct, {"COMMAND_ACK": self._on_ack})
+    def listen(self) -> None:
+        """Take the autopilot's acknowledgements, from now on."""
+        self._telemetry.take({"COMMAND_ACK": self._on_ack})
 
     def send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
-        """Send a message to the autopilot, once.
-
-        Raises:
-            NotConfirmedError: the link is gone.
-        """
-        name, fields = wire
-        try:
-            self._direct.send_message(message(name, {"target_system": self._system_id, **fields}))
-        except MavlinkDirectError as error:
-            raise NotConfirmedError(f"{words} was not sent: {error.result.name}") from None
+        """Send a message to the autopilot, once. Raises NotConfirmedError: the link is gone."""
+        fault = self._telemetry.send(*wire)
+        if fault is not None:
+            raise NotConfirmedError(f"{words} was not sent: {fault}")
 
     async def tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
         """Send an order and wait until the vehicle follows it.
@@ -276,7 +263,11 @@ class Px4Commands:
         """An acknowledgement; PX4 1.16 and 1.17 send two for a mode, the second says how it is."""
         to = (fields.get("target_system"), fields.get("target_component"))
         tried = self._tried.get(fields["command"])
-        if to != (self._system_id, COMPANION_COMPONENT) or tried is None or tried.newest is None:
+        if (
+            to != (self._telemetry.system_id, COMPANION_COMPONENT)
+            or tried is None
+            or tried.newest is None
+        ):
             return
         now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
         if fields["result"] == Result.IN_PROGRESS:
@@ -298,7 +289,4 @@ class Px4Commands:
 
 
 def _name(result: int) -> str:
-    try:
-        return Result(result).name
-    except ValueError:
-        return f"result {result}"
+    return next((each.name for each in Result if each == result), f"result {result}")

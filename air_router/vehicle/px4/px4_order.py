@@ -4,10 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from air_router.vehicle.px4.px4_mode import MAIN_AUTO, sub_mode
+from air_router.vehicle.px4.px4_streams import MAIN_AUTO, sub_mode
 from air_router.vehicle.vehicle import FlightMode
 
-AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
 LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
 CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 GROUND_SPEED: Final = 1.0  # SPEED_TYPE
@@ -51,27 +50,17 @@ class Px4Order:
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
         """Name and fields of the message; `confirmation` is how often it has left before."""
         values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}
-        fields = {
-            "target_component": AUTOPILOT,
-            "command": self.command,
-            **values,
-        }
+        fields = {"command": self.command, **values}
         if self.target is None:
             return "COMMAND_LONG", {**fields, "confirmation": confirmation}
         x, y, z = self.target
-        place = {"x": x, "y": y, "z": _plain(z)}
-        return "COMMAND_INT", {
-            **fields,
-            **place,
-            "frame": GLOBAL_INT,
-            "current": 0,
-            "autocontinue": 0,
-        }
+        frame = {"frame": GLOBAL_INT, "current": 0, "autocontinue": 0}
+        return "COMMAND_INT", {**fields, **frame, "x": x, "y": y, "z": _plain(z)}
 
 
 def set_current(item: int) -> tuple[str, dict[str, Any]]:
     """The message, which is no command, that makes an item of the plan the one to be flown to."""
-    return "MISSION_SET_CURRENT", {"target_component": AUTOPILOT, "seq": item}
+    return "MISSION_SET_CURRENT", {"seq": item}
 
 
 def choose(mode: FlightMode) -> Px4Order:
@@ -92,7 +81,7 @@ def land() -> Px4Order:
 
 
 def change_speed(speed_m_s: float) -> Px4Order:
-    """Fly so fast on missions, until the mode changes."""
+    """Fly so fast over the ground on missions, until the mode changes."""
     params = (GROUND_SPEED, speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0)
     return Px4Order(f"a speed of {speed_m_s:.1f} m/s", FlightMode.MISSION, CHANGE_SPEED, params)
 
@@ -100,7 +89,7 @@ def change_speed(speed_m_s: float) -> Px4Order:
 def reposition(
     latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, speed_m_s: float
 ) -> Px4Order:
-    """Fly straight to a place, so fast, and hover there in Hold mode; the heading stays."""
+    """Fly straight to a place (WGS 84) and hover there in Hold mode; the heading stays."""
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
     params = (speed_m_s, CHANGE_MODE, 0.0, UNSAID)
     return Px4Order("a reposition", FlightMode.HOLD, REPOSITION, params, target)

@@ -1,26 +1,26 @@
-"""Putting a plan on board of a PX4 and making sure that it is the one that flies.
+"""The plan on board of a PX4: put there, made sure that it is the one that flies, and watched.
 
 An accepted upload means *stored*: whether PX4 finds the mission feasible shows later, and only
-in MISSION_CURRENT.mission_state. So what is on board is read back, compared, and waited for.
+in MISSION_CURRENT.mission_state. So what is on board is read back, compared, and waited for. When
+a ground station uploads another afterwards, it is read back again, to tell whether it flies as
+ours does.
 """
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.geofence.geofence import GeofenceResult
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectError
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRawResult
 
-from air_router.errors import PlanRefusedError
+from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission.fence_plan import FENCE_POINTS
 from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
-from air_router.vehicle.mavlink.mavsdk_bridge import call, message
-from air_router.vehicle.mavlink.px4_connection import Plugins
-from air_router.vehicle.px4.px4_order import AUTOPILOT
+from air_router.vehicle.px4.mavsdk_bridge import call
+from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode
 
 _log = logging.getLogger(__name__)
 
@@ -55,25 +55,38 @@ class _ItemList(NamedTuple):
     download: Callable[..., None]
 
 
-class PlanTransfer:
-    """Puts plans on board of one PX4, and reads them back.
+class OnboardPlan:
+    """What one PX4 has on board, one transfer at a time.
 
     Args:
         plugins: Of MAVSDK; what they have no call for is sent as a message.
-        telemetry: What the vehicle says.
-        system_id: Its MAVLink system id.
+        telemetry: What the vehicle says, and what sends to it.
+        report: Told what is different each time that a plan of another sender was compared with
+            ours; None: it flies the same.
+
+    Attributes:
+        lock: Held during each transfer; also by what has PX4 begin the plan.
     """
 
-    def __init__(self, plugins: Plugins, telemetry: Px4Telemetry, system_id: int) -> None:
+    def __init__(
+        self,
+        plugins: Plugins,
+        telemetry: Px4Telemetry,
+        report: Callable[[str | None], None] = lambda _difference: None,
+    ) -> None:
         raw = plugins.raw
-        self._plugins, self._telemetry, self._system_id = plugins, telemetry, system_id
-        self._mission = _ItemList(
+        self._plugins, self._telemetry, self._report = plugins, telemetry, report
+        self.lock = asyncio.Lock()
+        self._plan: FlightPlan | None = None  # what we put, or found, on board last
+        self._once_more = False  # it changed while it was compared
+        self._comparing: asyncio.Task[None] | None = None  # reads and compares
+        self.mission = _ItemList(
             "the mission", MISSION, raw.upload_mission_async, raw.download_mission_async
         )
-        self._fence = _ItemList(
+        self.fence = _ItemList(
             "the fence", FENCE, raw.upload_geofence_async, raw.download_geofence_async
         )
-        self._rally = _ItemList(
+        self.rally = _ItemList(
             "the list of rally points",
             RALLY,
             raw.upload_rally_points_async,
@@ -81,6 +94,59 @@ class PlanTransfer:
         )
 
     async def upload(self, plan: FlightPlan) -> None:
+        """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
+        async with self.lock:
+            await self.put(plan)
+            self._guard(plan)
+
+    async def recognise(self, plan: FlightPlan) -> None:
+        """Make sure that a plan is on board, and notice when it is another."""
+        async with self.lock:
+            await self.compare(plan)
+            self._guard(plan)
+
+    async def renew(self, plan: FlightPlan) -> None:
+        """Put a changed fence on board, and what it makes of the items. See `Vehicle.renew`."""
+        async with self.lock:
+            self._telemetry.leave_plan_alone()
+            try:
+                await self._renew(plan)
+                self._plan = plan
+            finally:
+                self._telemetry.guard_plan()
+
+    def replaced(self) -> None:
+        """It changed: compare; once more if that is under way, which may have read the one before.
+
+        Reports what is different.
+        """
+        self._once_more = True
+        if self._comparing is None or self._comparing.done():
+            self._comparing = asyncio.get_running_loop().create_task(self._compare_until_same())
+
+    def close(self) -> None:
+        """Nothing is compared any more."""
+        if self._comparing is not None:
+            self._comparing.cancel()
+
+    def _guard(self, plan: FlightPlan) -> None:
+        self._plan = plan
+        self._telemetry.guard_plan()
+
+    async def _compare_until_same(self) -> None:
+        difference: str | None = "no plan is ours"
+        while self._once_more and self._plan is not None:
+            self._once_more = False
+            try:
+                async with self.lock:
+                    await self.verify(self._plan)
+            except (PlanRefusedError, NotConfirmedError) as error:
+                difference = str(error)
+            else:
+                difference = None
+        self._report(difference)
+
+    async def put(self, plan: FlightPlan) -> None:
         """Upload the plan, read all of it back, and wait until PX4 finds the mission feasible.
 
         Fence first, so that the mission is judged against it.
@@ -93,10 +159,10 @@ class PlanTransfer:
         if not plan.rally:
             await self._clear_rally_points()
         self._telemetry.forget_words()
-        for places, items in ((self._fence, plan.fence), (self._rally, plan.rally)):
+        for places, items in ((self.fence, plan.fence), (self.rally, plan.rally)):
             if items:
                 await self._upload(places, items)
-        await self._upload(self._mission, plan.items)
+        await self._upload(self.mission, plan.items)
         await self.compare(plan)
         try:
             await self._feasible(len(plan.items))
@@ -106,36 +172,31 @@ class PlanTransfer:
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
             # was switched on: it judges a mission anew only if it is another.
             await _transfer("no mission", self._plugins.raw.clear_mission_async)
-            await self._upload(self._mission, plan.items)
+            await self._upload(self.mission, plan.items)
             await self.verify(plan)
 
-    async def renew(self, plan: FlightPlan, *, same_items: bool = False) -> None:
-        """Put a changed fence on board, and what it makes of the items; see `Vehicle.renew`.
+    async def _renew(self, plan: FlightPlan) -> None:
+        """PX4 judges the mission after each transfer.
 
-        PX4 judges the mission after each of them. New items might lie in the fence before, and
-        those before in the new one: between the two there is none.
-
-        Args:
-            plan: What is to be on board.
-            same_items: Other items must not be sent now.
-
-        Raises:
-            PlanRefusedError: as `upload`; or the items are others and must not be.
+        New items might lie in the fence before, and those before in the new one: between the two
+        there is none.
         """
+        telemetry = self._telemetry
+        flies_it = bool(telemetry.in_air) and telemetry.mode is FlightMode.MISSION
         if not plan.rally:
             await self._clear_rally_points()
         self._telemetry.forget_words()
-        items = await self.download(self._mission)
+        items = await self.download(self.mission)
         if len(items) != len(plan.items) or not all(map(PlanItem.same_as, plan.items, items)):
-            if same_items:
+            if flies_it:
                 raise PlanRefusedError("other items while it flies the mission: hold first")
             await self._clear_fence()
-            await self._upload(self._mission, plan.items)
-        rally = await self.download(self._rally)
+            await self._upload(self.mission, plan.items)
+        rally = await self.download(self.rally)
         if plan.rally and [_place(v) for v in plan.rally] != [_place(v) for v in rally]:
-            await self._upload(self._rally, plan.rally)
+            await self._upload(self.rally, plan.rally)
         if plan.fence:
-            await self._upload(self._fence, plan.fence)
+            await self._upload(self.fence, plan.fence)
         else:
             await self._clear_fence()
         await self.verify(plan)
@@ -151,16 +212,12 @@ class PlanTransfer:
         await self._feasible(len(plan.items))
 
     async def compare(self, plan: FlightPlan) -> None:
-        """Read fence, rally points and items back and compare.
-
-        Raises:
-            PlanRefusedError: what is on board is another plan.
-        """
-        for places, sent in ((self._fence, plan.fence), (self._rally, plan.rally)):
+        """Read fence, rally points and items back. Raises PlanRefusedError: it is another plan."""
+        for places, sent in ((self.fence, plan.fence), (self.rally, plan.rally)):
             found = await self.download(places)
             _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
-        items = await self.download(self._mission)
-        _compare(self._mission.what, list(plan.items), items)
+        items = await self.download(self.mission)
+        _compare(self.mission.what, list(plan.items), items)
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
@@ -173,21 +230,15 @@ class PlanTransfer:
     async def _clear_rally_points(self) -> None:
         """Take rally points of an earlier mission off board: a return would go there.
 
-        MAVSDK has no call for it.
-
-        Raises:
-            PlanRefusedError: they stay.
+        MAVSDK has no call for it. Raises PlanRefusedError: they stay.
         """
-        target = {"target_system": self._system_id, "target_component": AUTOPILOT}
-        clear = message("MISSION_CLEAR_ALL", target | {"mission_type": RALLY})
         for _ in range(BUSY_ATTEMPTS):
-            if not await self.download(self._rally):
+            if not await self.download(self.rally):
                 return
-            try:
-                self._plugins.direct.send_message(clear)
-            except MavlinkDirectError as error:
-                raise PlanRefusedError(f"rally points stay on board: {error.result.name}") from None
-        if await self.download(self._rally):
+            fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
+            if fault is not None:
+                raise PlanRefusedError(f"rally points stay on board: {fault}")
+        if await self.download(self.rally):
             said = self._telemetry.said()
             raise PlanRefusedError(f"rally points of another mission stay on board{said}")
 
@@ -223,9 +274,7 @@ class PlanTransfer:
                 return False
             return telemetry.mission_state > MISSION_INVALID or bool(telemetry.refusals)
 
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(FEASIBLE_S):
-                await telemetry.wait_for(judged)
+        await telemetry.shows(judged, FEASIBLE_S)
         if telemetry.mission_state > MISSION_INVALID and telemetry.item_total == total:
             return
         reasons = "; ".join(dict.fromkeys(telemetry.refusals))
@@ -272,22 +321,10 @@ def _place(item: PlanItem) -> PlanItem:
 
 
 def _to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
-    first = int(seq == 0 and mission_type == MISSION)
-    return MissionItem(
-        seq=seq,
-        frame=int(item.frame),
-        command=int(item.command),
-        current=first,
-        autocontinue=int(item.autocontinue),
-        param1=item.params[0],
-        param2=item.params[1],
-        param3=item.params[2],
-        param4=item.params[3],
-        x=item.x_deg_e7,
-        y=item.y_deg_e7,
-        z=item.z_m,
-        mission_type=mission_type,
-    )
+    current = int(seq == 0 and mission_type == MISSION)
+    head = (seq, int(item.frame), int(item.command), current, int(item.autocontinue))
+    place = (item.x_deg_e7, item.y_deg_e7, item.z_m)
+    return MissionItem(*head, *item.params, *place, mission_type)
 
 
 def _from_raw(what: str, item: MissionItem) -> PlanItem:
@@ -295,12 +332,6 @@ def _from_raw(what: str, item: MissionItem) -> PlanItem:
         command, frame = Command(item.command), Frame(item.frame)
     except ValueError as error:
         raise PlanRefusedError(f"{what}: item {item.seq} on board is not ours: {error}") from None
-    return PlanItem(
-        command=command,
-        frame=frame,
-        params=(item.param1, item.param2, item.param3, item.param4),
-        x_deg_e7=item.x,
-        y_deg_e7=item.y,
-        z_m=item.z,
-        autocontinue=bool(item.autocontinue),
-    )
+    params = (item.param1, item.param2, item.param3, item.param4)
+    autocontinue = bool(item.autocontinue)
+    return PlanItem(command, frame, params, item.x, item.y, item.z, autocontinue=autocontinue)

@@ -1,43 +1,49 @@
-"""What a flight asks a PX4 to send: at what rates, once at the beginning, again if it ends."""
+"""What a PX4 is asked: to send what a flight rests on, and on the ground for a pre-flight check.
+
+Without an answer things go on, only less well.
+"""
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+from mavsdk.plugins.events.events import Events, EventsError, LogLevel
 
-from air_router.vehicle.mavlink.mavsdk_bridge import call, message
-from air_router.vehicle.px4.px4_order import AUTOPILOT
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import Inspection
 
 _log = logging.getLogger(__name__)
 
+RUN_PREARM_CHECKS: Final = 401  # MAV_CMD: PX4 sends its health and arming report anew
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
-GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
-WIND_COV = 231
-AUTOPILOT_VERSION, HOME_POSITION, FLIGHT_INFORMATION = 148, 242, 264
-RATES_HZ: Final[Mapping[int, float]] = {
-    GLOBAL_POSITION_INT: 10.0,
-    POSITION_TARGET_GLOBAL_INT: 2.0,
-    GPS_RAW_INT: 2.0,
-    WIND_COV: 1.0,
-}
-"""How often we want what PX4 sends so often that reading it takes our time."""
-
-ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
-"""What is asked for on connecting."""
 
 STREAMS: Final[Mapping[str, int]] = {
     "HEARTBEAT": 0,
     "SYS_STATUS": 1,
-    "GPS_RAW_INT": GPS_RAW_INT,
-    "GLOBAL_POSITION_INT": GLOBAL_POSITION_INT,
+    "GPS_RAW_INT": 24,
+    "GLOBAL_POSITION_INT": 33,
     "MISSION_CURRENT": 42,
-    "POSITION_TARGET_GLOBAL_INT": POSITION_TARGET_GLOBAL_INT,
+    "POSITION_TARGET_GLOBAL_INT": 87,
+    "WIND_COV": 231,
     "EXTENDED_SYS_STATE": 245,
 }
-"""What a flight rests on, by message id."""
+"""What a flight rests on, or would like to know, and its message ids."""
+
+RATES_HZ: Final[Mapping[str, float]] = {
+    "GLOBAL_POSITION_INT": 10.0,
+    "POSITION_TARGET_GLOBAL_INT": 2.0,
+    "GPS_RAW_INT": 2.0,
+    "WIND_COV": 1.0,
+}
+"""How often we want what PX4 sends so often that reading it takes our time."""
+
+HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION = 242, 148, 264  # message ids
+ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
+"""What is asked for on connecting."""
+
+ONCE_S: Final = 1.5
+"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
 
 ASK_AGAIN_S: Final = 2.0
 """A stream that is missing for so long, while others come, is asked for, and again every
@@ -45,55 +51,128 @@ ASK_AGAIN_S: Final = 2.0
 
 ASK_EVERY_S: Final = 5.0
 
-ONCE_S: Final = 1.5
-"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
+HEALTH_S: Final = 4.0
+"""Wall-clock time for a vehicle that was just switched on to become healthy."""
+
+REPORT_S: Final = 1.0
+"""Wall-clock limit for the health and arming report, once it was asked for."""
+
+PARAMETER_S: Final = 0.5
+PARAMETER_ATTEMPTS: Final = 5
+
+WORDS_S: Final = 1.0
+ARMING_WORDS_S: Final = 3.0
+"""Wall-clock limits for MAVSDK's words on arming, which it fetches from the autopilot first."""
+
+_LOOK_S: Final = 0.2
 
 
-class Px4Requests:
-    """Asks for messages; without an answer things go on, only less well.
+async def begin(telemetry: Px4Telemetry) -> None:
+    """Ask for everything that a flight wants to hear."""
+    requests = [(SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz) for name, hz in RATES_HZ.items()]
+    requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
+    await asyncio.gather(*(_request(telemetry, *request) for request in requests))
+
+
+async def keep_streams(telemetry: Px4Telemetry) -> None:
+    """Ask now and then for streams that are missing; until it is cancelled."""
+    while True:
+        await asyncio.sleep(ASK_EVERY_S)
+        await ask_again(telemetry)
+
+
+async def ask_again(telemetry: Px4Telemetry) -> None:
+    """Ask for streams that are missing, at our rate or the autopilot's own."""
+    for name in telemetry.missing(ASK_AGAIN_S):
+        interval_us = 1e6 / RATES_HZ[name] if name in RATES_HZ else 0.0
+        await _request(telemetry, SET_MESSAGE_INTERVAL, STREAMS[name], interval_us)
+
+
+async def _request(telemetry: Px4Telemetry, command: int, *params: float) -> None:
+    if await telemetry.ask(command, *params, limit_s=ONCE_S) is None:
+        _log.info("command %d %s was not answered", command, params)
+
+
+async def inspect(
+    telemetry: Px4Telemetry, open_events: Callable[[], Events], parameters: Sequence[str]
+) -> Inspection:
+    """Ask, wait a little where it is worth it, and put together what came.
 
     Args:
-        direct: What sends the requests.
-        telemetry: What the vehicle says.
-        system_id: Its MAVLink system id.
+        telemetry: Of a PX4 on the ground.
+        open_events: MAVSDK's words, for one that has no report of its own.
+        parameters: Their names.
     """
+    reports = telemetry.reports
+    await asyncio.gather(
+        _read_parameters(telemetry, parameters),
+        telemetry.shows(lambda: telemetry.health_good, HEALTH_S),
+    )
+    before = reports.count
+    if await telemetry.ask(RUN_PREARM_CHECKS, limit_s=REPORT_S) == 0:
+        await telemetry.shows(lambda: reports.count > before, REPORT_S)
+    problems = reports.problems
+    if not telemetry.health_good and not problems:
+        problems = await reported_problems(open_events, WORDS_S)
+    return Inspection(
+        healthy=telemetry.health_good,
+        problems=problems,
+        warnings=reports.warnings,
+        gps=telemetry.gps,
+        battery=telemetry.battery,
+        voltage_v=telemetry.voltage_v,
+        wind_m_s=telemetry.wind_m_s,
+        unix_s=telemetry.unix_s(),
+        parameters={name: telemetry.parameters.get(name) for name in parameters},
+    )
 
-    def __init__(self, direct: MavlinkDirect, telemetry: Px4Telemetry, system_id: int) -> None:
-        self._direct = direct
-        self._telemetry = telemetry
-        self._system_id = system_id
 
-    async def begin(self) -> None:
-        """Ask for everything that a flight wants to hear."""
-        requests = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
-        requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
-        await asyncio.gather(*(self.request(*request) for request in requests))
+async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> None:
+    """Read parameters: PX4 answers nothing for one that it does not have, so lost is asked again.
 
-    async def go_on(self) -> None:
-        """Ask now and then for streams that are missing; until it is cancelled."""
-        while True:
-            await asyncio.sleep(ASK_EVERY_S)
-            await self.ask_again()
+    MAVSDK asks for one after the other and waits three seconds for each that is missing.
+    """
+    telemetry.parameters.clear()
+    known = telemetry.parameters
+    for attempt in range(PARAMETER_ATTEMPTS):
+        missing = [name for name in names if name not in known]
+        if not missing or (attempt > 1 and len(missing) < len(names) // 4):
+            return
+        for name in missing:
+            fault = telemetry.send("PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
+            if fault is not None:
+                _log.info("the request for %s was not sent: %s", name, fault)
+        await telemetry.shows(lambda: all(name in known for name in names), PARAMETER_S)
 
-    async def ask_again(self) -> None:
-        """Ask for streams that are missing, at our rate or the autopilot's own."""
-        for name in self._telemetry.missing(ASK_AGAIN_S):
-            what = STREAMS[name]
-            interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
-            await self.request(SET_MESSAGE_INTERVAL, what, interval_us)
 
-    async def request(self, command: int, *params: float) -> None:
-        """Send a COMMAND_LONG and wait for its answer, whatever that says."""
-        values = (*params, *(0.0,) * (7 - len(params)))
-        fields = {
-            "target_system": self._system_id,
-            "target_component": AUTOPILOT,
-            "command": command,
-            "confirmation": 0,
-            **{f"param{n}": value for n, value in enumerate(values, start=1)},
-        }
-        text = message("COMMAND_LONG", fields, self._system_id)
-        try:
-            await call(self._direct.send_command_async, text, timeout_s=ONCE_S)
-        except TimeoutError:
-            _log.info("command %d %s was not answered", command, params)
+async def arming_problems(open_events: Callable[[], Events]) -> str:
+    """What stands in the way of arming, to add to an error; empty if the autopilot does not say."""
+    problems = await reported_problems(open_events, ARMING_WORDS_S)
+    return f" ({'; '.join(problems)})" if problems else ""
+
+
+async def reported_problems(open_events: Callable[[], Events], limit_s: float) -> tuple[str, ...]:
+    """What stands in the way of arming by MAVSDK's words.
+
+    They come as events, not as texts, to a companion. Empty if the autopilot does not say within
+    a wall-clock limit.
+    """
+    events = open_events()
+    try:
+        async with asyncio.timeout(limit_s):
+            while not (problems := _reported(events)):  # noqa: ASYNC110 - once, and then it ends
+                await asyncio.sleep(_LOOK_S)
+    except TimeoutError:
+        return ()
+    finally:
+        events.destroy()
+    return tuple(problems)
+
+
+def _reported(events: Events) -> list[str]:
+    try:
+        report = events.get_health_and_arming_checks_report()
+    except EventsError:
+        return []  # not available yet, or not at all
+    problems = report.current_mode_intention.problems
+    return [problem.message for problem in problems if problem.log_level <= LogLevel.ERROR]

@@ -1,11 +1,112 @@
-"""For how long each stream of a PX4 has been missing while others came, and what is no news."""
+"""Which of a PX4's messages are believed, and how old each is. Pure.
+
+Modes are put together from two messages that contradict each other for a moment, a position has
+to go on from the one before, and a stream that repeats itself, or ended while others come, ages.
+"""
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 from air_router.vehicle.input_limits import IN_AIR_S
-from air_router.vehicle.vehicle import Ages
+from air_router.vehicle.vehicle import Ages, FlightMode
+from geo.frame import Point
+
+_Fields = Mapping[str, Any]
+
+MAIN_AUTO: Final = 4
+
+_AUTO_MODES: Final[Mapping[int, FlightMode]] = {
+    2: FlightMode.TAKEOFF,
+    3: FlightMode.HOLD,
+    4: FlightMode.MISSION,
+    5: FlightMode.RETURN,
+    6: FlightMode.LAND,
+}
+_MANUAL_MODES: Final = MappingProxyType({2: FlightMode.ALTITUDE, 3: FlightMode.POSITION})
+_SUB_MODES: Final = MappingProxyType({mode: sub for sub, mode in _AUTO_MODES.items()})
+
+
+def flight_mode(custom_mode: int) -> FlightMode:
+    """The mode in HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode: main and sub mode bytes."""
+    main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
+    if main != MAIN_AUTO:
+        return FlightMode.OTHER if sub else _MANUAL_MODES.get(main, FlightMode.OTHER)
+    return _AUTO_MODES.get(sub, FlightMode.OTHER)
+
+
+def sub_mode(mode: FlightMode) -> int:
+    """The sub mode of one of the automatic modes, main mode `MAIN_AUTO`. Raises KeyError."""
+    return _SUB_MODES[mode]
+
+
+CRITICAL: Final = 5  # MAV_STATE_CRITICAL: a failsafe acts
+TERMINATED: Final = 8  # MAV_STATE_FLIGHT_TERMINATION: or a kill switch
+ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+
+SETTLED_S: Final = 1.5
+"""After so long on our clock a mode is told for itself: HEARTBEAT comes once a second."""
+
+
+@dataclass(slots=True)
+class ModeState:
+    """Mode, arming and failsafe, from HEARTBEAT and CURRENT_MODE as they come.
+
+    PX4 falls back to the mode from before a landing when it disarms. CURRENT_MODE, which knows
+    nothing of arming, may tell that up to a second before HEARTBEAT: until then `told` stays Land,
+    and another mode intended than Land is no failsafe.
+
+    Attributes:
+        mode: As told last by either.
+        told: The same, but Land until it is known whether it was left by disarming.
+        armed, terminated: As HEARTBEAT said last.
+        failsafe: As the newer of the two says: critical, or in another mode than intended.
+        known: Whether a HEARTBEAT came.
+    """
+
+    mode: FlightMode = FlightMode.OTHER
+    told: FlightMode = FlightMode.OTHER
+    armed: bool = False
+    terminated: bool = False
+    failsafe: bool = False
+    known: bool = False
+    _landing_left_s: float | None = None  # LAND showed its end; PX4 may disarm
+    _overruled: bool = False  # it flies another mode than intended
+
+    def heartbeat(self, fields: _Fields) -> bool:
+        """Take a HEARTBEAT; whether the mode is another."""
+        self.known = True
+        self.armed = bool(fields["base_mode"] & ARMED)
+        self.failsafe = fields["system_status"] >= CRITICAL
+        self.terminated = fields["system_status"] == TERMINATED
+        before, self.mode = self.mode, flight_mode(fields["custom_mode"])
+        self._landing_left_s, self._overruled = None, False
+        self.told = self.mode
+        return self.mode is not before
+
+    def current_mode(self, fields: _Fields, now_s: float) -> bool:
+        """Take a CURRENT_MODE; whether the mode is another."""
+        custom, intended = fields["custom_mode"], fields.get("intended_custom_mode", 0)
+        before, self.mode = self.mode, flight_mode(custom)
+        self._overruled = self.armed and intended not in {0, custom}
+        landed = before is FlightMode.LAND and (self._overruled or self.mode is not before)
+        if landed and self._landing_left_s is None:
+            self._landing_left_s = now_s
+        self.settle(now_s)
+        return self.mode is not before
+
+    def settle(self, now_s: float) -> None:
+        """Time goes on: a mode whose HEARTBEAT does not come is told all the same."""
+        since_s = self._landing_left_s
+        in_doubt = self._overruled or self.mode is not self.told
+        if since_s is not None and now_s - since_s < SETTLED_S and in_doubt:
+            return
+        self._landing_left_s = None
+        self.told = self.mode
+        self.failsafe = self.failsafe or self._overruled
+
 
 MOST_S: Final = 1.0
 """A pause of all streams counts as no longer: none of them is missing alone then."""
@@ -32,7 +133,6 @@ _AGES: Final[Mapping[str, str]] = {
     "MISSION_CURRENT": "item_s",
     "POSITION_TARGET_GLOBAL_INT": "target_s",
 }
-_Fields = Mapping[str, Any]
 
 
 class Streams:
@@ -139,3 +239,63 @@ class Streams:
             return word
         high = self._position is not None and self._position["relative_alt"] >= FLYING_M * 1e3
         return armed and (word or high)
+
+
+BACK_S: Final = 1.0
+"""So far back messages may overtake each other, on the vehicle's clock."""
+
+AHEAD_S: Final = 4.0
+"""So far the vehicle's clock may step on between two messages; more in a fast simulation.
+
+Less than a step back that counts as a restart (`flight.RESTART_S`).
+"""
+
+JUMP_M: Final = 5.0
+SPEED_M_S: Final = 50.0
+"""How far it may be from one message to the next: what an estimate may jump, and what it flies."""
+
+MESSAGES: Final = 5
+QUIET_S: Final = 0.7
+"""So many messages that agree are believed, when for so long nothing else was heard."""
+
+
+class ReportedPosition(NamedTuple):
+    """What a position message says: seconds since boot; metres east/north of the origin."""
+
+    boot_s: float
+    position: Point
+
+
+class Continuity:
+    """Says of each position in turn whether it is believed. Has no clock of its own."""
+
+    def __init__(self) -> None:
+        self._last: ReportedPosition | None = None  # the newest believed
+        self._last_s = -math.inf  # when it came
+        self._doubted: ReportedPosition | None = None  # the newest that was not
+        self._count = 0  # of these that agree
+
+    def believes(self, heard: ReportedPosition, now_s: float, rate: float) -> bool:
+        """Whether a message is believed that came at `now_s` of our monotonic clock.
+
+        `rate` is how many seconds of the vehicle a second of ours is: 1 outside of simulations.
+        """
+        rate = max(rate, 1.0)
+        if self._last is None or _follows(self._last, heard, rate):
+            self._doubted, self._count = None, 0
+        else:
+            agrees = self._doubted is not None and _follows(self._doubted, heard, rate)
+            self._doubted, self._count = heard, self._count + 1 if agrees else 1
+            if self._count < MESSAGES or now_s - self._last_s < QUIET_S / rate:
+                return False
+            self._doubted, self._count = None, 0
+        self._last, self._last_s = heard, now_s
+        return True
+
+
+def _follows(before: ReportedPosition, after: ReportedPosition, rate: float) -> bool:
+    passed_s = after.boot_s - before.boot_s
+    if not -BACK_S <= passed_s <= AHEAD_S * rate:
+        return False
+    way_m = math.dist(tuple(before.position), tuple(after.position))
+    return way_m <= JUMP_M + SPEED_M_S * max(passed_s, 0.0)

@@ -6,17 +6,20 @@ from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
-from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.clock import VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
-from air_router.vehicle.inspection import GpsFix
-from air_router.vehicle.loop_clock import loop_s
-from air_router.vehicle.mavlink.mavsdk_bridge import Received
-from air_router.vehicle.px4.continuity import Continuity, ReportedPosition
-from air_router.vehicle.px4.px4_inbox import Handler, Px4Inbox
-from air_router.vehicle.px4.px4_mode import ModeState
-from air_router.vehicle.px4.px4_streams import LIFTED_M, Streams
+from air_router.vehicle.px4.mavsdk_bridge import Received
+from air_router.vehicle.px4.px4_messages import Handler, Px4Messages
+from air_router.vehicle.px4.px4_streams import (
+    LIFTED_M,
+    Continuity,
+    ModeState,
+    ReportedPosition,
+    Streams,
+)
 from air_router.vehicle.vehicle import (
     FlightMode,
+    GpsFix,
     ItemReached,
     PlanReplaced,
     Telemetry,
@@ -29,7 +32,6 @@ _log = logging.getLogger(__name__)
 IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
-UNKNOWN_TOTAL: Final = 65535
 UNKNOWN: Final = 65535  # of a field of 16 bits
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 GPS_OLD_S: Final = 1.5
@@ -42,7 +44,7 @@ TELL_S: Final = 0.5
 """So often, of the vehicle's time, it is told how it is while no position comes."""
 
 
-class Px4Telemetry(Px4Inbox):
+class Px4Telemetry(Px4Messages):
     """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
 
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
@@ -54,14 +56,14 @@ class Px4Telemetry(Px4Inbox):
         self._guarding = False  # changes of the plan are told
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
-        self._position: Point | None = None  # in the mission frame
-        self._target: Point | None = None  # of POSITION_TARGET
+        self._target: Point | None = None  # of POSITION_TARGET, in the mission frame
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
         self._heights = HeightFrame()  # home of the take-off
         self._gps_height: tuple[float, float] | None = None  # metres AMSL, receiver's time
         self.gps: GpsFix | None = None  # None until it was heard
         self.voltage_v: float | None = None  # None: unknown
         self.wind_m_s: tuple[float, float] | None = None  # east, north
+        self.position: Point | None = None  # in the mission frame; None before it said so
         self.time_s = 0.0  # since boot, of the newest position
         self.altitude_m = 0.0  # above the home of the take-off
         self.altitude_amsl_m = 0.0  # as the autopilot says
@@ -86,7 +88,7 @@ class Px4Telemetry(Px4Inbox):
         self.took_off_s: float | None = None  # since boot, as it says
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
-        """Take the messages of the autopilot with this system id."""
+        """Take all that the autopilot with this system id says."""
         super().listen(direct, system_id)
         handlers: dict[str, Handler] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -104,7 +106,7 @@ class Px4Telemetry(Px4Inbox):
             "AUTOPILOT_VERSION": self._on_version,
             "FLIGHT_INFORMATION": self._on_flight_information,
         }
-        self.take(direct, handlers)
+        self.take(handlers)
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
         """Hand every event to `callback`."""
@@ -112,7 +114,7 @@ class Px4Telemetry(Px4Inbox):
 
     def complete(self) -> bool:
         """Whether everything that a flight rests on was heard once."""
-        return self._position is not None and self._mode.known and self.in_air is not None
+        return self.position is not None and self._mode.known and self.in_air is not None
 
     def introduced(self) -> bool:
         """Whether what is asked for once has come: version, home, since when it flies."""
@@ -128,11 +130,6 @@ class Px4Telemetry(Px4Inbox):
             return None
         unix_s, heard_s = self._unix
         return unix_s + loop_s() - heard_s
-
-    @property
-    def position(self) -> Point | None:
-        """Where it is, None before it said so."""
-        return self._position
 
     @property
     def target(self) -> Point | None:
@@ -155,11 +152,11 @@ class Px4Telemetry(Px4Inbox):
 
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
-        if self._position is None or not self._mode.known:
+        if self.position is None or not self._mode.known:
             return None
         return Telemetry(
             time_s=self.time_s,
-            position=self._position,
+            position=self.position,
             altitude_m=self.altitude_m,
             velocity_m_s=self.velocity_m_s,
             heading_deg=self.heading_deg,
@@ -225,13 +222,12 @@ class Px4Telemetry(Px4Inbox):
             _log.warning("a position of the vehicle is left out: %s", error)
             self._streams.void_position()
             return
-        if not self._continuity.believes(
-            ReportedPosition(boot_s, position), loop_s(), self._clock.rate
-        ):
+        reported = ReportedPosition(boot_s, position)
+        if not self._continuity.believes(reported, loop_s(), self._clock.rate):
             _log.info("a position that does not follow from the one before waits for others")
             self._streams.void_position()
             return
-        self.time_s, self._position = boot_s, position
+        self.time_s, self.position = boot_s, position
         self._clock.heard(boot_s)
         self.altitude_amsl_m = fields["alt"] / 1e3
         lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
@@ -243,7 +239,7 @@ class Px4Telemetry(Px4Inbox):
             in_air=self.in_air is not False or lifted,  # it may be met in the air
         )
         self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
-        self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
+        self.heading_deg = None if fields["hdg"] == UNKNOWN else fields["hdg"] / 100
         self._emit_snapshot()
 
     def _on_extended_state(self, fields: dict[str, Any]) -> None:
@@ -262,7 +258,7 @@ class Px4Telemetry(Px4Inbox):
         if abs(boot_s - self._clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
             self._clock.heard(boot_s)
         if fields["time_unix_usec"] > 0:
-            self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
+            self._clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
             self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
 
     def _on_home(self, fields: dict[str, Any]) -> None:
@@ -274,8 +270,8 @@ class Px4Telemetry(Px4Inbox):
         self.home_altitude_amsl_m = fields["altitude"] / 1e3
 
     def _on_mission_current(self, fields: dict[str, Any]) -> None:
-        total = fields.get("total", UNKNOWN_TOTAL)
-        self.item_total = 0 if total == UNKNOWN_TOTAL else total
+        total = fields.get("total", UNKNOWN)
+        self.item_total = 0 if total == UNKNOWN else total
         self.mission_state = fields.get("mission_state", 0)
         self.mission_reports += 1
         self.item = fields["seq"]
@@ -303,7 +299,6 @@ class Px4Telemetry(Px4Inbox):
             satellites=None if satellites in {None, 255} else satellites,
             accuracy_m=accuracy_mm / 1e3 if accuracy_mm else None,
         )
-
         self._gps_height = (fields["alt"] / 1e3, fields["time_usec"] / 1e6)
 
     def _gps_amsl_m(self) -> float | None:

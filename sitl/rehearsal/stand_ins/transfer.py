@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol, Self
 
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRawResult
 
-from air_router.vehicle.mavlink.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 
 AUTOPILOT: Final = 1
 REPEAT_S: Final = 0.5

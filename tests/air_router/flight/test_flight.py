@@ -33,8 +33,7 @@ from air_router.record.recorder import Recorder
 from air_router.record.replay import replay
 from air_router.report.report import table
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.inspection import Inspection
-from air_router.vehicle.vehicle import FlightMode, LinkSilent, PlanReplaced, Telemetry
+from air_router.vehicle.vehicle import FlightMode, Inspection, LinkSilent, PlanReplaced, Telemetry
 from geo.airspace.zone import Zone
 from geo.frame import Point
 from geo.grid import SemanticGrid

@@ -16,9 +16,8 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.record.log import read
 from air_router.record.replay import replay
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.inspection import GpsFix, Inspection
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
+from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
 from geo.frame import Point
 from tests.air_router.flight.test_flight import Rig
 

@@ -10,8 +10,7 @@ from air_router.preflight.preflight_parameters import NAMES, parameters, straigh
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.inspection import GpsFix, Inspection
-from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
+from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from mocha_link.team.document import Problem

@@ -1,7 +1,6 @@
 import pytest
 
-from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.pace import ALLOWANCE_S
+from air_router.vehicle.clock import ALLOWANCE_S, VehicleClock
 
 
 class Wall:

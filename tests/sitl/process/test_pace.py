@@ -5,7 +5,8 @@ import socket
 
 import pytest
 
-from air_router.vehicle.pace import ALLOWANCE_S, PaceClient, PaceSource, line
+from air_router.vehicle.clock import ALLOWANCE_S
+from air_router.vehicle.pace import PaceClient, PaceSource, line
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
 from sitl.mavlink.mavlink_vehicle import STEP_S, VehicleSettings

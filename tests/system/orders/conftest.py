@@ -51,7 +51,9 @@ def run(mission, udp_port):
                     await vehicle.connect()
                     for name, value in state.items():
                         setattr(px4, name, value)
-                    await vehicle.telemetry.wait_for(lambda: seen(vehicle.telemetry, px4))
+                    assert await vehicle.telemetry.shows(
+                        lambda: seen(vehicle.telemetry, px4), LIMIT_S
+                    )
                     await script(vehicle)
             finally:
                 await vehicle.close()

@@ -325,8 +325,9 @@ def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, sa
         await vehicle.arm()
         for name, value in choice.items():
             setattr(px4s[0], name, value)
-        await vehicle.telemetry.wait_for(
-            lambda: vehicle.telemetry.mode is FlightMode.POSITION or not vehicle.telemetry.armed
+        assert await vehicle.telemetry.shows(
+            lambda: vehicle.telemetry.mode is FlightMode.POSITION or not vehicle.telemetry.armed,
+            LIMIT_S,
         )
         with pytest.raises(ArmingRefusedError, match=said):
             await vehicle.start()

@@ -4,15 +4,13 @@ import asyncio
 import dataclasses
 
 import pytest
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectError, MavlinkDirectResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan, Frame
-from air_router.vehicle.mavlink.px4_connection import Plugins
 from air_router.vehicle.px4 import px4_plan
-from air_router.vehicle.px4.px4_plan import PlanTransfer
-from air_router.vehicle.px4.px4_plan_guard import PlanGuard
+from air_router.vehicle.px4.px4_connection import Plugins
+from air_router.vehicle.px4.px4_plan import OnboardPlan
 
 
 def identity(items):
@@ -30,9 +28,12 @@ class Board:
         self.items, self.fence, self.rally = [], [], []
         self.uploads = 0
         self.judged = None
+        self.told = []  # what was different from the plan that we put on board
+        self.after_read = lambda: None
+        self.in_air = False
 
-    def transfer(self):
-        return PlanTransfer(Plugins(self, self, self, None), self, 1)
+    def onboard(self):
+        return OnboardPlan(Plugins(self, self, self, None), self, self.told.append)
 
     def forget_words(self):
         self.refusals.clear()
@@ -40,11 +41,19 @@ class Board:
     def said(self):
         return ""
 
-    async def wait_for(self, condition):
-        while not condition():
+    def guard_plan(self):
+        pass
+
+    leave_plan_alone = guard_plan
+
+    async def shows(self, condition, _limit_s):
+        for _ in range(10):
             self.mission_reports += 1
             self.item_total = len(self.items)
             await asyncio.sleep(0)
+            if condition():
+                return True
+        return False
 
     def upload_mission_async(self, items, answer):
         self.uploads += 1
@@ -69,6 +78,7 @@ class Board:
 
     def download_mission_async(self, answer):
         answer(MissionRawResult.SUCCESS, self.items, None)
+        self.after_read()
 
     def download_geofence_async(self, answer):
         answer(MissionRawResult.SUCCESS, self.fence, None)
@@ -77,22 +87,17 @@ class Board:
         answer(MissionRawResult.SUCCESS, self.rally, None)
 
 
-@pytest.fixture(autouse=True)
-def hurried(monkeypatch):
-    monkeypatch.setattr(px4_plan, "FEASIBLE_S", 0.05)
-
-
 def test_the_same_mission_that_was_found_wrong_at_power_on_is_judged_anew(pennovation):
     plan, board = FlightPlan.of(pennovation), Board()
     board.judged = identity([px4_plan._to_raw(n, item, 0) for n, item in enumerate(plan.items)])
-    asyncio.run(board.transfer().upload(plan))
+    asyncio.run(board.onboard().upload(plan))
     assert (board.uploads, board.mission_state) == (2, 2)
 
 
 def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation):
     board = Board(good=False)
     with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
-        asyncio.run(board.transfer().upload(FlightPlan.of(pennovation)))
+        asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
     assert board.uploads == 1
 
 
@@ -102,7 +107,7 @@ def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
     take = getattr(board, f"upload_{what}_async")
     setattr(board, f"upload_{what}_async", lambda items, answer: take(items[:-1], answer))
     with pytest.raises(PlanRefusedError, match=r"\d+ items sent, \d+ are on board"):
-        asyncio.run(board.transfer().upload(FlightPlan.of(pennovation)))
+        asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
 
 
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
@@ -117,19 +122,16 @@ def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovati
             take(items, answer)
 
     board.upload_rally_points_async = take_late
-    asyncio.run(board.transfer().upload(plan))
+    asyncio.run(board.onboard().upload(plan))
     assert len(board.rally) == len(plan.rally) > 0
 
 
 def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovation):
-    def gone(sent):
-        raise MavlinkDirectError(MavlinkDirectResult.CONNECTION_ERROR, "send_message()", sent)
-
     plan, board = FlightPlan.of(pennovation), Board()
     board.rally = [px4_plan._to_raw(0, plan.rally[0], px4_plan.RALLY)]
-    board.send_message = gone
+    board.send = lambda _name, _fields: "CONNECTION_ERROR"
     with pytest.raises(PlanRefusedError, match="CONNECTION_ERROR"):
-        asyncio.run(board.transfer().renew(dataclasses.replace(plan, rally=())))
+        asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=())))
 
 
 def changed(item, **changes):
@@ -154,20 +156,24 @@ def test_frames_that_px4_gives_back_for_others_are_the_same(pennovation):
     assert not item.same_as(changed(item, autocontinue=True))
 
 
-def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation):
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation, lost):
     async def script():
-        plan, reported, reads = FlightPlan.of(pennovation), [], []
+        plan, board = FlightPlan.of(pennovation), Board()
+        onboard = board.onboard()
+        await onboard.upload(plan)
+        whole, board.items = board.items, board.items[:-1]
 
-        async def compare(what):
-            reads.append(what)
-            if len(reads) == 1:
-                guard.replaced()  # the fence follows the items
-                raise PlanRefusedError("half of it")
+        def change():
+            board.after_read = lambda: None
+            board.items = whole[: len(whole) - lost]
+            onboard.replaced()
 
-        guard = PlanGuard(compare, reported.append)
-        guard.plan = plan
-        guard.replaced()
-        await guard.done()
-        return reads == [plan, plan], reported
+        board.after_read = change
+        onboard.replaced()
+        await onboard._comparing
+        return board.told, len(plan.items)
 
-    assert asyncio.run(script()) == (True, [None])
+    (difference,), items = asyncio.run(script())
+    wanted = f"the mission: {items} items sent, {items - 1} are on board" if lost else None
+    assert difference == wanted

@@ -5,12 +5,21 @@ import asyncio
 import pytest
 
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.mavlink.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_mode import ARMED
-from air_router.vehicle.px4.px4_requests import SET_MESSAGE_INTERVAL, Px4Requests
-from air_router.vehicle.px4.px4_streams import Streams
+from air_router.vehicle.px4 import px4_requests
+from air_router.vehicle.px4.mavsdk_bridge import Received
+from air_router.vehicle.px4.px4_requests import SET_MESSAGE_INTERVAL
+from air_router.vehicle.px4.px4_streams import (
+    ARMED,
+    MESSAGES,
+    QUIET_S,
+    Continuity,
+    ReportedPosition,
+    Streams,
+    flight_mode,
+)
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
 
 HOLD, MISSION, LAND, RETURN = 0x03040000, 0x04040000, 0x06040000, 0x05040000
 ACTIVE, CRITICAL, TERMINATED = 4, 5, 8
@@ -37,9 +46,9 @@ class Px4:
         self.wall_s = 1000.0
         self.boot_s = 50.0
         self.clock = VehicleClock(monotonic=lambda: self.wall_s)
-        for room in ("px4_telemetry", "px4_inbox"):
+        for room in ("px4_telemetry", "px4_messages"):
             monkeypatch.setattr(f"air_router.vehicle.px4.{room}.loop_s", lambda: self.wall_s)
-        monkeypatch.setattr("air_router.vehicle.px4.px4_inbox.subscribe", self._subscribe)
+        monkeypatch.setattr("air_router.vehicle.px4.px4_messages.subscribe", self._subscribe)
         self.events = []
         self.off = set()
         self._handlers = {}
@@ -343,19 +352,18 @@ def test_a_flight_termination_shows(px4):
 
 
 def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
-    requests = Px4Requests(None, px4.telemetry, 1)
     asked = []
 
-    async def note(*request):
+    async def note(_telemetry, *request):
         asked.append(request)
 
-    monkeypatch.setattr(requests, "request", note)
+    monkeypatch.setattr(px4_requests, "_request", note)
     px4.run(5.0)
-    asyncio.run(requests.ask_again())
+    asyncio.run(px4_requests.ask_again(px4.telemetry))
     assert asked == []
     px4.off |= {"GLOBAL_POSITION_INT", "SYS_STATUS"}
     px4.run(5.0)
-    asyncio.run(requests.ask_again())
+    asyncio.run(px4_requests.ask_again(px4.telemetry))
     # At our rate; and at the autopilot's own.
     assert asked == [(SET_MESSAGE_INTERVAL, 33, 1e5), (SET_MESSAGE_INTERVAL, 1, 0.0)]
 
@@ -368,3 +376,83 @@ def test_where_the_simulation_waits_for_a_busy_companion_nothing_ages_meanwhile(
     for number in range(1, 11):  # late by our clock: the vehicle's goes ten times as fast, or waits
         streams.message(10.0 + 0.1 * number, 10.0, most_s)
     assert (streams.ages().mode_s >= 3.0) == stale
+
+
+# HEARTBEAT.custom_mode as captured from PX4 1.17: main mode in byte 2, sub mode in byte 3.
+CAPTURED = {
+    0x03040000: FlightMode.HOLD,
+    0x04040000: FlightMode.MISSION,
+    0x02040000: FlightMode.TAKEOFF,
+    0x05040000: FlightMode.RETURN,
+    0x06040000: FlightMode.LAND,
+    0x00030000: FlightMode.POSITION,
+    0x01030000: FlightMode.OTHER,  # Orbit
+    0x00020000: FlightMode.ALTITUDE,
+    0x00060000: FlightMode.OTHER,  # Offboard
+    0x08040000: FlightMode.OTHER,  # Follow me
+    0: FlightMode.OTHER,
+}
+
+
+@pytest.mark.parametrize(("custom_mode", "mode"), list(CAPTURED.items()))
+def test_custom_modes(custom_mode, mode):
+    assert flight_mode(custom_mode) is mode
+
+
+HERE, AWAY = Point(10.0, 0.0), Point(900.0, 0.0)
+
+
+class Told:
+    """Positions at 10 Hz, as a vehicle sends them, and others between them."""
+
+    def __init__(self, rate=1.0):
+        self.continuity, self.rate = Continuity(), rate
+        self.now_s, self.boot_s = 0.0, 500.0
+
+    def goes_on(self, count=1, step_s=0.1):
+        believed = []
+        for _ in range(count):
+            self.now_s += step_s / self.rate
+            self.boot_s += step_s
+            believed.append(self.says(self.boot_s, HERE))
+        return believed
+
+    def says(self, boot_s, position):
+        return self.continuity.believes(ReportedPosition(boot_s, position), self.now_s, self.rate)
+
+
+def test_a_message_of_another_boot_or_place_is_not_believed_nor_a_burst_of_them():
+    told = Told()
+    assert all(told.goes_on(20))
+    for boot_s, position in ((3.0, HERE), (told.boot_s + 99.0, HERE), (told.boot_s, AWAY)):
+        assert not any(told.says(boot_s, position) for _ in range(50))
+        assert all(told.goes_on(20))
+
+
+def test_a_vehicle_that_restarted_is_believed_once_the_old_one_is_not_heard_any_more():
+    told = Told()
+    told.goes_on(20)
+    told.boot_s = 2.0
+    believed = told.goes_on(20)
+    assert believed == sorted(believed)
+    assert believed.count(False) == max(MESSAGES, round(QUIET_S * 10)) - 1
+    told.boot_s -= 0.5  # messages may overtake each other
+    assert all(told.goes_on(5))
+
+
+def test_a_link_that_was_lost_and_an_estimate_that_jumped_for_good_are_believed_soon():
+    told = Told()
+    told.goes_on(20)
+    told.now_s, told.boot_s = told.now_s + 30.0, told.boot_s + 30.0
+    assert told.goes_on(MESSAGES) == [False] * (MESSAGES - 1) + [True]
+    places = [told.says(told.boot_s, AWAY)]
+    for _ in range(9):
+        told.now_s, told.boot_s = told.now_s + 0.1, told.boot_s + 0.1
+        places.append(told.says(told.boot_s, AWAY))
+    assert places[:MESSAGES] == [False] * MESSAGES
+    assert places[-1]
+
+
+def test_a_fast_simulation_that_stood_still_goes_on():
+    told = Told(rate=20.0)
+    assert all(told.goes_on(20) + told.goes_on(5, step_s=30.0))

@@ -1,9 +1,9 @@
 import pytest
 
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.events.px4_events import event_id
 from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.px4.px4_mode import ARMED
+from air_router.vehicle.px4.px4_events import event_id
+from air_router.vehicle.px4.px4_streams import ARMED
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point

@@ -3,30 +3,39 @@
 A companion computer gets no STATUSTEXT from PX4 (those go to ground stations only): why a mission
 is refused or arming denied reaches it as EVENT (message 410) with a number and packed arguments.
 The number is the FNV-1a hash of the event's name with the component in the top byte, so the table
-of names in `px4_event_words` is all that is needed, also where the autopilot's own table of words
-cannot be fetched. Every check of the health and arming report comes as an event of its own between
-two summaries.
+of names in `px4_event_words.toml` is all that is needed, also where the autopilot's own table of
+words cannot be fetched. Every check of the health and arming report comes as an event of its own
+between two summaries.
 """
-
-from __future__ import annotations
 
 import re
 import struct
+import tomllib
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final
-
-from air_router.vehicle.events.px4_event_words import ACTIONS, CAUSES, MODES, WORDS
+from pathlib import Path
+from typing import Any, Final, Self
 
 ERROR: Final = 3
-WARNING: Final = 4
-PROTOCOL: Final = 7  # levels above INFO are for programs
+WARNING: Final = 4  # of the levels; those above INFO, 6, are for programs
+
+ARMING_SUMMARY: Final = "commander_arming_check_summary"
+HEALTH_SUMMARY: Final = "commander_health_summary"
 
 _COMPONENT: Final = 1 << 24
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 _CHECK_HEAD: Final = struct.Struct("<IB")  # modes concerned, health component
-_SUMMARY: Final = struct.Struct("<BIIII")  # chunk, errors, warnings, can arm, can run
 _MISSION_MODE: Final = 1 << 3  # NAVIGATION_STATE_AUTO_MISSION
+
+_TABLE: Final[dict[str, dict[str, Any]]] = tomllib.loads(
+    Path(__file__).with_name("px4_event_words.toml").read_text(encoding="utf-8")
+)
+_ENUMERATIONS: Final = {"m": _TABLE["modes"], "a": _TABLE["actions"], "c": _TABLE["causes"]}
+WORDS: Final[dict[str, str | tuple[str, str]]] = {
+    name: row if isinstance(row, str) else tuple(row)
+    for section in ("checks", "mission", "commander")
+    for name, row in _TABLE[section].items()
+}
+"""By name: words, or words and the layout of the arguments."""
 
 
 def event_id(name: str) -> int:
@@ -37,11 +46,7 @@ def event_id(name: str) -> int:
     return _COMPONENT | value & 0xFFFFFF
 
 
-ARMING_SUMMARY: Final = "commander_arming_check_summary"
-HEALTH_SUMMARY: Final = "commander_health_summary"
-_NAMES: Final = MappingProxyType(
-    {event_id(name): name for name in (*WORDS, ARMING_SUMMARY, HEALTH_SUMMARY)}
-)
+_NAMES: Final = {event_id(name): name for name in (*WORDS, ARMING_SUMMARY, HEALTH_SUMMARY)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,7 @@ class Px4Event:
     arguments: bytes = b""
 
     @classmethod
-    def of(cls, fields: dict[str, Any]) -> Px4Event:
+    def of(cls, fields: dict[str, Any]) -> Self:
         """From the fields of an EVENT message."""
         arguments = bytes(int(byte) & 0xFF for byte in fields.get("arguments") or ())
         return cls(int(fields["id"]), int(fields["log_levels"]) & 0x0F, arguments)
@@ -75,6 +80,13 @@ class Px4Event:
         return (self.name or "").startswith("check_")
 
     @property
+    def concerns_missions(self) -> bool:
+        """Whether it is more than a finding that keeps the vehicle from being flown by hand."""
+        if not self.is_check or len(self.arguments) < _CHECK_HEAD.size:
+            return True
+        return bool(_CHECK_HEAD.unpack_from(self.arguments)[0] & _MISSION_MODE)
+
+    @property
     def text(self) -> str:
         """What it means and, where there is something, what to do."""
         name = self.name
@@ -87,67 +99,43 @@ class Px4Event:
         return words.format(*values) if values is not None else name.replace("_", " ")
 
 
-_ENUMERATIONS: Final = MappingProxyType({"m": MODES, "a": ACTIONS, "c": CAUSES})
-
-
 def _unpacked(layout: str, data: bytes) -> tuple[object, ...] | None:
     """Arguments as numbers and words; None where fewer came than belong to the event."""
     code = struct.Struct("<" + re.sub("[mac]", "B", layout))
     if len(data) < code.size:
         return None
     return tuple(
-        _ENUMERATIONS[letter].get(value, "another") if letter in _ENUMERATIONS else value
+        _ENUMERATIONS[letter].get(str(value), "another") if letter in _ENUMERATIONS else value
         for letter, value in zip(layout, code.unpack_from(data), strict=True)
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ArmingReport:
-    """What PX4's health and arming checks find.
+class ArmingReports:
+    """Puts health and arming reports together from the events between two summaries.
 
     Attributes:
-        can_arm: Whether it would arm in Mission mode as things are.
-        problems: What stands in the way, in words.
+        problems: What stands in the way of arming, in words, by the newest complete report.
         warnings: What does not, but was found.
+        count: Of complete reports.
     """
 
-    can_arm: bool
-    problems: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-
-class ArmingReports:
-    """Puts reports together from the events between the two summaries."""
-
     def __init__(self) -> None:
+        self.problems: tuple[str, ...] = ()
+        self.warnings: tuple[str, ...] = ()
+        self.count = 0
         self._findings: list[Px4Event] | None = None  # of the report under way
-        self._can_arm = 0  # bit for each mode group
-        self.last: ArmingReport | None = None  # the newest complete one
-        self.count = 0  # of complete reports
 
     def take(self, event: Px4Event) -> None:
-        """Take the next event; `last` and `count` change when it completes a report."""
-        if event.name == ARMING_SUMMARY and len(event.arguments) >= _SUMMARY.size:
-            self._can_arm = _SUMMARY.unpack_from(event.arguments)[3]
+        """Take the next event."""
+        if event.name == ARMING_SUMMARY:
             self._findings = []
-        elif event.name == HEALTH_SUMMARY and self._findings is not None:
-            self.last = self._report(self._findings)
+        elif self._findings is None:
+            return
+        elif event.name == HEALTH_SUMMARY:
+            texts = [(e.level, e.text) for e in self._findings if e.concerns_missions]
+            self.problems = tuple(dict.fromkeys(text for level, text in texts if level <= ERROR))
+            self.warnings = tuple(dict.fromkeys(text for level, text in texts if level == WARNING))
             self.count += 1
             self._findings = None
-        elif self._findings is not None and (event.is_check or event.name is None):
+        elif event.is_check or event.name is None:
             self._findings.append(event)
-
-    def _report(self, findings: list[Px4Event]) -> ArmingReport:
-        ours = [event for event in findings if _concerns_us(event)]
-        return ArmingReport(
-            can_arm=bool(self._can_arm & _MISSION_MODE),
-            problems=tuple(dict.fromkeys(e.text for e in ours if e.level <= ERROR)),
-            warnings=tuple(dict.fromkeys(e.text for e in ours if e.level == WARNING)),
-        )
-
-
-def _concerns_us(event: Px4Event) -> bool:
-    """Findings that only keep the vehicle from being flown by hand are no concern of a mission."""
-    if not event.is_check or len(event.arguments) < _CHECK_HEAD.size:
-        return True
-    return bool(_CHECK_HEAD.unpack_from(event.arguments)[0] & _MISSION_MODE)

@@ -1,6 +1,7 @@
-"""The messages of one PX4: to whom they go, when they came, and what it says in words."""
+"""The messages of one PX4: what goes to it, when its own came, and what it says in words."""
 
 import asyncio
+import json
 import logging
 import math
 import struct
@@ -8,48 +9,98 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+from mavsdk.plugins.mavlink_direct.mavlink_direct import (
+    MavlinkDirect,
+    MavlinkDirectError,
+    MavlinkDirectResult,
+)
 
-from air_router.vehicle.events.px4_events import WARNING, ArmingReports, Px4Event
-from air_router.vehicle.loop_clock import loop_s
-from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
-from air_router.vehicle.px4.px4_order import AUTOPILOT
+from air_router.vehicle.clock import loop_s
+from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
+from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
 
 _log = logging.getLogger(__name__)
 
 Handler = Callable[[dict[str, Any]], None]
 
+AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
 INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
-class Px4Inbox:
-    """Hands messages of the autopilot to their handlers, and wakes who waits for what they say."""
+class Px4Messages:
+    """Hands messages of the autopilot to their handlers, and wakes who waits for what they say.
+
+    Attributes:
+        system_id: The vehicle's, and ours; 0 until `listen`.
+        reports: Its health and arming checks.
+        refusals: Why it did not take a plan, in its words, since `forget_words`.
+        parameters: Those heard so far, by name.
+    """
 
     def __init__(self) -> None:
-        self._system_id = 0  # set by `listen`
+        self.system_id = 0
+        self.reports = ArmingReports()
+        self.refusals: list[str] = []
+        self.parameters: dict[str, float] = {}
+        self._direct: MavlinkDirect  # from `listen` on
         self._news = asyncio.Event()  # set by every message, then replaced
         self._heard_s = loop_s()  # when anything came last, loop's clock
         self._arrived_s: dict[str, float] = {}  # by message, monotonic
         self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
-        self.reports = ArmingReports()
-        self.refusals: list[str] = []  # why it did not arm, in its words
-        self.parameters: dict[str, float] = {}  # heard so far
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
-        """Take the words of the autopilot with this system id."""
-        self._system_id = system_id
-        words = {
-            "STATUSTEXT": self._on_text,
-            "EVENT": self._on_event,
-            "PARAM_VALUE": self._on_parameter,
-        }
-        self.take(direct, words)
+        """Send through this, and take the words of the autopilot with this system id."""
+        self._direct, self.system_id = direct, system_id
+        self.take(
+            {
+                "STATUSTEXT": self._on_text,
+                "EVENT": self._on_event,
+                "PARAM_VALUE": self._on_parameter,
+            }
+        )
 
-    def take(self, direct: MavlinkDirect, handlers: Mapping[str, Handler]) -> None:
+    def take(self, handlers: Mapping[str, Handler]) -> None:
         """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
         for name, handler in handlers.items():
-            subscribe(direct, name, self._only_autopilot(name, handler))
+            subscribe(self._direct, name, self._only_autopilot(name, handler))
+
+    def send(self, name: str, fields: dict[str, Any], *, to_all: bool = False) -> str | None:
+        """Send a message once, to the autopilot or to all; why it did not leave, if so."""
+        target = {"target_system": self.system_id, "target_component": AUTOPILOT}
+        try:
+            self._direct.send_message(message(name, fields if to_all else target | fields))
+        except MavlinkDirectError as error:
+            return str(error.result.name)
+        return None
+
+    async def ask(self, command: int, *params: float, limit_s: float) -> int | None:
+        """Send a COMMAND_LONG, which MAVSDK repeats until it is answered.
+
+        Args:
+            command: MAV_CMD.
+            params: Its first parameters; the others are 0.
+            limit_s: Wall-clock limit for the answer.
+
+        Returns:
+            The MAV_RESULT; None if there is none in time.
+        """
+        values = (*params, *(0.0,) * (7 - len(params)))
+        fields = {
+            "target_system": self.system_id,
+            "target_component": AUTOPILOT,
+            "command": command,
+            "confirmation": 0,
+            **{f"param{n}": value for n, value in enumerate(values, start=1)},
+        }
+        asked = message("COMMAND_LONG", fields, self.system_id)
+        try:
+            result, answer = await call(self._direct.send_command_async, asked, timeout_s=limit_s)
+        except TimeoutError:
+            return None
+        if result != MavlinkDirectResult.SUCCESS:
+            return None
+        return int(json.loads(answer.fields_json)["result"])
 
     def silent_s(self) -> float:
         """Wall-clock seconds since anything was heard."""
@@ -68,23 +119,19 @@ class Px4Inbox:
         self._texts.clear()
         self.refusals.clear()
 
-    async def wait_for(self, condition: Callable[[], bool]) -> None:
-        """Return once `condition` holds, looked at after every message."""
-        while not condition():
-            await self._news.wait()
-
     async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
-        """Whether `condition` holds within so much wall-clock time."""
+        """Whether `condition`, looked at after every message, holds within so much wall time."""
         try:
             async with asyncio.timeout(limit_s):
-                await self.wait_for(condition)
+                while not condition():
+                    await self._news.wait()
         except TimeoutError:
             return False
         return True
 
     def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
         def on_message(received: Received) -> None:
-            if received.sender != (self._system_id, AUTOPILOT):
+            if received.sender != (self.system_id, AUTOPILOT):
                 return
             self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s

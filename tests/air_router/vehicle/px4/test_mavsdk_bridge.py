@@ -1,6 +1,6 @@
 import weakref
 
-from air_router.vehicle.mavlink.mavsdk_bridge import destroy
+from air_router.vehicle.px4.mavsdk_bridge import destroy
 
 
 def test_callbacks_outlive_the_threads_that_call_them():

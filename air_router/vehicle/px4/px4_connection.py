@@ -1,6 +1,7 @@
 """Finding the autopilot on a connection, or saying within seconds why there is none."""
 
 import asyncio
+import contextlib
 import logging
 import os
 import re
@@ -21,9 +22,8 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from mavsdk.system import System
 
 from air_router.errors import NoVehicleError
-from air_router.vehicle.mavlink.mavlink_elsewhere import USUAL_PORTS, advice, listen
-from air_router.vehicle.mavlink.mavsdk_bridge import destroy, route_log
-from air_router.vehicle.mavlink.px4_link import Px4Link
+from air_router.vehicle.px4.mavsdk_bridge import destroy, route_log
+from air_router.vehicle.px4.px4_link import LARGEST, Px4Link, frames
 
 _log = logging.getLogger(__name__)
 
@@ -40,6 +40,10 @@ ELSEWHERE_S: Final = 1.5
 DATA_S: Final = 4.0
 """Wall-clock limit for positions, which come tens of times a second."""
 
+USUAL_PORTS: Final = (*range(14540, 14550), 14550)
+"""PX4's: its API links by instance, and the ground station's."""
+
+_MOST_DATAGRAMS: Final = 100  # that are looked at of a port
 _EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only where the operator says so
 
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
@@ -214,7 +218,7 @@ class Px4Connection:
             return ""
         here = int(self._url.rpartition(":")[2])
         await asyncio.sleep(FIND_S - ELSEWHERE_S)  # nothing was heard so far
-        found = advice(*await listen([p for p in USUAL_PORTS if p != here], ELSEWHERE_S))
+        found = await heard_elsewhere(here, ELSEWHERE_S)
         return f" ({found})" if found else ""
 
 
@@ -235,3 +239,40 @@ def _serial_fault(url: str) -> str | None:
             "again"
         )
     return None
+
+
+async def heard_elsewhere(here: int, limit_s: float) -> str:
+    """What arrives at others of PX4's ports, as the end of a sentence; empty if nothing does.
+
+    It only listens: a PX4 keeps to the first partner that talks to it, and that must not be us on
+    a port which is then given up again.
+
+    Args:
+        here: The port that is ours already.
+        limit_s: For how long, wall-clock time.
+    """
+    said, taken = [], []
+    with contextlib.ExitStack() as stack:
+        listeners = {}
+        for port in USUAL_PORTS:
+            if port == here:
+                continue
+            listener = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            listener.setblocking(False)
+            try:
+                listener.bind(("", port))
+            except OSError:
+                taken.append(str(port))
+            else:
+                listeners[port] = listener
+        await asyncio.sleep(limit_s)
+        for port, listener in listeners.items():
+            systems: set[int] = set()
+            with contextlib.suppress(OSError):  # nothing is left to read
+                for _ in range(_MOST_DATAGRAMS):
+                    systems |= {system for system, _, _ in frames(listener.recv(LARGEST))}
+            if systems:
+                said.append(f"system {', '.join(map(str, sorted(systems)))} sends to port {port}")
+    if taken:
+        said.append(f"another program has port {', '.join(taken)}")
+    return "; ".join(said)

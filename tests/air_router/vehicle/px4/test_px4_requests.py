@@ -1,17 +1,20 @@
+"""What a PX4 is asked on the ground, and what is made of its answers."""
+
 import asyncio
 import json
 import struct
 from types import SimpleNamespace
 
 import pytest
+from mavsdk.plugins.events.events import EventsError, EventsResult, LogLevel
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.events.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
-from air_router.vehicle.inspection import GpsFix
-from air_router.vehicle.mavlink.mavsdk_bridge import Received
-from air_router.vehicle.px4 import px4_inspection
+from air_router.vehicle.px4 import px4_requests
+from air_router.vehicle.px4.mavsdk_bridge import Received
+from air_router.vehicle.px4.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
 from air_router.vehicle.px4.px4_telemetry import PREARM_GOOD, Px4Telemetry
+from air_router.vehicle.vehicle import GpsFix
 
 INT32, REAL32 = 6, 9
 
@@ -67,20 +70,20 @@ class Autopilot:
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     for name in ("HEALTH_S", "REPORT_S", "WORDS_S", "PARAMETER_S"):
-        monkeypatch.setattr(px4_inspection, name, 0.01)
+        monkeypatch.setattr(px4_requests, name, 0.01)
 
 
 def inspect(pennovation, names, *, health=PREARM_GOOD, **autopilot):
     async def main():
         telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
-        telemetry._system_id = 1
         status = {"battery_remaining": 80, "onboard_control_sensors_health": health}
         telemetry._on_sys_status(status | {"voltage_battery": 15800})
         telemetry._on_gps(
             {"fix_type": 3, "satellites_visible": 12, "h_acc": 900, "alt": 0, "time_usec": 0}
         )
-        direct = Autopilot(telemetry, **autopilot)
-        found = await px4_inspection.inspect(None, direct, telemetry, 1, names)
+        telemetry.system_id = 1
+        telemetry._direct = direct = Autopilot(telemetry, **autopilot)
+        found = await px4_requests.inspect(telemetry, None, names)
         return found, direct.asked
 
     return asyncio.run(main())
@@ -117,6 +120,41 @@ def test_a_vehicle_without_reports_is_asked_through_mavsdk(pennovation, monkeypa
     async def words(_system, _limit_s):
         return ("No compass",)
 
-    monkeypatch.setattr(px4_inspection, "reported_problems", words)
+    monkeypatch.setattr(px4_requests, "reported_problems", words)
     found, _ = inspect(pennovation, (), values={}, health=0, reports=False)
     assert found.problems == ("No compass",)
+
+
+class Reports:
+    """The events of an autopilot that has its report ready after some questions."""
+
+    def __init__(self, problems, *, after):
+        self.problems = problems
+        self.after = after
+        self.destroyed = False
+
+    def get_health_and_arming_checks_report(self):
+        self.after -= 1
+        if self.after >= 0:
+            raise EventsError(EventsResult.NOT_AVAILABLE, "report")
+        problems = [SimpleNamespace(message=m, log_level=level) for m, level in self.problems]
+        return SimpleNamespace(current_mode_intention=SimpleNamespace(problems=problems))
+
+    def destroy(self):
+        self.destroyed = True
+
+
+@pytest.mark.parametrize(
+    ("after", "said"), [(2, " (No compass; No connection to the ground station)"), (10**9, "")]
+)
+def test_what_stands_in_the_way_of_arming(monkeypatch, after, said):
+    problems = [
+        ("No compass", LogLevel.ERROR),
+        ("No manual control input", LogLevel.WARNING),  # does not keep it from arming
+        ("No connection to the ground station", LogLevel.CRITICAL),
+    ]
+    reports = Reports(problems, after=after)
+    monkeypatch.setattr(px4_requests, "ARMING_WORDS_S", 0.1)
+    monkeypatch.setattr(px4_requests, "_LOOK_S", 0.001)
+    assert asyncio.run(px4_requests.arming_problems(lambda: reports)) == said
+    assert reports.destroyed

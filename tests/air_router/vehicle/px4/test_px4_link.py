@@ -6,7 +6,7 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.vehicle.mavlink.px4_link import ANEW_S, PeerFilter, Px4Link, frames
+from air_router.vehicle.px4.px4_link import ANEW_S, PeerFilter, Px4Link, frames
 
 VEHICLE, INTRUDER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
 

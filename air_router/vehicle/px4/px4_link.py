@@ -19,7 +19,7 @@ _log = logging.getLogger(__name__)
 ANEW_S: Final = 5.0
 """A peer that was silent for so long may come back on another port of the same host."""
 
-_LARGEST: Final = 65535
+LARGEST: Final = 65535  # bytes of a datagram
 _HEARTBEAT: Final = 0
 _AUTOPILOT: Final = 1
 _MAVLINK_1, _MAVLINK_2 = 0xFE, 0xFD
@@ -121,7 +121,7 @@ class Px4Link:
             if self._woken in ready:
                 return
             try:
-                datagram, source = self._socket.recvfrom(_LARGEST)
+                datagram, source = self._socket.recvfrom(LARGEST)
             except OSError:
                 continue  # an ICMP error of an earlier datagram
             if self._filter.takes(datagram, source[:2], time.monotonic()):
