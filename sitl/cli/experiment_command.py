@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
-from sitl.experiment.campaign import results
-from sitl.experiment.campaign.archive import ENDING, read_archive, write_archive
 from sitl.experiment.campaign.campaign import Campaign
-from sitl.experiment.campaign.plan import Experiment, Record, Task, seeds_of
-from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
-from sitl.experiment.campaign.rows import chosen_rows
-from sitl.experiment.campaign.run_log import RunLog, program, read_runs
-from sitl.experiment.shipped import experiment_names
+from sitl.experiment.campaign.runs import (
+    ARCHIVE_ENDING,
+    RunLog,
+    program,
+    read_archive,
+    write_archive,
+)
+from sitl.experiment.plan import Experiment, Record, Task
+from sitl.experiment.plan_file import experiment_names, load_experiment
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         metavar="NAME|FILE",
         help=f"one of {', '.join(experiment_names())}; an experiment's file; an archive of runs "
-        f"(*{ENDING}), from which table and claims are remade",
+        f"(*{ARCHIVE_ENDING}), from which table and claims are remade",
     )
     parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
     parser.add_argument(
@@ -70,11 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="for runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
     )
-    begin = parser.add_mutually_exclusive_group()
-    begin.add_argument("--fresh", action="store_true", help="forget the finished runs in DIR")
-    begin.add_argument(
-        "--only-evaluate", action="store_true", help="make no runs; table and figures of what is"
-    )
+    parser.add_argument("--fresh", action="store_true", help="forget the finished runs in DIR")
     parser.add_argument(
         "--docs",
         type=Path,
@@ -85,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--archive",
         type=_archive,
         metavar="FILE",
-        help=f"keep what tables and claims are made of in a file *{ENDING}",
+        help=f"keep what tables and claims are made of in a file *{ARCHIVE_ENDING}",
     )
     parser.add_argument(
         "--verify",
@@ -115,34 +111,32 @@ def run_with(
     """The command, with what makes one run, and what looks whether that can be done."""
     if arguments.experiment is None:
         raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
-    if arguments.verify or arguments.experiment.endswith(ENDING):
+    if arguments.verify or arguments.experiment.endswith(ARCHIVE_ENDING):
         return _from_archive(Path(arguments.experiment), arguments)
     experiment, plan = load_experiment(arguments.experiment)
-    rows = chosen_rows(experiment, arguments.rows)
-    seeds = arguments.seeds or experiment.seeds
+    rows = experiment.chosen(arguments.rows)
     first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
-    numbers = range(first, first + seeds)
+    numbers = range(first, first + (arguments.seeds or experiment.seeds))
     name = experiment.called(experiment.phase(first))
     folder = arguments.out or Path("experiments") / name
-    if arguments.docs is not None:
-        _has_place(arguments.docs, name)
-    interrupted = False
-    if arguments.only_evaluate:
-        campaign = Campaign(experiment, rows, numbers, read_runs(folder), folder, StatusLine())
-    else:
-        with RunLog(folder, fresh=arguments.fresh) as log:
-            campaign = Campaign(experiment, rows, numbers, log.records, folder, StatusLine())
-            if try_out is not None:
-                for task in {task.row.label: task for task in campaign.missing}.values():
-                    try_out(task)
-            if arguments.fresh:
-                log.clear()
-            interrupted = _run_campaign(campaign, arguments, work, log)
+    if arguments.docs is not None:  # before the runs: whether there is something to fill after them
+        from sitl.experiment.analysis.document import text_of  # noqa: PLC0415 - only with SciPy
+
+        text_of(arguments.docs, name)
+    with RunLog(folder, fresh=arguments.fresh) as log:
+        campaign = Campaign(experiment, rows, numbers, log.records, folder, StatusLine())
+        if try_out is not None:
+            for task in {task.row.label: task for task in campaign.missing}.values():
+                try_out(task)
+        if arguments.fresh:
+            log.clear()
+        interrupted = _run_campaign(campaign, arguments, work, log)
     _tell_of_other_programs(campaign)
     records = campaign.records
-    if arguments.archive is not None and records:
-        write_archive(arguments.archive, plan, records)
-    _evaluate(experiment, records, folder, arguments, arguments.archive)
+    if records:
+        if arguments.archive is not None:
+            write_archive(arguments.archive, plan, records)
+        _evaluate(experiment, records, folder, arguments, arguments.archive)
     if interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
@@ -150,8 +144,8 @@ def run_with(
 
 def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
     """Table and claims of archived runs; or whether a document still says what they say."""
-    if not archive.name.endswith(ENDING):
-        raise UsageError(f"--verify is about an archive of runs; give a file *{ENDING}")
+    if not archive.name.endswith(ARCHIVE_ENDING):
+        raise UsageError(f"--verify is about an archive of runs; give a file *{ARCHIVE_ENDING}")
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
@@ -163,9 +157,10 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
         arguments.no_figures = True  # their curves are not archived
         _evaluate(experiment, records, folder, arguments, archive)
         return ExitCode.DONE
-    from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.document import differences  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.report import Report  # noqa: PLC0415
 
-    found = document_part.differences(arguments.verify, experiment, records, archive)
+    found = differences(arguments.verify, Report(experiment, records), archive)
     for what in found:
         sys.stderr.write(f"{what}: not what the archived runs say\n")
     if not found:
@@ -221,65 +216,31 @@ def _tell_of_other_programs(campaign: Campaign) -> None:
 
 def _evaluate(
     experiment: Experiment,
-    records: list[Record],
+    records: Sequence[Record],
     folder: Path,
     arguments: argparse.Namespace,
     archive: Path | None,
 ) -> None:
-    if not records:
-        if arguments.only_evaluate:
-            raise UsageError(f"{folder} has no finished run of these rows; leave --only-evaluate")
-        return
-    from sitl.experiment.analysis import tables  # noqa: PLC0415 - only with SciPy
-    from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415
+    """Write and print what runs amount to, and put it into a document where that is asked for."""
+    from sitl.experiment.analysis import document, report  # noqa: PLC0415 - only with SciPy
 
-    tidy = results.tidy(records)
-    found = tables.lines(experiment, records)
-    results.write_csv(tidy, folder / "results.csv")
-    results.write_csv(results.pair_ages(records), folder / "ages.csv")
-    text = tables.as_text(experiment, found, seeds_of(records))
-    (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
-    (folder / "table.md").write_text(tables.as_markdown(experiment, found) + "\n", encoding="utf-8")
-
-    claims = claims_of(experiment, records)
-    summary = {
-        "experiment": experiment.name,
-        "phase": records[0]["phase"],
-        "seeds": sorted({record["number"] for record in records}),
-        "runs": len(records),
-        "rows": tables.as_plain(found),
-        "claims": [{**dataclasses.asdict(claim), "verdict": claim.verdict} for claim in claims],
-    }
-    results.write_json(summary, folder / "summary.json")
+    found = report.Report(experiment, records)
+    found.write(folder)
     drawn = not arguments.no_figures and any(record["curves"] for record in records)
     figures = _figures(experiment, records, folder) if drawn else []
     if arguments.json:
-        answer = {**summary, "figures": [str(p) for p in figures], "folder": str(folder)}
-        print_json(results.without_nan(answer))
+        more = {"figures": [str(path) for path in figures], "folder": str(folder)}
+        print_json(found.summary | more)
     else:
-        sys.stdout.write(text + "\n")
-        for claim in claims:
+        sys.stdout.write(found.text + "\n")
+        for claim in found.claims:
             sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.verdict}\n")
     if arguments.docs is not None:
-        from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
-
-        blocks = document_part.blocks_of(experiment, records)
-        if archive is not None:
-            blocks["archive"] = document_part.archive_text(archive, arguments.docs, records)
-        evidence = document_part.evidence_of(experiment, records)
-        name = experiment.called(records[0]["phase"])
-        document_part.fill(arguments.docs, name, blocks, figures, evidence)
+        document.fill(arguments.docs, found, archive, figures)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
 
 
-def _has_place(document: Path, name: str) -> None:
-    """Look before the runs whether there is something to fill afterwards."""
-    from sitl.experiment.analysis.document_part import blocks_in  # noqa: PLC0415 - only with SciPy
-
-    blocks_in(document, name)
-
-
-def _figures(experiment: Experiment, records: list[Record], folder: Path) -> list[Path]:
+def _figures(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
     try:
         from sitl.experiment.figures.figures import draw_all  # noqa: PLC0415 - only with matplotlib
     except AirRouterError as error:
@@ -289,30 +250,30 @@ def _figures(experiment: Experiment, records: list[Record], folder: Path) -> lis
 
 
 def _print_list(as_json: bool) -> None:
-    found: list[dict[str, Any]] = []
-    for name in experiment_names():
-        experiment, path = load_experiment(name)
-        found.append(
-            {
-                "name": name,
-                "title": experiment.title,
-                "question": experiment.question,
-                "rows": [row.label for row in experiment.rows],
-                "seeds": experiment.seeds,
-                "path": str(path),
-            }
-        )
+    found = [load_experiment(name) for name in experiment_names()]
     if as_json:
-        print_json(found)
+        print_json(
+            [
+                {
+                    "name": experiment.name,
+                    "title": experiment.title,
+                    "question": experiment.question,
+                    "rows": [row.label for row in experiment.rows],
+                    "seeds": experiment.seeds,
+                    "path": str(path),
+                }
+                for experiment, path in found
+            ]
+        )
         return
-    for entry in found:
-        count = f"{counted(len(entry['rows']), 'rows')}, {counted(entry['seeds'], 'seeds')}"
-        sys.stdout.write(f"{entry['name']:12} {entry['title']} ({count})\n")
+    for experiment, _ in found:
+        count = f"{counted(len(experiment.rows), 'rows')}, {counted(experiment.seeds, 'seeds')}"
+        sys.stdout.write(f"{experiment.name:12} {experiment.title} ({count})\n")
 
 
 def _archive(text: str) -> Path:
-    if not text.endswith(ENDING):
-        raise argparse.ArgumentTypeError(f"{text} does not end with {ENDING}")
+    if not text.endswith(ARCHIVE_ENDING):
+        raise argparse.ArgumentTypeError(f"{text} does not end with {ARCHIVE_ENDING}")
     return Path(text)
 
 

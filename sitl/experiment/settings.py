@@ -16,10 +16,9 @@ from pydantic import Field
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy, Timers
 from sitl.world.towns.town import REACHED_M, SAME_GOAL_M
 
-ChannelKind = Literal["paper", "path_loss", "trace"]
+ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
-`path_loss`: received power, a rate that follows from it, and spatial reuse.
-`trace`: contacts and rates as they were recorded."""
+`path_loss`: received power, a rate that follows from it, and spatial reuse."""
 
 ProtocolKind = Literal["original", "ours"]
 """`original`: one request at a time (GHEAD, a GDATA per message, DENDT), as MOCHA does.
@@ -125,25 +124,6 @@ class PathLossModel:
     pull_every_s: Positive | None = 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraceModel:
-    """Links as they were recorded; `sitl.experiment.channels.trace` says what the file holds.
-
-    Attributes:
-        path: CSV or JSON lines.
-        trigger_dbm: Lines with a signal and no word on the link: up at this power and more.
-        rate_bytes_s: What a link carries where the trace does not say.
-        round_trip_s: Time of a round trip without any data.
-        pull_every_s: Pull again after so long in a contact; None: once per contact.
-    """
-
-    path: Path
-    trigger_dbm: Level = -75.0
-    rate_bytes_s: Positive = 1.0e6
-    round_trip_s: Positive = 0.01
-    pull_every_s: Positive | None = 10.0
-
-
 @dataclass(frozen=True, slots=True)
 class ExplorerSettings:
     """How a ground robot drives and decides; the defaults are the paper's and its authors' code.
@@ -197,11 +177,10 @@ class RunSettings:
         starts: Where ground robots start: at the first places of the `town`, or at those that the
             `seed` draws.
         base_station: Whether there is a base station at home. The UAVs seek it like a robot.
-        base_goals: Ids of the town's goals that the base station knows and tells from the start.
         channel: Which model of the radio.
         radius_m: Contact is nearer than this (`paper`). Horizontal distance: the paper's UAV flies
             at 60 m and meets robots within 5 to 30 m, so its height cannot count.
-        paper, path_loss, trace: The models' numbers; the one that `channel` names counts.
+        paper, path_loss: The models' numbers; the one that `channel` names counts.
         protocol: What the nodes speak.
         pulls: Who begins a pull.
         duration_s: Simulated time of the run.
@@ -232,12 +211,10 @@ class RunSettings:
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"
     base_station: bool = True
-    base_goals: tuple[str, ...] = ()
     channel: ChannelKind = "paper"
     radius_m: Positive = 30.0
     paper: PaperModel = field(default_factory=PaperModel)
     path_loss: PathLossModel = field(default_factory=PathLossModel)
-    trace: TraceModel | None = None
     protocol: ProtocolKind = "original"
     pulls: PulledBy = "contact"
     duration_s: Positive = 1800.0

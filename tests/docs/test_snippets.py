@@ -26,9 +26,7 @@ from air_router.mission.loading import load_mission
 from air_router.report.report import COLUMNS
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
-from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.channels.trace import read_trace
-from sitl.experiment.settings import TraceModel
+from sitl.experiment.plan_file import load_experiment
 from tests.docs.blocks import PAGES, PROGRAMS, ROOT, blocks, simple_commands
 
 ALL = {block.name: block for block in blocks()}
@@ -338,12 +336,6 @@ def test_an_experiment(tmp_path):
     (tmp_path / "mine.yaml").write_text(ALL["experiments.md yaml 1"].text)
     experiment, _ = load_experiment(str(tmp_path / "mine.yaml"))
     assert len(experiment.rows) == 4
-
-
-def test_a_trace(tmp_path):
-    (tmp_path / "trace.csv").write_text(ALL["experiment-engine.md csv 1"].text)
-    model = TraceModel(path=tmp_path / "trace.csv")
-    assert len(read_trace(model, ["base", "uav01", "ugv01"])) == 2
 
 
 def test_a_route(monkeypatch, capsys):

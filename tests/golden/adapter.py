@@ -33,10 +33,10 @@ from geo.frame import Point
 from mocha_link.links import link_events
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.record import Header
-from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.engine.engine import run
-from sitl.experiment.robots.fleet import fleet_of
+from sitl.experiment.plan_file import load_experiment
+from sitl.experiment.robots.node import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
 from sitl.experiment.settings import RunSettings

@@ -14,16 +14,23 @@ from typing import Literal
 
 import numpy as np
 
-from sitl.experiment.analysis.effects import Runs
 from sitl.experiment.analysis.statistics import (
     UNKNOWN,
     Effect,
     Interval,
+    Runs,
     share_above,
 )
-from sitl.experiment.campaign.claim_rules import ClaimRule, PartRule, Term
-from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row
-from sitl.experiment.campaign.rows import rows_with
+from sitl.experiment.plan import (
+    ClaimRule,
+    Experiment,
+    PartRule,
+    Phase,
+    Record,
+    Row,
+    Term,
+    rows_with,
+)
 
 Verdict = Literal["holds", "fails", "undecided"]
 

@@ -6,7 +6,7 @@ rows that differ in a paired setting only are pairs, and enter by their differen
 Intervals of a row: expanded percentile bootstrap over whole runs. With few runs the bootstrap is
 too sure of itself, so the percentiles lie farther out, by sqrt(n / (n - 1)) and by Student's t in
 place of the normal distribution (T. Hesterberg, "What Teachers Should Know About the Bootstrap",
-The American Statistician 69, 2015, section 4).
+The American Statistician 69, 2015, section 4). Effects: Student's t and Welch.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from air_router.errors import UsageError
 from mocha_link.errors import needs_extra
+from sitl.experiment.plan import Experiment, Record, Row
 
 with needs_extra("an experiment", "experiments", "air-router"):
     from scipy import stats
@@ -33,6 +35,7 @@ POWER: Final = 0.8
 _AT_ONCE: Final = 5_000_000
 """So many runs are drawn at a time: of thousands of runs all resamples do not fit into memory."""
 
+_RESAMPLES: Final = 10_000
 _SEED: Final = 20240513
 """The resampling has its own seed, so that the same runs give the same interval."""
 
@@ -73,7 +76,7 @@ def interval(*columns: Numbers, statistic: Callable[..., Any] = _mean) -> Interv
         drawn = stats.bootstrap(
             columns,
             statistic,
-            n_resamples=10_000,
+            n_resamples=_RESAMPLES,
             batch=max(1, _AT_ONCE // runs),
             paired=True,
             vectorized=True,
@@ -135,3 +138,56 @@ def share_above(
     theirs, of = reference[0] / sum(reference), sum(reference)
     error = math.sqrt(variance + max(design, 1.0) * theirs * (1 - theirs) / of)
     return Effect(100 * float(share - theirs), 100 * error, runs - 1.0), design
+
+
+Weights = Sequence[tuple[float, Row]]
+"""A contrast: rows, and how often the mean of each counts."""
+
+
+class Runs:
+    """The measures of an experiment's runs, by row and by seed number."""
+
+    def __init__(self, experiment: Experiment, records: Sequence[Record]) -> None:
+        self.experiment = experiment  # whose rows they are of
+        self._measures: dict[str, dict[int, dict[str, float | None]]] = {}  # by label and number
+        for record in records:
+            self._measures.setdefault(record["row"], {})[record["number"]] = record["measures"]
+
+    def numbers(self, *rows: Row) -> list[int]:
+        """The seed numbers with which each of some rows has a run."""
+        return sorted(set.intersection(*(set(self._measures.get(row.label, ())) for row in rows)))
+
+    def has(self, measure: str) -> bool:
+        """Whether every run has a measure: those of earlier versions have fewer."""
+        return all(measure in run for own in self._measures.values() for run in own.values())
+
+    def values(self, row: Row, measure: str, numbers: Sequence[int]) -> Numbers:
+        """A measure of a row's runs; nan where a run has none. Raises UsageError."""
+        own = self._measures.get(row.label, {})
+        try:
+            found = [own[number][measure] for number in numbers]
+        except KeyError:
+            raise UsageError(f"a claim is about '{measure}'; no run has this measure") from None
+        return np.array([math.nan if value is None else value for value in found])
+
+    def effect(self, weights: Weights, measure: str, *, ratio: bool = False) -> Effect:
+        """A contrast: rows with the same seeds are paired, others independent.
+
+        Args:
+            weights: rows, and how often each counts.
+            measure: of which.
+            ratio: means are those of logarithms.
+        """
+        groups: dict[int, list[tuple[float, Row]]] = {}
+        for weight, row in weights:
+            groups.setdefault(self.experiment.seed(row, 0), []).append((weight, row))
+        samples = []
+        for group in groups.values():
+            numbers = self.numbers(*(row for _, row in group))
+            sample: Numbers = np.zeros(len(numbers))
+            for weight, row in group:
+                values = self.values(row, measure, numbers)
+                with np.errstate(divide="ignore"):
+                    sample = sample + weight * (np.log(values) if ratio else values)
+            samples.append(sample)
+        return contrast(samples)

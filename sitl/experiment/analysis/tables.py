@@ -1,42 +1,54 @@
-"""The table of an experiment: means with 95 % intervals, the paper's beside them. Needs SciPy."""
+"""The table of an experiment: means with 95 % intervals, the paper's beside them. Needs SciPy.
+
+The paper is F. Cladera et al., "Enabling Large-scale Heterogeneous Collaboration with Opportunistic
+Communications", ICRA 2024; plans/paper.csv has what its table I reports of simulated teams.
+"""
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sitl.experiment.analysis.effects import Runs
-from sitl.experiment.analysis.paper import PaperRow, paper_row
-from sitl.experiment.analysis.statistics import (
-    Interval,
-    interval,
-    ratio,
-    spread,
-)
-from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.campaign.results import flat
+from sitl.experiment.analysis.statistics import Interval, Runs, interval, ratio, spread
+from sitl.experiment.plan import Experiment, Record, flat
 from sitl.experiment.settings import value_of
 
-_HEADS: Final = {
-    "radius_m": "radius m",
-    "uavs": "UAVs",
-    "ugvs": "UGVs",
-}
+_HEADS: Final = {"radius_m": "radius m", "uavs": "UAVs", "ugvs": "UGVs"}
+"""What the paper's table varies."""
+
 _WIDTH: Final = 160
 """Letters in a line of a terminal that is opened wide."""
 
 _MOST_SETTINGS: Final = 3
 """Where rows differ in more settings than that, their labels say more."""
 
-CAPTION: Final = (
+_CAPTION: Final = (
     "Means over all runs of a row; waits and times over all messages and all goals of its runs.\n"
     "In brackets: 95 % confidence interval (expanded percentile bootstrap over whole runs)."
 )
+
+
+class PaperRow(NamedTuple):
+    """One line of the paper's table."""
+
+    radius_m: float
+    uavs: float
+    ugvs: float
+    goals_percent: float
+    mean_time_min: float
+    wait_mean_s: float
+    wait_sd_s: float
+
+
+with Path(__file__).parents[1].joinpath("plans", "paper.csv").open(encoding="utf-8") as _file:
+    PAPER_TABLE: Final = tuple(PaperRow(*map(float, row)) for row in list(csv.reader(_file))[1:])
 
 
 class Column(NamedTuple):
@@ -152,25 +164,28 @@ def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
                     runs=len(own),
                     values=values,
                     speed_up=simulated_s / max(wall_s, 1e-9),
-                    paper=paper_row(*(value_of(settings, key) for key in _HEADS)),
+                    paper=_paper_row(settings),
                 )
             )
     return found
 
 
+def _paper_row(settings: Mapping[str, Any]) -> PaperRow | None:
+    """The paper's line for a team; None if it has none."""
+    team = tuple(value_of(settings, key) for key in _HEADS)
+    return next((row for row in PAPER_TABLE if row[:3] == team), None)
+
+
 def of_the_paper(experiment: Experiment) -> bool:
     """Whether the rows are those of the paper's table: what it varies, and no more."""
-    return set(experiment.varied) == {"radius_m", "uavs", "ugvs"}
+    return set(experiment.varied) == _HEADS.keys()
 
 
-_Cell = Callable[[Line], str]
-
-
-def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
-    paper = of_the_paper(experiment)
+def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
+    """The table as it is read: the heads, then the cells of each row."""
     keys = list(dict.fromkeys(key for line in found for key in line.settings))
     differing = [k for k in keys if len({_plain(k, line) for line in found}) > 1]
-    columns: dict[str, _Cell] = {
+    columns: dict[str, Callable[[Line], str]] = {
         _HEADS.get(key, key.replace("_", " ")): partial(_plain, key) for key in differing
     }
     if not columns or len(columns) > _MOST_SETTINGS:
@@ -180,15 +195,9 @@ def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
         if all(math.isnan(line.values.get(column.key, _NONE).value) for line in found):
             continue
         columns[column.head] = partial(_shown, column)
-        if paper and column.paper:
+        if column.paper and of_the_paper(experiment):
             columns[f"paper: {column.head}"] = partial(_papers, column)
     columns["x real time"] = lambda line: f"{line.speed_up:,.0f}"
-    return columns
-
-
-def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
-    """The table as it is read: the heads, then the cells of each row."""
-    columns = _columns(experiment, found)
     return [[*columns], *([cell(line) for cell in columns.values()] for line in found)]
 
 
@@ -203,7 +212,7 @@ def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
             parts.append(padded[:names])
         parts[-1] = [*parts[-1], column]
     text = ["\n".join("  ".join(row) for row in zip(*part, strict=True)) for part in parts]
-    return "\n\n".join([experiment.title, *text, f"From {seeds}.\n{CAPTION}"])
+    return "\n\n".join([experiment.title, *text, f"From {seeds}.\n{_CAPTION}"])
 
 
 def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:

@@ -1,1 +1,1 @@
-"""Many runs: planned, made in processes or on a cluster, kept."""
+"""Many runs: made in processes, and kept."""

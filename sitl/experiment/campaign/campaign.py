@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,26 +11,19 @@ from typing import Any, Final
 
 from air_router.counted import counted
 from air_router.flight.status import StatusLine
-from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row, Task
-from sitl.experiment.campaign.process_pool import (
-    Failed,
-    Finished,
-    Lost,
-    Outcome,
-    ProcessPool,
-    Work,
-)
-from sitl.experiment.campaign.run_log import MixedRunsError, usable
+from sitl.experiment.campaign.process_pool import Failed, Finished, Lost, Outcome, ProcessPool, Work
+from sitl.experiment.campaign.runs import MixedRunsError, usable
+from sitl.experiment.plan import Experiment, Phase, Record, Row, Task
 from sitl.experiment.settings import value_of
 
-_BAR = 24
+_BAR: Final = 24
+_MOST_FAILURES: Final = 5
+"""After so many runs that ended in an error of the program the rest would too."""
 
 
 @dataclass(slots=True)
 class Progress:
-    """Counts finished runs.
-
-    The rest is taken to cost as much per weight as what is done.
+    """Counts finished runs; the rest is taken to cost as much per weight as what is done.
 
     Attributes:
         tasks: those that are to be made.
@@ -67,14 +60,17 @@ class Progress:
             return None
         return self.elapsed_s * (sum(map(weight, self.tasks)) / self._done_weight - 1.0)
 
+    @property
+    def speed(self) -> str:
+        """How fast it goes, in words."""
+        return f"{self.simulated_s / max(self.elapsed_s, 1e-9):,.0f} x real time"
+
     def line(self) -> str:
         """The state of things in one line."""
         count, left_s = len(self.tasks), self.left_s
         full = round(_BAR * self.done / max(count, 1))
         left = ", time left not known yet" if left_s is None else f", about {in_words(left_s)} left"
-        speed = ""
-        if self.simulated_s and self.elapsed_s > 0:
-            speed = f", {self.simulated_s / self.elapsed_s:,.0f} x real time"
+        speed = f", {self.speed}" if self.simulated_s else ""
         bar = "#" * full + "." * (_BAR - full)
         return f"[{bar}] {self.done} of {count} runs{left if self.done < count else ''}{speed}"
 
@@ -85,11 +81,6 @@ def weight(task: Task) -> float:
     return float(max(robots, 1) ** 2)
 
 
-def longest_first(tasks: Iterable[Task]) -> list[Task]:
-    """Each round of seeds with its longest runs first, so that no long one is left to the end."""
-    return sorted(tasks, key=lambda task: (task.number, -weight(task)))
-
-
 def in_words(time_s: float) -> str:
     """A time as people say it."""
     if time_s < 90:
@@ -97,10 +88,6 @@ def in_words(time_s: float) -> str:
     if time_s < 5400:
         return f"{time_s / 60:.0f} min"
     return f"{time_s / 3600:.1f} h"
-
-
-_MOST_FAILURES: Final = 5
-"""After so many runs that ended in an error of the program the rest would too."""
 
 
 @dataclass(slots=True)
@@ -114,7 +101,10 @@ class Campaign:
         kept: all runs that are finished already.
         folder: where they are, for messages.
         status: where the progress is shown.
-        failed: runs that ended in an error of the program, or whose workers died too often.
+        failed: runs that ended in an error of the program, or whose workers died.
+
+    Raises:
+        MixedRunsError: the numbers are of both phases, or what is kept is of other settings.
     """
 
     experiment: Experiment
@@ -127,7 +117,6 @@ class Campaign:
     _finished: dict[Any, Record] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Look at what is finished. Raises MixedRunsError."""
         first, last = self.numbers[0], self.numbers[-1]
         if self.experiment.phase(first) != self.phase:
             raise MixedRunsError(
@@ -149,22 +138,18 @@ class Campaign:
 
     @property
     def missing(self) -> list[Task]:
-        """The runs that are still to be made, in the order in which to make them."""
-        finished = self._finished
-        return longest_first(
-            task for task in self.wanted if (task.row.label, task.number) not in finished
-        )
+        """The runs that are still to be made.
+
+        Each round of seeds has its longest runs first, so that no long one is left to the end.
+        """
+        missing = [t for t in self.wanted if (t.row.label, t.number) not in self._finished]
+        return sorted(missing, key=lambda task: (task.number, -weight(task)))
 
     @property
     def records(self) -> list[Record]:
         """The finished runs of the chosen rows and seeds, in the order of rows and seeds."""
-        order = {row.label: place for place, row in enumerate(self.rows)}
-        keys = sorted(
-            (order[label], number, label)
-            for label, number in self._finished
-            if label in order and number in self.numbers
-        )
-        return [self._finished[label, number] for _, number, label in keys]
+        keys = [(row.label, number) for row in self.rows for number in self.numbers]
+        return [self._finished[key] for key in keys if key in self._finished]
 
     def run(self, pool: ProcessPool, work: Work, keep: Callable[[Record], None]) -> None:
         """Make the missing runs, and `keep` each at once."""
@@ -180,33 +165,25 @@ class Campaign:
                         break
             finally:
                 self.status.end()
-        if tasks and progress.simulated_s:
-            self.status.say(_told(progress))
+        if progress.simulated_s:
+            minutes = progress.elapsed_s / 60
+            made = f"{counted(progress.done, 'runs')} in {minutes:.1f} min"
+            self.status.say(f"{made}, {progress.speed}")
 
     def _take(self, outcome: Outcome, progress: Progress, keep: Callable[[Record], None]) -> None:
-        if isinstance(outcome, Finished):
-            record, task = outcome.record, outcome.task
-            keep(record)
-            self._finished[task.row.label, task.number] = record
-            measures = record["measures"]
-            simulated_s = measures["wall_s"] * (measures["speed_up"] or 0.0)
-            progress.over(task, simulated_s)
-        elif isinstance(outcome, Failed):
-            self.failed.append(outcome)
-            progress.over(outcome.task)
-            self.status.say(f"{outcome.task.name} failed: {outcome.why.strip().splitlines()[-1]}")
-        elif isinstance(outcome, Lost):
-            what = "it is begun again" if outcome.again else "given up"
-            if not outcome.again:
+        match outcome:
+            case Finished(task, record):
+                keep(record)
+                self._finished[task.row.label, task.number] = record
+                measures = record["measures"]
+                progress.over(task, measures["wall_s"] * (measures["speed_up"] or 0.0))
+            case Lost(task, why, again=True):
+                self.status.say(f"{task.name} lost its worker ({why}); it is begun again")
+            case Lost(task, why):
                 self.failed.append(outcome)
-                progress.over(outcome.task)
-            self.status.say(
-                f"{outcome.task.name} lost its worker ({outcome.why}), "
-                f"{counted(outcome.tries, 'times')}; {what}"
-            )
-
-
-def _told(progress: Progress) -> str:
-    minutes = progress.elapsed_s / 60
-    speed = progress.simulated_s / max(progress.elapsed_s, 1e-9)
-    return f"{counted(progress.done, 'runs')} in {minutes:.1f} min, {speed:,.0f} x real time"
+                progress.over(task)
+                self.status.say(f"{task.name} lost its worker ({why}) again; given up")
+            case Failed(task, why):
+                self.failed.append(outcome)
+                progress.over(task)
+                self.status.say(f"{task.name} failed: {why.strip().splitlines()[-1]}")

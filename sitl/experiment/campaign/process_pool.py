@@ -1,7 +1,8 @@
 """Makes runs in processes of this machine; one whose worker dies is begun again.
 
 A pool of `concurrent.futures` breaks as a whole when a worker dies, and does not tell whose it was.
-So the runs that were under way then are made one at a time: what dies alone is at fault itself.
+So the runs that were under way then are made once more, one at a time: what dies alone is at fault
+itself, and given up.
 """
 
 from __future__ import annotations
@@ -18,10 +19,7 @@ from multiprocessing import resource_tracker
 from typing import Final
 
 from air_router.errors import EXPECTED, told
-from sitl.experiment.campaign.plan import Record, Task
-
-MOST_TRIES: Final = 3
-"""How often a run is begun whose worker dies."""
+from sitl.experiment.plan import Record, Task
 
 _TICK_S: Final = 1.0
 
@@ -42,7 +40,6 @@ class Lost:
     """The worker that made a run is gone; `again`: the run is begun once more."""
 
     task: Task
-    tries: int
     why: str
     again: bool
 
@@ -61,68 +58,52 @@ Outcome = Finished | Lost | Failed | None
 
 @dataclass(frozen=True, slots=True)
 class ProcessPool:
-    """A pool of processes.
-
-    Attributes:
-        workers: how many.
-        most_tries: how often a run is begun whose worker dies.
-    """
+    """A pool of so many processes."""
 
     workers: int
-    most_tries: int = MOST_TRIES
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
         """Make all runs, in any order; closing the iterator ends the processes at once."""
         waiting = deque(tasks)
         while waiting:
-            for suspect in (yield from self._made(work, waiting, self.workers, 0)):
-                tries = 1
-                while tries <= self.most_tries and (
-                    yield from self._made(work, deque([suspect]), 1, tries)
-                ):
-                    tries += 1
+            for suspect in (yield from _made(work, waiting, self.workers, again=True)):
+                yield from _made(work, deque([suspect]), 1, again=False)
 
-    def _made(
-        self, work: Work, waiting: deque[Task], workers: int, tries: int
-    ) -> Generator[Outcome, None, list[Task]]:
-        """Make runs until none is left or a worker dies; those that were under way then.
 
-        `tries`: how often the one run has been begun; 0: they are several, and any may be at fault.
-        """
-        before = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
-        under_way: dict[Future[Record | str], Task] = {}
-        lost: list[Task] = []
-        try:
-            while (waiting or under_way) and not lost:
-                while waiting and len(under_way) < workers:
-                    task = waiting.popleft()
-                    under_way[_begin(pool, work, task)] = task
-                done = wait(under_way, _TICK_S, FIRST_COMPLETED).done
-                if not done:
-                    yield None
-                for future in done:
-                    task = under_way.pop(future)
-                    error = future.exception()
-                    if isinstance(error, BrokenProcessPool):
-                        lost.append(task)
-                        yield self._lost(task, tries, str(error))
-                    elif isinstance(made := future.result(), str):
-                        yield Failed(task, made)
-                    else:
-                        yield Finished(task, made)
-            lost += under_way.values()
-            for task in under_way.values():
-                yield self._lost(task, tries, "a worker beside it ended")
-            return lost
-        finally:
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
-            # Its thread joins them. One that both join, each may take for alive.
-            pool.shutdown(cancel_futures=True)
-
-    def _lost(self, task: Task, tries: int, why: str) -> Lost:
-        return Lost(task, max(tries, 1), why, again=tries < self.most_tries)
+def _made(
+    work: Work, waiting: deque[Task], workers: int, *, again: bool
+) -> Generator[Outcome, None, list[Task]]:
+    """Make runs until none is left or a worker dies; those that were under way then."""
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
+    under_way: dict[Future[Record | str], Task] = {}
+    lost: list[Task] = []
+    try:
+        while (waiting or under_way) and not lost:
+            while waiting and len(under_way) < workers:
+                task = waiting.popleft()
+                under_way[_begin(pool, work, task)] = task
+            done = wait(under_way, _TICK_S, FIRST_COMPLETED).done
+            if not done:
+                yield None
+            for future in done:
+                task = under_way.pop(future)
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    lost.append(task)
+                    yield Lost(task, str(error), again)
+                elif isinstance(made := future.result(), str):
+                    yield Failed(task, made)
+                else:
+                    yield Finished(task, made)
+        for task in under_way.values():
+            yield Lost(task, "a worker beside it ended", again)
+        return [*lost, *under_way.values()]
+    finally:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+        # Its thread joins them. One that both join, each may take for alive.
+        pool.shutdown(cancel_futures=True)
 
 
 def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record | str]:

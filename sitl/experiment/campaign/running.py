@@ -2,40 +2,42 @@
 
 from __future__ import annotations
 
+import dataclasses
 import platform
 import resource
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.settings import SeekPolicy, Timers
-from sitl.experiment.campaign.links import seen_links
-from sitl.experiment.campaign.plan import Record, Task
-from sitl.experiment.campaign.plan_file import content_hash, files_of
-from sitl.experiment.campaign.run_log import program
+from air_router.files.settings import SeekPolicy
+from sitl.experiment.campaign.runs import program
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.flights import flown_here, flown_in_processes
-from sitl.experiment.engine.result import RunResult, curves, measured
+from sitl.experiment.engine.result import RunResult, curves, measured, seen_links
+from sitl.experiment.plan import Record, Task
+from sitl.experiment.plan_file import files_of, sources
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.settings import (
+    SIMULATION_TIMERS,
     ExplorerSettings,
     PaperModel,
     PathLossModel,
     RunSettings,
-    TraceModel,
 )
 
-_PARTS: Final[dict[str, Callable[..., Any]]] = {
-    "paper": PaperModel,
-    "path_loss": PathLossModel,
-    "explorer": ExplorerSettings,
+_PARTS: Final[Mapping[str, Any]] = {
+    "paper": PaperModel(),
+    "path_loss": PathLossModel(),
+    "explorer": ExplorerSettings(),
+    "timers": SIMULATION_TIMERS,
 }
+"""Settings with settings of their own; what a row does not say of them is as here."""
 
 
 class OtherFilesError(AirRouterError):
-    """This machine's town, mission or trace is not the one of the experiment."""
+    """This machine's town or mission is not the one of the experiment."""
 
 
 class UnfitSettingsError(AirRouterError):
@@ -85,31 +87,18 @@ def _mission_and_policy(settings: RunSettings) -> tuple[Path, SeekPolicy]:
 
 def run_settings(task: Task) -> RunSettings:
     """A task's plain settings as the engine takes them. Raises OtherFilesError."""
-    values = dict(task.row.settings)
-    folder = Path(task.folder)
-    paths = files_of(values, folder)
-    trace = values.pop("trace", None)
-    values.pop("mission", None)
-    del values["town"]
+    values, folder = dict(task.row.settings), Path(task.folder)
+    paths, here = files_of(values, folder), sources(values, folder)
     for key, expected in values.pop("sources").items():
-        if key not in paths or content_hash(paths[key]) != expected:
+        if here.get(key) != expected:
             raise OtherFilesError(
                 f"{platform.node()}: {paths.get(key, key)} is not the file that the experiment "
                 "began with; put the same file on every machine"
             )
-    parts = {key: make(**values.pop(key, {})) for key, make in _PARTS.items()}
-    if trace is not None:
-        parts["trace"] = TraceModel(**{**trace, "path": paths["trace"]})
-    for key in {"base_goals", "values"} & values.keys():
-        values[key] = tuple(values[key])
-    if "timers" in values:
-        values["timers"] = Timers(**{**_timers(), **values["timers"]})
-    return RunSettings(town=paths["town"], mission=paths.get("mission"), **parts, **values)
-
-
-def _timers() -> dict[str, float]:
-    timers = RunSettings.__dataclass_fields__["timers"].default
-    return {name: getattr(timers, name) for name in Timers.__dataclass_fields__}
+    for key, usual in _PARTS.items():
+        values[key] = dataclasses.replace(usual, **values.get(key, {}))
+    values["values"] = tuple(values.get("values", ()))
+    return RunSettings(**values | {"mission": None} | paths)
 
 
 def recorded(task: Task, settings: RunSettings, result: RunResult) -> Record:

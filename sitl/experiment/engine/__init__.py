@@ -1,1 +1,1 @@
-"""One run in simulated time, and what it amounts to."""
+"""One run in simulated time: its radio channel, what happens in it, and what it amounts to."""

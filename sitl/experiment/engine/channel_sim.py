@@ -16,8 +16,10 @@ from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, Sy
 from mocha_link.store.record import Header
 from mocha_link.sync.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
-from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
+from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
+    AirtimeStats,
+    ContactRow,
     Exchange,
     code_of,
     finished_in,
@@ -26,7 +28,6 @@ from sitl.experiment.engine.exchange import (
     size_of,
     stage_of,
 )
-from sitl.experiment.engine.statistics import AirtimeStats, ContactRow
 from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.node import Node
 

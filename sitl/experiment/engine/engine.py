@@ -26,19 +26,16 @@ from air_router.controller.motion.pending_setpoints import REACTION_S
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
-from sitl.experiment.channels.channel import Channel, PaperChannel
-from sitl.experiment.channels.path_loss import PathLossChannel
-from sitl.experiment.channels.trace import TraceChannel
 from sitl.experiment.engine.ages import Ages
 from sitl.experiment.engine.bound import goal_bound_share
+from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
 from sitl.experiment.engine.channel_sim import ChannelSim
+from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.engine.result import GoalVisit, RunResult
-from sitl.experiment.engine.statistics import AirtimeStats
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.explorer import GroundRobot
-from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.messages import CLAIMS_TOPIC
-from sitl.experiment.robots.node import BaseStation, Node
+from sitl.experiment.robots.node import Node, base_says, fleet_of
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
@@ -205,8 +202,7 @@ class Run:
         elif name in self.robots:
             publish, hear = self.robots[name].outbox, self.ages.listener(name, self._ear(name))
         else:
-            station = BaseStation(self.town, self._settings.base_goals, self.queue)
-            publish, hear = station.say, _deaf
+            publish, hear = lambda: base_says(self.town, self.queue.now_s), _deaf
         triggered = self._settings.pulls == "node"
         return Node(
             *(number, name, self.fleet.team, self.queue),
@@ -294,18 +290,7 @@ def _starts(town: Town, count: int) -> list[Point]:
 
 
 def channel_of(settings: RunSettings, town: Town, names: Sequence[str], seed: int) -> Channel:
-    """The channel of a run.
-
-    Raises:
-        ValueError: a trace is asked for, and none is named.
-        TraceError: the trace is none.
-    """
-    match settings.channel:
-        case "paper":
-            return PaperChannel(settings.paper, settings.radius_m, len(names), seed)
-        case "path_loss":
-            return PathLossChannel(settings.path_loss, town, names, seed)
-        case "trace":
-            if settings.trace is None:
-                raise ValueError("the channel is a trace, and no trace is named; write trace: path")
-            return TraceChannel(settings.trace, names)
+    """The channel of a run."""
+    if settings.channel == "paper":
+        return PaperChannel(settings.paper, settings.radius_m, len(names), seed)
+    return PathLossChannel(settings.path_loss, town, names, seed)

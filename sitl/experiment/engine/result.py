@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from geo.frame import Point
+from geo.grid import Terrain
 from sitl.experiment.engine.ages import USES, Held, Pair, ages_at, mean_age_s, peak_age_s
+from sitl.world.terrain import Raster
 
 TRANSMISSION: Final = np.dtype(
     [
@@ -134,6 +136,11 @@ BIN_S: Final = 10.0
 CURVE_S: Final = 60.0
 """Ages and shares are kept so often."""
 
+DISTANCES_M: Final = np.arange(0.0, 161.0, 4.0)
+BUILDINGS_M: Final = np.array([0.0, 0.5, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0])
+_LINE_STEPS: Final = 80
+"""A line between two robots is looked at in so many places: every two metres at the farthest."""
+
 
 def measured(result: RunResult, duration_s: float) -> dict[str, float | int | None]:
     """The columns of a run; each name carries its unit. None: not defined in this run."""
@@ -219,6 +226,44 @@ def curves(result: RunResult, duration_s: float, *, places: bool) -> dict[str, A
         kept["places_m"] = _rounded(result.positions_m)
         kept["states"] = [[uav, round(t, 1), state] for uav, t, state in result.states]
     return kept
+
+
+def seen_links(result: RunResult, raster: Raster) -> list[list[list[int]]]:
+    """Cases of a run, counted: [distance][building] = [cases, in contact].
+
+    Each sample is a case for every pair of robots on the ground: their distance, how many metres of
+    building lie between them, and whether they were in contact.
+    """
+    ground = [i for i, kind in enumerate(result.kinds) if kind != "uav"]
+    counts = np.zeros((len(DISTANCES_M) - 1, len(BUILDINGS_M) - 1, 2), dtype=np.int64)
+    contacts = result.contacts
+    for place, a in enumerate(ground):
+        for b in ground[place + 1 :]:
+            own = contacts[
+                ((contacts["a"] == a) & (contacts["b"] == b))
+                | ((contacts["a"] == b) & (contacts["b"] == a))
+            ]
+            times_s = result.sample_times_s[:, None]
+            linked = ((own["began_s"] <= times_s) & (times_s < own["ended_s"])).any(axis=1)
+            start, end = (result.positions_m[:, i].astype(np.float64) for i in (a, b))
+            away_m = np.hypot(*(end - start).T)
+            between_m = _building_m(start, end, away_m, raster)
+            for column, chosen in ((0, np.ones_like(linked)), (1, linked)):
+                found, _, _ = np.histogram2d(
+                    away_m[chosen], between_m[chosen], bins=(DISTANCES_M, BUILDINGS_M)
+                )
+                counts[..., column] += found.astype(np.int64)
+    plain: list[list[list[int]]] = counts.tolist()
+    return plain
+
+
+def _building_m(start: Numbers, end: Numbers, away_m: Numbers, raster: Raster) -> Numbers:
+    """Metres of building between places."""
+    along = ((np.arange(_LINE_STEPS) + 0.5) / _LINE_STEPS)[None, :, None]
+    points = start[:, None] + along * (end - start)[:, None]
+    hit = raster.classes_at(points[..., 0], points[..., 1]) == Terrain.BUILDING
+    result: Numbers = hit.mean(axis=1) * away_m
+    return result
 
 
 def _ages(result: RunResult, duration_s: float) -> dict[str, float | None]:

@@ -24,9 +24,9 @@ from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from mocha_link.team.team import Team
-from sitl.experiment.channels.channel import Change, Link, Load, Places
+from sitl.experiment.engine.channel import Change, Link, Load, Places
 from sitl.experiment.engine.channel_sim import ChannelSim
-from sitl.experiment.engine.statistics import AirtimeStats
+from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.node import Node
 from sitl.experiment.robots.uav import MapPainter, Uav

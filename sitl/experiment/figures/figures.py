@@ -18,18 +18,17 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from air_router.counted import counted
 from sitl.experiment.analysis.statistics import Interval
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
-from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.campaign.rows import words
 from sitl.experiment.engine.result import BIN_S
-from sitl.experiment.figures.figure_curves import (
+from sitl.experiment.figures.plots import (
     draw_links,
+    draw_places,
     plot_ages,
     plot_bandwidth,
+    plot_contacts,
     plot_goals,
     plot_waits,
 )
-from sitl.experiment.figures.figure_places import draw_places, plot_contacts
-from sitl.experiment.figures.figure_sheet import (
+from sitl.experiment.figures.sheet import (
     COLOURS,
     FAINT,
     INK,
@@ -41,6 +40,7 @@ from sitl.experiment.figures.figure_sheet import (
     sheet,
     styled,
 )
+from sitl.experiment.plan import Experiment, Record, words
 
 _MEASURES: Final = (
     ("goals_percent", "goals_percent", "goals reached (%)", False),

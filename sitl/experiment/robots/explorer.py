@@ -19,10 +19,9 @@ from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
-    TARGETS_TOPIC,
     ExplorerPost,
     read_claims,
-    read_places,
+    read_sightings,
 )
 from sitl.experiment.settings import ExplorerSettings
 from sitl.world.towns.lattice import Cell
@@ -46,9 +45,7 @@ _INSIDE_M: Final = 0.5
 NO_VEHICLE_M: Final = 8.0
 """A place that is farther than this from every vehicle is a false goal: visited, but not found."""
 
-_HEARD: Final = frozenset(
-    {MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC, TARGETS_TOPIC}
-)
+_HEARD: Final = frozenset({MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC})
 
 
 class Visit(NamedTuple):
@@ -152,7 +149,7 @@ class GroundRobot:
                 if self.book.hear(robot, stamp_s, claims):
                     self._leave(now_s, failed=False)
             else:
-                self.book.learn(read_places(topic, data, self.town.frame))
+                self.book.learn(read_sightings(data, self.town.frame))
         except (MessageError, GridError, FrameError):
             self.refused += 1
             return False

@@ -1,8 +1,6 @@
 """What exploring ground robots tell each other, when, and how they read it.
 
-Poses, paths and sightings are those of `air_router.messages`. Topics and priorities are the
-paper's: pose, claimed goals and the base station's target goals are of high priority, the path of
-medium, reachability of low, the map of objects of none.
+Poses, paths and sightings are those of `air_router.messages`; topics are the paper's.
 """
 
 from __future__ import annotations
@@ -15,7 +13,6 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from air_router.messages import (
-    MAP_TOPIC,
     PATH_TOPIC,
     POSE_TOPIC,
     GossipMessage,
@@ -36,25 +33,6 @@ DEGREE_DIGITS: Final = 9
 CLAIMS_TOPIC: Final = "/claimed_goals"
 REACHABILITY_TOPIC: Final = "/reachability"
 OBJECTS_TOPIC: Final = "/object_map"
-TARGETS_TOPIC: Final = "/target_goals"
-
-GROUND_TOPICS: Final = (
-    {"name": POSE_TOPIC, "type": "json/Pose", "priority": "high", "min_interval_s": 1},
-    {"name": CLAIMS_TOPIC, "type": "json/ClaimedGoals", "priority": "high"},
-    {"name": PATH_TOPIC, "type": "json/Path", "priority": "medium"},
-    {"name": REACHABILITY_TOPIC, "type": "grid/SemanticMap", "priority": "low"},
-    {"name": OBJECTS_TOPIC, "type": "json/Sightings", "priority": "none"},
-)
-"""The topics of a ground robot, as a team file lists them."""
-
-AERIAL_TOPICS: Final = (
-    {"name": MAP_TOPIC, "type": "grid/SemanticMap", "priority": "high", "min_interval_s": 5},
-    {"name": POSE_TOPIC, "type": "json/Pose", "priority": "none", "min_interval_s": 1},
-)
-"""The topics of a UAV."""
-
-BASE_TOPICS: Final = ({"name": TARGETS_TOPIC, "type": "json/TargetGoals", "priority": "high"},)
-"""The topics of a base station."""
 
 
 class ClaimedGoal(BaseModel):
@@ -72,13 +50,6 @@ class ClaimedGoalsMessage(GossipMessage):
 
     stamp_s: Stamp
     goals: Annotated[tuple[ClaimedGoal, ...], Field(max_length=MOST_GOALS)]
-
-
-class TargetGoalsMessage(GossipMessage):
-    """Goals that the base station gives: (latitude, longitude) in degrees."""
-
-    stamp_s: Stamp
-    goals: Annotated[tuple[tuple[Latitude, Longitude], ...], Field(max_length=MOST_GOALS)]
 
 
 def degrees(frame: LocalFrame, place: Point) -> tuple[float, float]:
@@ -143,7 +114,8 @@ class ExplorerPost:
             seen = knowledge.seen_map(self.frame.origin)
             messages.append((REACHABILITY_TOPIC, seen.encode()))
         if self.objects is not None:
-            messages.append((OBJECTS_TOPIC, self._objects(now_s, self.objects)))
+            stamp_s = self._stamp(OBJECTS_TOPIC, now_s)
+            messages.append((OBJECTS_TOPIC, sightings(self.frame, stamp_s, self.objects)))
         self.claims = self.way = self.objects = None
         return messages
 
@@ -157,14 +129,6 @@ class ExplorerPost:
         )
         stamp_s = self._stamp(CLAIMS_TOPIC, now_s)
         return ClaimedGoalsMessage(stamp_s=stamp_s, goals=goals).encode()
-
-    def _objects(self, now_s: float, places: list[Point]) -> bytes:
-        objects = tuple(
-            SeenObject(kind="vehicle", latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-            for latitude_deg, longitude_deg in (degrees(self.frame, place) for place in places)
-        )
-        stamp_s = self._stamp(OBJECTS_TOPIC, now_s)
-        return SightingsMessage(stamp_s=stamp_s, objects=objects).encode()
 
     def _due(self, topic: str, now_s: float, interval_s: float) -> bool:
         return now_s >= self._stamps.get(topic, -math.inf) + interval_s
@@ -185,10 +149,8 @@ def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, list[Claim]]:
     return message.stamp_s, claims
 
 
-def read_places(topic: str, data: bytes, frame: LocalFrame) -> list[Point]:
+def read_sightings(data: bytes, frame: LocalFrame) -> list[Point]:
     """Where a message says that vehicles are. Raises MessageError, FrameError."""
-    if topic == TARGETS_TOPIC:
-        return [frame.to_local(*goal) for goal in TargetGoalsMessage.decode(data).goals]
     return [
         frame.to_local(seen.latitude_deg, seen.longitude_deg)
         for seen in SightingsMessage.decode(data).objects
@@ -196,7 +158,10 @@ def read_places(topic: str, data: bytes, frame: LocalFrame) -> list[Point]:
     ]
 
 
-def target_goals(stamp_s: float, goals: Iterable[Point], frame: LocalFrame) -> bytes:
-    """A base station's message on TARGETS_TOPIC."""
-    places = tuple(degrees(frame, goal) for goal in goals)
-    return TargetGoalsMessage(stamp_s=stamp_s, goals=places).encode()
+def sightings(frame: LocalFrame, stamp_s: float, places: Iterable[Point]) -> bytes:
+    """A message on OBJECTS_TOPIC: vehicles are at these places."""
+    objects = tuple(
+        SeenObject(kind="vehicle", latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+        for latitude_deg, longitude_deg in (degrees(frame, place) for place in places)
+    )
+    return SightingsMessage(stamp_s=stamp_s, objects=objects).encode()

@@ -1,16 +1,20 @@
-"""A robot's gossip node in simulated time: `mocha_link`'s own, without sockets and threads.
+"""The team of a run, and each robot's gossip node: `mocha_link`'s own, without sockets and threads.
 
-The base station of a run is hardly more than its node: it stands at home, and tells whom it meets
-which goals it knows.
+Topics and priorities are those of the authors' simulations: pose and claimed goals are of high
+priority, the path of medium, reachability of low, the map of objects of none. Whom a UAV seeks, and
+where the base station stands, are said besides.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
-from air_router.messages import POSE_TOPIC, PoseMessage
+from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.links.trigger import NOT_HEARD
@@ -18,9 +22,15 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
 from mocha_link.sync.actions import Action
 from mocha_link.sync.protocol import ID_BYTES
+from mocha_link.team.document import Document, as_yaml
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.messages import TARGETS_TOPIC, degrees, target_goals
+from sitl.experiment.robots.messages import (
+    CLAIMS_TOPIC,
+    OBJECTS_TOPIC,
+    REACHABILITY_TOPIC,
+    degrees,
+)
 from sitl.world.towns.town import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
@@ -29,6 +39,104 @@ EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 REFRESH_S: Final = 1.0
 """A robot publishes at most so often; and nothing while no peer asks, since only the newest message
 of a topic is ever exchanged."""
+
+BASE: Final = "base"
+
+_KINDS: Final = {
+    "uav": "aerial_robot",
+    "ugv": "ground_robot",
+    BASE: "base_station",
+}
+_TOPICS: Final = {
+    "uav": (
+        (MAP_TOPIC, "grid/SemanticMap", "high"),
+        (POSE_TOPIC, "json/Pose", "none"),
+        (SEEK_TOPIC, "json/Seek", "medium"),
+    ),
+    "ugv": (
+        (POSE_TOPIC, "json/Pose", "high"),
+        (CLAIMS_TOPIC, "json/ClaimedGoals", "high"),
+        (PATH_TOPIC, "json/Path", "medium"),
+        (REACHABILITY_TOPIC, "grid/SemanticMap", "low"),
+        (OBJECTS_TOPIC, "json/Sightings", "none"),
+    ),
+    BASE: (
+        ("/target_goals", "json/TargetGoals", "high"),
+        (POSE_TOPIC, "json/Pose", "none"),
+    ),
+}
+"""Name, type and priority of what each kind of robot publishes, as often as it likes.
+
+The paper's base station may give goals; ours knows of none, and never publishes on that topic.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """Who takes part.
+
+    Attributes:
+        team: As the nodes need it.
+        uavs: Names of the UAVs, the explorer first.
+        ugvs: Names of the ground robots.
+        base: Name of the base station, if there is one.
+    """
+
+    team: Team
+    uavs: tuple[str, ...]
+    ugvs: tuple[str, ...]
+    base: str | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All robots in the order of their numbers, which is that of their names."""
+        return tuple(sorted(self.team.robots))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each of them is: "uav", "ugv" or "base"."""
+        kinds = dict.fromkeys(self.uavs, "uav") | dict.fromkeys(self.ugvs, "ugv")
+        return tuple(kinds.get(name, "base") for name in self.names)
+
+
+@lru_cache(maxsize=16)
+def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
+    """A team in which every robot may talk to every other one."""
+    aerial = tuple(f"uav{number:02d}" for number in range(1, uavs + 1))
+    ground = tuple(f"ugv{number:02d}" for number in range(1, ugvs + 1))
+    kinds = (
+        dict.fromkeys(aerial, "uav") | dict.fromkeys(ground, "ugv") | ({BASE: BASE} if base else {})
+    )
+    robots = {
+        name: {
+            "kind": _KINDS[kinds[name]],
+            "address": f"10.0.{number}.1",
+            "base_port": 20_000,
+            "clients": [other for other in sorted(kinds) if other != name],
+            "original": original,
+        }
+        for number, name in enumerate(sorted(kinds))
+    }
+    topics = {
+        _KINDS[kind]: {
+            "topics": [
+                {"name": name, "type": what, "priority": priority, "min_interval_s": 0}
+                for name, what, priority in own
+            ]
+        }
+        for kind, own in _TOPICS.items()
+    }
+    document = Document.from_text(as_yaml({"robots": robots, "kinds": topics}), Path("fleet.yaml"))
+    return Fleet(Team.from_document(document), aerial, ground, BASE if base else None)
+
+
+def base_says(town: Town, now_s: float) -> list[tuple[str, bytes]]:
+    """What a base station has to say to a peer that asks: where it stands, which is at home."""
+    latitude_deg, longitude_deg = degrees(town.frame, town.home)
+    pose = PoseMessage(
+        stamp_s=EPOCH_S + now_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg
+    )
+    return [(POSE_TOPIC, pose.encode())]
 
 
 class Node:
@@ -112,38 +220,3 @@ class Node:
         """The message that an event tells of."""
         record = self.gossip.database.get(event.header)
         return b"" if record is None else payload.unpack(record.body)
-
-
-class BaseStation:
-    """A station that does not move.
-
-    Args:
-        goals: Ids of the goals that it knows.
-
-    Raises:
-        ValueError: the town has no such goal.
-    """
-
-    def __init__(self, town: Town, goals: tuple[str, ...], queue: EventQueue) -> None:
-        places = {goal.id: goal.position for goal in town.goals}
-        for goal in goals:
-            if goal not in places:
-                raise ValueError(
-                    f"base_goals: {town.name} has no goal '{goal}'; use {', '.join(places)}"
-                )
-        self.position = town.home  # it never moves
-        self._queue = queue
-        self._frame = town.frame  # for degrees
-        self._goals = [places[goal] for goal in goals]  # east, north
-        self._told = False  # once is enough: gossip carries them on
-
-    def say(self) -> list[tuple[str, bytes]]:
-        """What it has to say to a peer that asks now."""
-        stamp_s = EPOCH_S + self._queue.now_s
-        latitude_deg, longitude_deg = degrees(self._frame, self.position)
-        pose = PoseMessage(stamp_s=stamp_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-        said = [(POSE_TOPIC, pose.encode())]
-        if self._goals and not self._told:
-            self._told = True
-            said.append((TARGETS_TOPIC, target_goals(stamp_s, self._goals, self._frame)))
-        return said

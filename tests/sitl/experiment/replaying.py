@@ -13,7 +13,7 @@ from air_router.record.log import RecordEntry
 from air_router.record.replay import Replay
 from air_router.record.replay import replay as replay_flight
 from air_router.record.serialization import ORDER_KEY, RECENT
-from sitl.experiment.robots.fleet import fleet_of
+from sitl.experiment.robots.node import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
 from sitl.experiment.settings import RunSettings

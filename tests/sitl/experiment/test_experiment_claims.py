@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 
 from air_router.errors import UsageError
-from sitl.experiment.analysis import claims, comparison, fidelity, statistics, tables
-from sitl.experiment.analysis.document_part import (
-    NoMarksError,
-    fill,
-    near_paper,
-    within_factor,
-)
-from sitl.experiment.analysis.effects import Runs
-from sitl.experiment.analysis.paper import TABLE
-from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
-from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.engine.result import CONTACT
+from sitl.experiment.analysis import claims, comparison, statistics, tables
+from sitl.experiment.analysis.links import judged
+from sitl.experiment.analysis.statistics import Runs
+from sitl.experiment.engine.result import BUILDINGS_M, CONTACT, DISTANCES_M, seen_links
+from sitl.experiment.plan_file import load_experiment
 from sitl.world.terrain import Raster
 
 stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
@@ -265,17 +258,6 @@ def test_verdicts_say_from_which_runs_and_rules_they_come():
         claims.claims_of(wrong, records)
 
 
-def test_waits_are_compared_with_the_papers_row_by_row():
-    def line(row, factor):
-        wait_s = statistics.Interval(factor * row.wait_mean_s, 0.0, 0.0)
-        return tables.Line("", {}, 1, {"wait_mean_s": wait_s}, 1.0, row)
-
-    for factor, near in ((1.5, 24), (3, 0)):
-        ratios = near_paper([line(row, factor) for row in TABLE], "wait_mean_s")
-        assert [ratio for _, ratio in ratios] == pytest.approx([factor] * 24)
-        assert within_factor(ratios) == near
-
-
 def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
     path = tmp_path / "mixed.yaml"
     teams = ("5, policy: round_robin", "5, policy: rendezvous")
@@ -341,34 +323,6 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     assert first[heads.index("wait, s")] == told
 
 
-def test_a_document_is_filled_between_its_marks(tmp_path):
-    document = tmp_path / "page.md"
-    document.write_text(
-        "# Title\n<!-- begin a table -->\nold\n<!-- end -->\nkept\n"
-        "![picture](images/experiments/a-goals.png)\n",
-        encoding="utf-8",
-    )
-    for name in ("goals", "waits"):
-        (tmp_path / f"{name}.png").write_bytes(name.encode())
-    figures = [tmp_path / "goals.png", tmp_path / "waits.png"]
-    (tmp_path / "evidence").mkdir()
-    kept = tmp_path / "evidence" / "a-table.csv"
-    kept.touch()
-    rows = {"table": [["runs"], ["1, 2"]], "claims": [["claim"], ["1"]]}
-    for content in ("new \\1", "newer"):
-        fill(document, "a", {"table": content, "claims": "none"}, figures, rows)
-    # nothing is known now: what is there stays
-    fill(document, "a", {"table": ""}, [], {"table": [["runs"]]})
-    assert document.read_text(encoding="utf-8").startswith(
-        "# Title\n<!-- begin a table -->\nnewer\n<!-- end -->\nkept\n"
-    )
-    assert [p.name for p in (tmp_path / "images" / "experiments").iterdir()] == ["a-goals.png"]
-    assert kept.read_text() == 'runs\n"1, 2"\n'
-    assert [p.name for p in kept.parent.iterdir()] == [kept.name]
-    with pytest.raises(NoMarksError, match="no place for 'b'"):
-        fill(document, "b", {"table": "x"}, figures, {})
-
-
 class Seen:
     """Two robots, a wall between them in the second half of the run."""
 
@@ -410,7 +364,7 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     experiment, _ = load_experiment("fidelity")
 
     def flights(numbers):
-        measures = dict.fromkeys(fidelity._COLUMNS, 1.0)
+        measures = dict.fromkeys(comparison.FLIGHT_MEASURES, 1.0)
         return [
             {"row": row.label, "number": number, "measures": measures | {"syncs": each}}
             for row in experiment.rows
@@ -418,7 +372,7 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
         ]
 
     both = flights({"mission": syncs, "processes": (100, 100, 100)})
-    found = {one.name: one for one in fidelity.likeness(experiment, both)}
+    found = {one.name: one for one in comparison.likeness(experiment, both)}
     one = found["syncs, both directions"]
     assert one.within == within
     assert one.ratio.low <= one.ratio.value <= one.ratio.high
@@ -426,7 +380,9 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     assert one.ratio.value == pytest.approx(one.here / 100)
     assert found["searches"].within == "yes"
     # Fading that both sides meet alike is no doubt about their ratio.
-    alike = fidelity.likeness(experiment, flights({"mission": syncs, "processes": syncs}))
+    alike = comparison.likeness(experiment, flights({"mission": syncs, "processes": syncs}))
     assert {one.ratio for one in alike} == {(1.0, 1.0, 1.0)}
-    assert "| searches | 1.0 | 1.0 | 1.00 (1.00 to 1.00) | yes |" in fidelity.as_markdown(alike)
-    assert fidelity.likeness(experiment, both[:3]) == []
+    assert "| searches | 1.0 | 1.0 | 1.00 (1.00 to 1.00) | yes |" in comparison.likeness_table(
+        alike
+    )
+    assert comparison.likeness(experiment, both[:3]) == []

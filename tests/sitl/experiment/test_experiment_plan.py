@@ -7,13 +7,11 @@ import pytest
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.team.document import DocumentError
-from sitl.experiment.analysis.paper import TABLE
-from sitl.experiment.campaign.plan import Task, seed_of
-from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.campaign.rows import NoSuchRowError, chosen_rows
+from sitl.experiment.analysis.tables import PAPER_TABLE
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
-from sitl.experiment.settings import PaperModel, RunSettings
-from sitl.experiment.shipped import UnknownPlaceError, experiment_names
+from sitl.experiment.plan import NoSuchRowError, Task
+from sitl.experiment.plan_file import UnknownPlaceError, experiment_names, load_experiment
+from sitl.experiment.settings import SIMULATION_TIMERS, PaperModel, RunSettings
 
 PAIRED = """
 name: pair
@@ -38,7 +36,7 @@ def test_the_papers_table_has_its_24_rows():
         (row.settings["radius_m"], row.settings["uavs"], row.settings["ugvs"])
         for row in experiment.rows
     ]
-    assert rows == [row[:3] for row in TABLE]
+    assert rows == [row[:3] for row in PAPER_TABLE]
     assert experiment.rows[-1].label == "30 m, 2 UAVs, 10 UGVs"
     assert experiment.seeds == 30
     assert len(list(experiment.tasks(range(30)))) == 720
@@ -56,7 +54,6 @@ def test_every_shipped_experiment_can_be_run(name):
 
 
 def test_seeds_follow_from_names_alone():
-    assert seed_of("table1", '{"radius_m":5.0,"uavs":1,"ugvs":3}', 0) == 8601995132206558445
     experiment, _ = load_experiment("table1")
     assert experiment.seed(experiment.rows[0], 0) == 8601995132206558445
     assert len({task.seed for task in experiment.tasks(range(30))}) == 720
@@ -101,7 +98,8 @@ def test_rows_are_called_after_what_they_differ_in(tmp_path):
 
 
 def test_every_row_is_crossed(tmp_path):
-    text = PAIRED + "rows:\n  - {label: near, ugvs: 2}\n  - {values: [2, 1]}\n"
+    text = PAIRED.replace("ugvs: 3", "ugvs: 3, timers: {init_s: 99}")
+    text += "rows:\n  - {label: near, ugvs: 2}\n  - {values: [2, 1]}\n"
     experiment = load(tmp_path, text)
     rows = experiment.rows
     assert [row.label for row in rows][::3][:2] == [
@@ -109,18 +107,10 @@ def test_every_row_is_crossed(tmp_path):
         "near, freshest, 30 m",
     ]
     assert [row.settings["ugvs"] for row in rows] == [2] * 4 + [3] * 4
-    assert run_settings(experiment.task(rows[4], 0)).values == (2.0, 1.0)
-
-
-def test_settings_reach_the_engine(tmp_path):
-    experiment = load(tmp_path, PAIRED.replace("ugvs: 3", "ugvs: 3, timers: {init_s: 99}"))
-    settings = run_settings(experiment.task(experiment.rows[3], 0))
-    assert settings.policy == "freshest"
-    assert settings.radius_m == 30
+    settings = run_settings(experiment.task(rows[4], 0))
+    assert (settings.values, settings.policy) == ((2.0, 1.0), "round_robin")
     assert settings.paper == PaperModel(cut="drop")
-    usual = RunSettings.__dataclass_fields__["timers"].default
-    assert settings.timers == dataclasses.replace(usual, init_s=99)
-    assert settings.town.name == "town.yaml"
+    assert settings.timers == dataclasses.replace(SIMULATION_TIMERS, init_s=99)
 
 
 def test_a_file_that_changed_under_way_is_not_mixed_in(tmp_path):
@@ -142,7 +132,7 @@ rows: []
 SENSELESS = """
 name: two
 title: x
-settings: {town: nowhere, channel: trace}
+settings: {town: nowhere}
 rows: [{ugvs: 3}, {ugvs: 3}, {mission: none.yaml, label: third}]
 paired: [polcy]
 """
@@ -174,11 +164,7 @@ def test_what_only_shows_between_values_is_told_too(tmp_path):
         load(tmp_path, SENSELESS)
     with pytest.raises(DocumentError) as error:
         load(tmp_path, SENSELESS.replace("polcy", "policy"))
-    assert sorted(code for _, _, code in told(error)) == [
-        "missing-key",
-        "no-such-file",
-        "same-name",
-    ]
+    assert sorted(code for _, _, code in told(error)) == ["no-such-file", "same-name"]
     with pytest.raises(DocumentError, match="one-rows-key"):
         load(tmp_path, "name: a\ntitle: b\n")
     with pytest.raises(UnknownPlaceError, match=r"one of .*table1"):
@@ -218,7 +204,7 @@ def test_rows_are_chosen_by_settings_and_by_names():
     experiment, _ = load_experiment("table1")
 
     def chosen(*choices):
-        return [row.label for row in chosen_rows(experiment, choices)]
+        return [row.label for row in experiment.chosen(choices)]
 
     assert len(chosen()) == 24
     assert chosen("radius_m=5", "ugvs=3,5", "uavs=1") == [
@@ -239,13 +225,11 @@ def test_rows_are_chosen_by_settings_and_by_names():
     ("wrong", "told"),
     [
         ("telemetry_s: 3", "row 'all': telemetry_s of 3"),
-        ("base_goals: [v01, nope]", r"no goal 'nope'; use v01, .*v15"),
         ("uavs: 0, base_station: false", "no robot takes part"),
-        ("trace: {path: links.csv}, channel: trace", r"links\.csv:2: b: no robot 'uav09'"),
+        ("world: processes, policy: oracle", "a policy that flies"),
     ],
 )
 def test_what_no_run_can_be_made_of_is_told_before_any_begins(tmp_path, wrong, told):
-    (tmp_path / "links.csv").write_text("t_s,a,b,up\n0,uav01,uav09,1\n", encoding="utf-8")
     text = f"name: a\ntitle: b\nsettings: {{{wrong}}}\nrows: [{{ugvs: 0}}]\n"
     experiment = load(tmp_path, text)
     with pytest.raises(AirRouterError, match=told) as error:

@@ -13,12 +13,11 @@ from mocha_link.links.link_events import (
     SyncStarted,
     SyncTimedOut,
 )
-from sitl.experiment.channels.channel import Change, Stage
+from sitl.experiment.engine.channel import Change, Stage
 from sitl.experiment.engine.channel_sim import ChannelSim
-from sitl.experiment.engine.statistics import AirtimeStats
+from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.fleet import fleet_of
-from sitl.experiment.robots.node import Node
+from sitl.experiment.robots.node import Node, fleet_of
 
 HEADER, DATA, END = Stage
 NOWHERE = np.zeros((0, 3))

@@ -1,7 +1,6 @@
 """Whole runs, small ones: what they are made of, that they repeat, and that nothing is copied."""
 
 import dataclasses
-import itertools
 import math
 import os
 import pickle
@@ -17,12 +16,12 @@ import air_router.controller.flight_setup
 from air_router.controller.controller import Controller
 from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.experiment.channels import channel
+from sitl.experiment.engine import channel
 from sitl.experiment.engine.ages import mean_age_s
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.result import STAGES, measured
 from sitl.experiment.robots import explorer, uav
-from sitl.experiment.settings import PaperModel, RunSettings, TraceModel
+from sitl.experiment.settings import PaperModel, PathLossModel, RunSettings
 from sitl.world import camera
 
 ROOT = Path(__file__).parents[4]
@@ -118,14 +117,10 @@ def test_poses_and_maps_travel(original, ours):
         assert any(mean_age_s(held, 200.0) < 150.0 for held in result.held.values())
 
 
-def test_an_unchanged_map_does_not_grow_old(tmp_path):
+def test_an_unchanged_map_does_not_grow_old():
     """Where every robot always hears every other one, what they hold is true but for a moment."""
-    path = tmp_path / "all.csv"
-    names = ("uav01", "ugv01", "ugv02")
-    rows = [f"0,{a},{b},1,,1e8" for a, b in itertools.combinations(names, 2)]
-    path.write_text("\n".join(["t_s,a,b,up,rssi_dbm,rate_bytes_s", *rows]) + "\n")
-    model = TraceModel(path=path, round_trip_s=1e-3, pull_every_s=1.0)
-    settings = dataclasses.replace(SMALL, uavs=1, ugvs=2, channel="trace", trace=model)
+    radio = PathLossModel(tx_power_dbm=200.0, shadowing_db=0.0, pull_every_s=1.0, rate_bytes_s=1e8)
+    settings = dataclasses.replace(SMALL, uavs=1, ugvs=2, channel="path_loss", path_loss=radio)
     result = run(dataclasses.replace(settings, base_station=False), SEED)
     ages_s = {pair: mean_age_s(held, 200.0) for pair, held in result.held.items()}
     assert all(0.4 < age_s < 2.0 for pair, age_s in ages_s.items() if pair[0] == "pose")
@@ -284,14 +279,7 @@ def test_what_was_cut_waits_or_is_given_up_as_the_reading_says():
     assert dropped.waits_s().max() < held.waits_s().max()
 
 
-def test_other_channels_and_no_robots_at_all(tmp_path):
-    path = tmp_path / "field.csv"
-    path.write_text("t_s,a,b,up,rssi_dbm,rate_bytes_s\n0,uav01,ugv01,1,,50000\n")
-    trace = dataclasses.replace(
-        SMALL, channel="trace", trace=TraceModel(path=path), duration_s=60.0
-    )
-    result = run(trace, SEED)
-    assert set(np.unique(result.transmissions["asking"])) == {1, 3}
+def test_another_channel_and_no_robots_at_all():
     radio = dataclasses.replace(SMALL, channel="path_loss", duration_s=60.0, protocol="ours")
     assert run(radio, SEED).exchanges_complete > 0
     alone = dataclasses.replace(SMALL, uavs=0, ugvs=0, duration_s=60.0)
@@ -300,8 +288,6 @@ def test_other_channels_and_no_robots_at_all(tmp_path):
         run(dataclasses.replace(alone, base_station=False), SEED)
     with pytest.raises(ValueError, match="telemetry_s"):
         run(dataclasses.replace(SMALL, telemetry_s=1.0), SEED)
-    with pytest.raises(ValueError, match="trace"):
-        run(dataclasses.replace(trace, trace=None), SEED)
 
 
 def test_places_are_the_town_s_or_the_seed_s():

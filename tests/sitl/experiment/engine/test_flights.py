@@ -20,10 +20,10 @@ from mocha_link.links.metrics import (
     SyncStarted,
 )
 from sitl.experiment.campaign import running
-from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.engine import flights
 from sitl.experiment.engine.flights import Meter
 from sitl.experiment.events import EventQueue
+from sitl.experiment.plan_file import load_experiment
 
 UNIX_S = 1_000_000.0  # when the flight's time began
 

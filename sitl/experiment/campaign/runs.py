@@ -1,7 +1,11 @@
-"""The finished runs of an experiment in a file that survives whatever ends the program.
+"""The finished runs of an experiment: the log that is written as they are made, and its archive.
 
-One JSON object per line, written whole and synced to disk before the next run counts. A line that
-was cut by a power loss is the last one; it is taken off, and that run is made again.
+The log is one JSON object per line, written whole and synced to disk before the next run counts. A
+line that was cut by a power loss is the last one; it is taken off, and that run is made again.
+
+The archive is one small file, all that tables are made of: XZ-compressed lines of JSON, first the
+text of the experiment's file as it was, then a run each, without the curves that only figures need.
+So a table can be remade when rows, towns or claims are others.
 """
 
 from __future__ import annotations
@@ -10,22 +14,27 @@ import fcntl
 import functools
 import hashlib
 import json
+import lzma
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row
+from mocha_link.team.document import Document
+from sitl.experiment.plan import Experiment, Phase, Record
+from sitl.experiment.plan_file import experiment_of
 
-FILE_NAME = "runs.jsonl"
+FILE_NAME: Final = "runs.jsonl"
+ARCHIVE_ENDING: Final = ".jsonl.xz"
 _ROOT: Final = Path(__file__).parents[3]
 _PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
 _KEYS: Final = frozenset(
     {"experiment", "row", "number", "phase", "rules", "seed", "fingerprint", "measures"}
 )
+_ARCHIVED_CURVES: Final = ("links",)
 
 
 class RunLogError(AirRouterError):
@@ -47,6 +56,9 @@ class RunLog:
 
     With `fresh` it does not look at what is there, and `clear` forgets it.
 
+    Attributes:
+        records: The runs that were there.
+
     Raises:
         RunLogError: the file has lines that no run wrote.
         InUseError: another program has it open.
@@ -54,17 +66,16 @@ class RunLog:
 
     def __init__(self, folder: Path, *, fresh: bool = False) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.path = folder / FILE_NAME  # locked while this is open
-        self._file = self.path.open("ab+")  # locked: one program at a time
+        path = folder / FILE_NAME
+        self._file = path.open("ab+")  # locked: one program at a time
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            self.records: list[Record] = [] if fresh else self._read(path)
+        except BlockingIOError:
             self._file.close()
             raise InUseError(
                 f"{folder} is in use by another `sitl experiment`; wait, or give another --out"
             ) from None
-        try:
-            self.records: list[Record] = [] if fresh else self._read()
         except BaseException:
             self._file.close()
             raise
@@ -91,14 +102,42 @@ class RunLog:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _read(self) -> list[Record]:
+    def _read(self, path: Path) -> list[Record]:
         self._file.seek(0)
         content = self._file.read()
-        self._file.truncate(content.rfind(b"\n") + 1)
-        return _whole_lines(content, self.path)
+        whole = content[: content.rfind(b"\n") + 1]
+        self._file.truncate(len(whole))
+        return [_run(line, path, number) for number, line in enumerate(whole.splitlines(), 1)]
 
 
-def read_line(line: bytes, path: Path, number: int) -> Record:
+def write_archive(path: Path, plan: Path, records: Sequence[Record]) -> None:
+    """Write runs and the file of their experiment."""
+    lines: list[Record] = [{"file": plan.name, "plan": plan.read_text(encoding="utf-8")}]
+    for record in records:
+        curves = {key: record["curves"][key] for key in _ARCHIVED_CURVES if key in record["curves"]}
+        lines.append({**record, "curves": curves})
+    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
+    path.write_bytes(lzma.compress(text.encode(), preset=9))
+
+
+def read_archive(path: Path) -> tuple[Experiment, list[Record]]:
+    """The experiment as it was, and its runs.
+
+    Raises:
+        RunLogError: the file is no archive.
+        OSError: it cannot be read.
+    """
+    try:
+        head, *lines = lzma.decompress(path.read_bytes()).splitlines()
+        said = json.loads(head)
+        document = Document.from_text(said["plan"], path.with_name(said["file"]))
+    except (lzma.LZMAError, ValueError, KeyError, TypeError):
+        raise RunLogError(f"{path} is no archive of runs; write one with --archive") from None
+    records = [_run(line, path, number) for number, line in enumerate(lines, start=2)]
+    return experiment_of(document), records
+
+
+def _run(line: bytes, path: Path, number: int) -> Record:
     """One line as a run. Raises RunLogError."""
     try:
         record = json.loads(line)
@@ -111,21 +150,6 @@ def read_line(line: bytes, path: Path, number: int) -> Record:
     return record
 
 
-def read_runs(folder: Path) -> list[Record]:
-    """The finished runs of a folder, without holding it; none is none. Raises RunLogError."""
-    path = folder / FILE_NAME
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        content = b""
-    return _whole_lines(content, path)
-
-
-def _whole_lines(content: bytes, path: Path) -> list[Record]:
-    lines = content[: content.rfind(b"\n") + 1].splitlines()
-    return [read_line(line, path, number) for number, line in enumerate(lines, start=1)]
-
-
 def usable(
     records: list[Record], experiment: Experiment, phase: Phase, folder: Path
 ) -> dict[Any, Record]:
@@ -136,7 +160,7 @@ def usable(
             other settings, or with other seeds: what the file's rows differ in, what is paired, or
             where confirmation begins has changed.
     """
-    rows: dict[str, Row] = {row.label: row for row in experiment.rows}
+    rows = {row.label: row for row in experiment.rows}
     found: dict[Any, Record] = {}
     for record in records:
         if record["phase"] != phase:

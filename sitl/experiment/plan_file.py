@@ -1,4 +1,7 @@
-"""Reads experiment files: YAML, checked, each problem told with its place (docs/experiments.md)."""
+"""Reads experiment files: YAML, checked, each problem told with its place (docs/experiments.md).
+
+Experiments, towns and missions that come with the program are known by a word; others by a path.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +15,22 @@ from typing import Annotated, Any, Final, get_type_hints
 
 from pydantic import BaseModel, Field, create_model
 
+from air_router.errors import UsageError
 from air_router.files.settings import Timers
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.experiment.campaign.claim_rules import ClaimRule
-from sitl.experiment.campaign.plan import Experiment, Row, varied
-from sitl.experiment.campaign.rows import phrase, rows_with
+from sitl.experiment.plan import ClaimRule, Experiment, Row, phrase, rows_with, varied
 from sitl.experiment.settings import (
     ExplorerSettings,
     PaperModel,
     PathLossModel,
     Positive,
     RunSettings,
-    TraceModel,
-)
-from sitl.experiment.shipped import (
-    UnknownPlaceError,
-    experiment_file,
-    mission_file,
-    town_file,
 )
 
-MOST_ROWS = 1000
+MOST_ROWS: Final = 1000
+
+_HERE: Final = Path(__file__).parent
+_PLANS: Final = _HERE / "plans"
 
 _Name = Annotated[
     str,
@@ -60,14 +58,10 @@ def _kinds(made: type, *but: str) -> dict[str, Any]:
 _SETTINGS: Final = _kinds(RunSettings, "keep_log") | {
     "town": str,
     "mission": str,
-    "base_goals": list[str],
     "values": list[Positive],
     "explorer": _model("Explorer", _kinds(ExplorerSettings)),
     "paper": _model("Paper", _kinds(PaperModel)),
     "path_loss": _model("PathLoss", _kinds(PathLossModel)),
-    "trace": create_model(
-        "Trace", __base__=_model("Links", _kinds(TraceModel, "path")), path=(str, ...)
-    ),
     "timers": _model("Timers", dict.fromkeys(_kinds(Timers, "hold_s"), Positive)),
 }
 """What a run is made of; the names and meanings are those of `settings.RunSettings`."""
@@ -97,6 +91,19 @@ class _Model(BaseModel):
     paired: list[str] = ["policy", "protocol", "passive"]
 
 
+class UnknownPlaceError(UsageError):
+    """No shipped file has this name, and no file is there; `key` is the setting that names it."""
+
+    def __init__(self, message: str, key: str = "") -> None:
+        super().__init__(message)
+        self.key = key
+
+
+def experiment_names() -> list[str]:
+    """The experiments that come with the program."""
+    return sorted(path.stem for path in _PLANS.glob("*.yaml"))
+
+
 def load_experiment(name: str) -> tuple[Experiment, Path]:
     """Read an experiment by the name of a shipped one or by its file; also that file's path.
 
@@ -104,7 +111,12 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
         UnknownPlaceError: there is no shipped experiment of this name.
         DocumentError: the file is wrong; with all problems.
     """
-    path = experiment_file(name)
+    path = _PLANS / f"{name}.yaml" if name in experiment_names() else Path(name)
+    if _is_word(name) and not path.is_file():
+        raise UnknownPlaceError(
+            f"there is no experiment '{name}'; give a file, or one of "
+            f"{', '.join(experiment_names())}"
+        )
     return experiment_of(Document.load(path)), path
 
 
@@ -121,26 +133,23 @@ class _Reading:
     model: _Model
 
     def experiment(self) -> Experiment:
-        problems = list(self._problems())
-        if problems:
-            raise DocumentError(problems)
-        model = self.model
+        _refuse(self._problems())
+        model, folder = self.model, self.document.path.parent
         shared = _plain(model.settings)
         variants = list(self._variants())
         rows = [_merged(shared, variant) for _, variant in variants]
         for row in rows:
             row.setdefault("town", "urban")
-        problems = [*self._file_problems(rows), *self._repeated(rows)]
-        if problems:
-            raise DocumentError(problems)
         differing = varied(rows)
+        labels = [
+            label or _label(row, differing) for (label, _), row in zip(variants, rows, strict=True)
+        ]
+        _refuse(itertools.chain(self._file_problems(rows), self._repeated(labels)))
         made = tuple(
-            Row(label or _label(row, differing), {**row, "sources": self._sources(row)})
-            for (label, _), row in zip(variants, rows, strict=True)
+            Row(label, {**row, "sources": sources(row, folder)})
+            for label, row in zip(labels, rows, strict=True)
         )
-        problems = list(self._claim_problems(made))
-        if problems:
-            raise DocumentError(problems)
+        _refuse(self._claim_problems(made))
         return Experiment(
             name=model.name,
             title=model.title,
@@ -152,7 +161,7 @@ class _Reading:
             claims=tuple(model.claims),
             paired=tuple(model.paired),
             varied=differing,
-            folder=str(self.document.path.parent.absolute()),
+            folder=str(folder.absolute()),
         )
 
     def _problems(self) -> Iterator[Problem]:
@@ -160,28 +169,19 @@ class _Reading:
         if (model.rows or model.cross) is None:
             message = "write 'rows' (a list), 'cross' (lists of values to combine), or both"
             yield self.document.problem(("rows",), message, "one-rows-key")
-        known = set(_SETTINGS)
         for index, name in enumerate(model.paired):
-            if name not in known:
+            if name not in _SETTINGS:
                 message = f"'{name}' is no setting; remove it"
                 yield self.document.problem(("paired", index), message, "unknown-word")
-        if model.cross is not None:
-            count = 1
-            for values in _plain(model.cross).values():
-                count *= len(values)
-            if count > MOST_ROWS:
-                message = f"{count} rows, at most {MOST_ROWS}; combine less"
-                yield self.document.problem(("cross",), message, "out-of-range")
-
-    def _claim_problems(self, rows: tuple[Row, ...]) -> Iterator[Problem]:
-        for claim, rule in enumerate(self.model.claims):
-            for part, said in enumerate(rule.parts):
-                for index, term in enumerate(said.contrast):
-                    if not rows_with(rows, term.rows):
-                        keys = ("claims", claim, "parts", part, "contrast", index)
-                        yield self.document.problem(keys, "no row has all of this", "unknown-word")
+        count = 1
+        for values in _plain(model.cross).values():
+            count *= len(values)
+        if count > MOST_ROWS:
+            message = f"{count} rows, at most {MOST_ROWS}; combine less"
+            yield self.document.problem(("cross",), message, "out-of-range")
 
     def _variants(self) -> Iterator[tuple[str | None, dict[str, Any]]]:
+        """Each row's label, if it was given one, and its own settings."""
         crossed = _plain(self.model.cross)
         axes = {key: crossed[key] for key in self.document.data.get("cross") or {}}
         for row in self.model.rows or [_Row()]:
@@ -198,64 +198,98 @@ class _Reading:
             try:
                 files_of(row, self.document.path.parent)
             except UnknownPlaceError as error:
-                keys = self._keys(index, error.key)
+                keys = self._keys(index, len(rows), error.key)
                 if (keys, str(error)) not in told:
                     told.add((keys, str(error)))
                     yield self.document.problem(keys, str(error), "no-such-file")
-            if row.get("channel") == "trace" and "path" not in row.get("trace", {}):
-                message = "'channel: trace' needs 'trace.path', the recorded links; add it"
-                yield self.document.problem(self._keys(index, "channel"), message, "missing-key")
-            elif "path" in row.get("trace", {}) and not self._trace(row).is_file():
-                message = f"there is no file {self._trace(row)}; correct the path"
-                yield self.document.problem(self._keys(index, "trace"), message, "no-such-file")
 
-    def _repeated(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
-        labels: dict[str, int] = {}
-        differing = varied(rows)
-        given = [label for label, _ in self._variants()]
-        for index, row in enumerate(rows):
-            label = given[index] or _label(row, differing)
-            if label in labels:
-                message = f"row {index + 1} is called '{label}' like row {labels[label]}; "
+    def _repeated(self, labels: list[str]) -> Iterator[Problem]:
+        for index, label in enumerate(labels):
+            first = labels.index(label)
+            if first < index:
+                message = f"row {index + 1} is called '{label}' like row {first + 1}; "
                 message += "remove it, or give it a label"
-                yield self.document.problem(self._keys(index, "label"), message, "same-name")
-            labels.setdefault(label, index + 1)
+                yield self.document.problem(
+                    self._keys(index, len(labels), "label"), message, "same-name"
+                )
 
-    def _keys(self, index: int, key: str) -> tuple[str | int, ...]:
+    def _claim_problems(self, rows: tuple[Row, ...]) -> Iterator[Problem]:
+        for claim, rule in enumerate(self.model.claims):
+            for part, said in enumerate(rule.parts):
+                for index, term in enumerate(said.contrast):
+                    if not rows_with(rows, term.rows):
+                        keys = ("claims", claim, "parts", part, "contrast", index)
+                        yield self.document.problem(keys, "no row has all of this", "unknown-word")
+
+    def _keys(self, index: int, count: int, key: str) -> tuple[str | int, ...]:
+        """Where in the file a setting of one of so many rows stands."""
         data = self.document.data
         if self.model.rows is not None:
-            place = index * len(self.model.rows) // len(list(self._variants()))
+            place = index * len(self.model.rows) // count
             if key in {*data["rows"][place], "label"}:
                 return ("rows", place, key)
-        section = "cross" if key in (data.get("cross") or {}) else "settings"
-        return (section, key)
+        return ("cross" if key in (data.get("cross") or {}) else "settings", key)
 
-    def _trace(self, row: Mapping[str, Any]) -> Path:
-        return self.document.path.parent / str(row["trace"]["path"])
 
-    def _sources(self, row: Mapping[str, Any]) -> dict[str, str]:
-        """What the files that a row names contain, as hashes: another content is another row."""
-        paths = files_of(row, self.document.path.parent)
-        return {key: content_hash(path) for key, path in paths.items()}
+def _refuse(problems: Iterator[Problem]) -> None:
+    found = list(problems)
+    if found:
+        raise DocumentError(found)
 
 
 def files_of(row: Mapping[str, Any], folder: Path) -> dict[str, Path]:
-    """The files that a row's settings name: town, mission (unless there is none), trace.
+    """The files that a row's settings name: the town, and the mission unless there is none.
+
+    Without a name the mission is the `mission.yaml` beside the town's file.
 
     Raises:
-        UnknownPlaceError: the town or the mission is not there.
+        UnknownPlaceError: one of them is not there.
     """
     town = town_file(row["town"], folder)
-    mission = mission_file(row.get("mission"), town, folder)
-    paths = {"town": town, **({"mission": mission} if mission is not None else {})}
-    if "trace" in row:
-        paths["trace"] = folder / str(row["trace"]["path"])
-    return paths
+    name = row.get("mission")
+    mission = town.with_name("mission.yaml") if name is None else _place(name, folder, "mission")
+    return {"town": town, **({"mission": mission} if mission.is_file() else {})}
 
 
-def content_hash(path: Path) -> str:
-    """Sixteen hexadecimal digits that change with a file's content."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+def sources(row: Mapping[str, Any], folder: Path) -> dict[str, str]:
+    """What the files that a row names contain, as hashes: another content is another row.
+
+    Raises:
+        UnknownPlaceError: one of them is not there.
+    """
+    paths = files_of(row, folder)
+    return {key: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for key, path in paths.items()}
+
+
+def town_file(name: str, folder: Path) -> Path:
+    """A town's file by the name of a shipped one or a path from `folder`.
+
+    Raises:
+        UnknownPlaceError: there is none.
+    """
+    return _place(name, folder, "town")
+
+
+def _place(name: str, folder: Path, key: str) -> Path:
+    if not _is_word(name):
+        path = folder / name
+        if not path.is_file():
+            raise UnknownPlaceError(f"there is no file {path}; correct the path", key)
+        return path
+    # In the installed package, or beside it in a checkout.
+    roots = [root for root in (_HERE / "missions", _HERE.parents[1] / "missions") if root.is_dir()]
+    shipped = {
+        path.parent.name: path for root in roots[::-1] for path in root.glob(f"*/{key}.yaml")
+    }
+    if name not in shipped:
+        raise UnknownPlaceError(
+            f"there is no {key} '{name}'; give a path, or one of {', '.join(sorted(shipped))}", key
+        )
+    return shipped[name]
+
+
+def _is_word(name: str) -> bool:
+    return "/" not in name and not name.endswith((".yaml", ".yml"))
 
 
 def _plain(model: BaseModel | None) -> dict[str, Any]:

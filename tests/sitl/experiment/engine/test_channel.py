@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.experiment.channels.channel import Link, Load, PaperChannel, Stage
-from sitl.experiment.channels.path_loss import PathLossChannel
-from sitl.experiment.channels.trace import TraceChannel, TraceError
-from sitl.experiment.settings import PaperModel, PathLossModel, TraceModel
+from sitl.experiment.engine.channel import Link, Load, PaperChannel, PathLossChannel, Stage
+from sitl.experiment.settings import PaperModel, PathLossModel
 from sitl.world.towns.town_file import load_town
 
 TOWN = load_town(Path(__file__).parents[4] / "missions" / "urban" / "town.yaml")
@@ -112,62 +110,3 @@ class TestPathLoss:
         assert channel.pick([b], [a]) is None
         load = Load(Stage.DATA, 1, 100_000, 0)
         assert channel.duration_s(b, load, 1.0) < channel.duration_s(Link(0, 3), load, 1.0)
-
-
-class TestTrace:
-    CSV = (
-        "t_s,a,b,up,rssi_dbm,rate_bytes_s\n"
-        "0,uav01,ugv01,1,,50000\n"
-        "5,ugv02,ugv01,,-60,\n"
-        "9,ugv01,uav01,false,,\n"
-    )
-
-    def test_it_is_replayed_whatever_robots_do(self, tmp_path):
-        path = tmp_path / "field.csv"
-        path.write_text(self.CSV)
-        channel = TraceChannel(TraceModel(path=path), NAMES)
-        nowhere = places(*[(0, 0, 0)] * 4)
-        assert channel.look(0.0, nowhere) == [(1, 2, True)]
-        assert channel.duration_s(Link(2, 1), Load(Stage.DATA, 1, 100_000, 0), 0.0) == 2.0
-        assert channel.look(6.0, nowhere) == [(2, 3, True)]
-        assert channel.pick([Link(3, 2)], [Link(1, 2)]) is None
-        assert channel.look(9.0, nowhere) == [(1, 2, False)]
-        assert channel.pick([Link(0, 1)], [Link(3, 2)]) == 0
-
-    def test_json_lines_say_the_same(self, tmp_path):
-        path = tmp_path / "field.jsonl"
-        path.write_text('{"t_s": 0, "a": "uav01", "b": "ugv01", "up": true}\n\n')
-        channel = TraceChannel(TraceModel(path=path, rate_bytes_s=1e5), NAMES)
-        assert channel.look(0.0, places()) == [(1, 2, True)]
-        assert channel.duration_s(Link(1, 2), Load(Stage.DATA, 1, 10_000, 1), 0.0) == 0.11
-
-    def test_every_problem_is_told_with_its_line(self, tmp_path):
-        path = tmp_path / "wrong.csv"
-        rows = [
-            "1,uav01,uav01,1,,",
-            "1,uav01,europa,1,,",
-            "1,uav01,ugv01,perhaps,,",
-            "1,uav01,ugv01,,,",
-            "1,uav01,ugv01,1,,0",
-            "x,uav01,ugv01,1,,",
-            "2,uav01,ugv01,1,,",
-            "1,uav01,ugv01,1,,",
-        ]
-        path.write_text("t_s,a,b,up,rssi_dbm,rate_bytes_s\n" + "\n".join(rows))
-        with pytest.raises(TraceError) as caught:
-            TraceChannel(TraceModel(path=path), NAMES)
-        told = str(caught.value).splitlines()
-        assert [line.split(":")[1] for line in told] == ["2", "3", "4", "5", "6", "7", "9"]
-        for word, line in zip(
-            ("same robot", "europa", "perhaps", "neither", "down", "valid number", "rise"),
-            told,
-            strict=True,
-        ):
-            assert word in line
-
-    @pytest.mark.parametrize("text", ["[1]\n", "{\n", '{"t": 1}\n', "\xff\n"])
-    def test_what_is_no_trace_is_refused(self, tmp_path, text):
-        path = tmp_path / "field.jsonl"
-        path.write_text(text, encoding="latin-1")
-        with pytest.raises(TraceError, match=r"field\.jsonl"):
-            TraceChannel(TraceModel(path=path), NAMES)

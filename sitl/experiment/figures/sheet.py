@@ -14,8 +14,7 @@ from typing import Any, Final, Literal
 
 from air_router.errors import PictureError
 from mocha_link.errors import needs_extra
-from sitl.experiment.campaign.plan import Experiment, Record, Row
-from sitl.experiment.campaign.rows import words
+from sitl.experiment.plan import Experiment, Record, Row, words
 
 with needs_extra("a figure", "experiments", "air-router"):
     import matplotlib as mpl

@@ -1,1 +1,0 @@
-"""Radio channels, one model each behind one port."""

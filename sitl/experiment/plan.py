@@ -1,0 +1,308 @@
+r"""What an experiment consists of: rows of settings, each run with several seeds, and its claims.
+
+A run is named by its row and its seed's number. Its seed follows from the experiment's name, the
+row and that number alone, so it is the same on every machine, today and later:
+
+    SHA-256 of "EXPERIMENT\nROW\nNUMBER", its first eight bytes as a number, halved
+
+ROW is the JSON of those settings in which the experiment's rows differ, without the `paired`
+ones, keys in alphabetical order. Rows that differ only in paired settings (the policy, say)
+therefore meet the same seeds, and so the same start places and goals: their tests may be paired.
+
+Numbers from `confirmation_seed` on are kept for confirmation: runs that answer a claim which was
+declared before they were made. Whatever else is looked at comes from the exploration seeds below.
+
+A part of a claim is about one effect: a contrast, the weighted sum of the means of some rows. It
+holds where the whole interval of the effect lies on the side of `more_than` or `less_than` that it
+names, fails where it lies wholly on the other side, and is undecided otherwise.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from air_router.counted import counted
+from air_router.errors import UsageError
+from sitl.experiment.settings import value_of
+
+Settings = Mapping[str, Any]
+"""A run's settings as the plain values that stand in the file."""
+
+Record = Mapping[str, Any]
+"""What is kept of a run, in plain values."""
+
+Phase = Literal["exploration", "confirmation"]
+"""What a run is for. One table is made of runs of one phase only."""
+
+
+class NoSuchRowError(UsageError):
+    """No row of the experiment is meant."""
+
+
+class Term(BaseModel):
+    """Some rows of a contrast, which share a weight.
+
+    Attributes:
+        weight: of the mean over these rows.
+        rows: settings that they have; a list names several values.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    weight: float = 1.0
+    rows: dict[str, Any] = {}
+
+
+class PartRule(BaseModel):
+    """One statement of a claim.
+
+    Attributes:
+        what: it says, in words.
+        measure: the column of results.csv that it is about.
+        share: instead: columns of successes and of failures, whose share is compared ...
+        reference: ... with that of so many successes and failures elsewhere.
+        contrast: the effect. Of a share: the rows.
+        each: the rows of the last term count one at a time; the least effect of all decides.
+        ratio: the effect is a factor: contrasts are of logarithms.
+        more_than, less_than: what the effect is said to be.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    what: str
+    measure: str = ""
+    share: tuple[str, str] | None = None
+    reference: tuple[int, int] = (0, 0)
+    contrast: Annotated[tuple[Term, ...], Field(min_length=1)]
+    each: bool = False
+    ratio: bool = False
+    more_than: float | None = None
+    less_than: float | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if (self.more_than is None) == (self.less_than is None):
+            raise ValueError("say either more_than or less_than")
+        if bool(self.measure) == bool(self.share) or (self.share and not all(self.reference)):
+            raise ValueError("say either a measure or a share with its reference")
+        return self
+
+
+class ClaimRule(BaseModel):
+    """A claim: its number, its words, and what it consists of."""
+
+    model_config = ConfigDict(frozen=True)
+
+    number: Annotated[int, Field(ge=1)]
+    text: str
+    parts: Annotated[tuple[PartRule, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One configuration of an experiment.
+
+    Attributes:
+        label: what it is called; no two rows of an experiment have the same.
+        settings: all that a run needs but its seed, in plain values.
+    """
+
+    label: str
+    settings: Settings = field(hash=False)
+
+    @property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits that change with any setting."""
+        return hashlib.sha256(canonical(self.settings).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run that is to be made: plain values, so it can travel to any process or machine.
+
+    Paths in the settings count from `folder`; `rules` are those by which the run will be judged.
+    """
+
+    experiment: str
+    row: Row
+    number: int
+    seed: int
+    folder: str = "."
+    phase: Phase = "exploration"
+    rules: str = ""
+
+    @property
+    def name(self) -> str:
+        """How the run is called in messages."""
+        return f"{self.row.label}, seed {self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Rows that are compared, and how often each is run.
+
+    Attributes:
+        name: short, for folders and seeds.
+        title: one line for people.
+        question: what it is to answer.
+        rows: in the order of the table.
+        seeds: how many runs of each row, unless the command line says otherwise.
+        first_seed: the number of each row's first run, unless the command line says otherwise.
+        confirmation_seed: from this number on runs are for confirmation.
+        claims: what its runs are to decide, and how.
+        paired: settings that do not go into the seed.
+        varied: the settings in which rows differ, in the file's order.
+        folder: where its file is.
+    """
+
+    name: str
+    title: str
+    question: str
+    rows: tuple[Row, ...]
+    seeds: int
+    first_seed: int = 0
+    confirmation_seed: int = 10_001
+    claims: tuple[ClaimRule, ...] = ()
+    paired: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ()
+    folder: str = "."
+
+    @property
+    def rules(self) -> str:
+        """Twelve hexadecimal digits that change with any claim."""
+        declared = canonical([claim.model_dump(mode="json") for claim in self.claims])
+        return hashlib.sha256(declared.encode()).hexdigest()[:12]
+
+    def seed(self, row: Row, number: int) -> int:
+        """The seed of a row's run: between 0 and 2^63, by the rule that the module tells."""
+        kept = {k: row.settings.get(k) for k in self.varied if k not in self.paired}
+        digest = hashlib.sha256(f"{self.name}\n{canonical(kept)}\n{number}".encode()).digest()
+        return int.from_bytes(digest[:8], "big") >> 1
+
+    def task(self, row: Row, number: int) -> Task:
+        """A row's run."""
+        seed, phase = self.seed(row, number), self.phase(number)
+        return Task(self.name, row, number, seed, self.folder, phase, self.rules)
+
+    def phase(self, number: int) -> Phase:
+        """What the runs with a seed's number are for."""
+        return "exploration" if number < self.confirmation_seed else "confirmation"
+
+    def called(self, phase: Phase) -> str:
+        """The name of its runs of a phase, for folders and documents."""
+        return self.name if phase == "exploration" else f"{self.name}-{phase}"
+
+    def tasks(self, numbers: Iterable[int]) -> Iterator[Task]:
+        """All runs: every row once, then every row again, so that a part is a fair part."""
+        for number in numbers:
+            yield from (self.task(row, number) for row in self.rows)
+
+    def chosen(self, choices: Iterable[str]) -> tuple[Row, ...]:
+        """The rows for which all `key=value[,value]` hold, and whose label fits a pattern.
+
+        Raises:
+            NoSuchRowError: a choice fits no row.
+        """
+        rows, patterns = self.rows, []
+        for choice in choices:
+            key, equals, values = choice.partition("=")
+            if not equals:
+                patterns.append(choice)
+                continue
+            among = dict.fromkeys(_said(row, key) for row in self.rows)
+            if set(among) == {str(None)}:
+                raise NoSuchRowError(f"no row has {choice}; '{key}' is no setting of these rows")
+            rows = tuple(row for row in rows if _said(row, key) in values.split(","))
+            if not rows:
+                raise NoSuchRowError(f"no row has {choice}; '{key}' is one of {', '.join(among)}")
+        if patterns:
+            rows = tuple(r for r in rows if any(fnmatch.fnmatchcase(r.label, p) for p in patterns))
+        if not rows:
+            labels = "', '".join(row.label for row in self.rows)
+            raise NoSuchRowError(f"no row fits {' or '.join(patterns)}; there are '{labels}'")
+        return rows
+
+
+def seeds_of(records: Sequence[Record]) -> str:
+    """Which seeds runs were made with, in words: `exploration seeds 0 to 29`."""
+    numbers = [record["number"] for record in records]
+    return f"{records[0]['phase']} seeds {min(numbers)} to {max(numbers)}"
+
+
+def canonical(values: Mapping[str, Any] | Sequence[Any]) -> str:
+    """Plain values as JSON that is the same wherever it is written."""
+    return json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+def varied(rows: Iterable[Settings]) -> tuple[str, ...]:
+    """The settings in which rows differ, in the order in which they come."""
+    rows = list(rows)
+    keys = dict.fromkeys(key for row in rows for key in row)
+    return tuple(k for k in keys if len({canonical({k: row.get(k)}) for row in rows}) > 1)
+
+
+def rows_with(rows: Iterable[Row], settings: Settings) -> list[Row]:
+    """The rows that have these settings; a list names several values."""
+    wanted = {key: own if isinstance(own, list) else [own] for key, own in settings.items()}
+    return [
+        row
+        for row in rows
+        if all(value_of(flat(row.settings), key) in own for key, own in wanted.items())
+    ]
+
+
+# Settings in words, for labels, legends and tables.
+
+_NOT_SHOWN: Final = {"sources"}
+_COUNTS: Final = {"uavs": "UAVs", "ugvs": "UGVs"}
+
+
+def flat(settings: Settings, before: str = "") -> dict[str, Any]:
+    """Settings without mappings in them: `timers.init_s`."""
+    result: dict[str, Any] = {}
+    for key, value in settings.items():
+        if key in _NOT_SHOWN:
+            continue
+        if isinstance(value, Mapping):
+            result.update(flat(value, f"{before}{key}."))
+        else:
+            result[before + key] = value
+    return result
+
+
+def words(settings: Settings, keys: Iterable[str]) -> str:
+    """Some settings in words; those that are not said are left out."""
+    parts = []
+    for key in keys:
+        value = settings.get(key)
+        if value is None:
+            continue
+        shown = phrase(key, value)
+        if key == "passive":
+            shown = "passive" if value else "seeking"
+        parts.append(f"radius {shown} m" if key == "radius_m" else shown)
+    return ", ".join(parts)
+
+
+def phrase(key: str, value: Any) -> str:
+    """One setting's value, without a name or a unit unless it counts something."""
+    if key in _COUNTS:
+        return counted(value, _COUNTS[key])
+    inner = flat(value).values() if isinstance(value, Mapping) else [value]
+    shown = " ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in inner)
+    return shown.replace("_", " ")
+
+
+def _said(row: Row, key: str) -> str:
+    """What a row has of a setting, as files write it; `timers.init_s` is one within another."""
+    value = value_of(flat(row.settings), key)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
