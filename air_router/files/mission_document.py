@@ -17,8 +17,8 @@ from air_router.files.settings import (
     Timers,
 )
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
-from geo.degree_lines import dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.geodesic import dense_ring
 from geo.validity import Validity
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem

@@ -11,8 +11,13 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.found_by import finders
 from air_router.mission.mission import Mission
 from air_router.preflight.survey import MissionSurvey, SurveyedLeg
-from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way
-from air_router.routing.straight_return import StraightReturn, straight_returns
+from air_router.routing.return_planner import (
+    LANDING_MARGIN,
+    Pace,
+    StraightReturn,
+    Way,
+    straight_returns,
+)
 
 _TIGHTEST = 3
 _MOST_LINES = 12

@@ -10,7 +10,7 @@ from air_router.controller.motion.pending_setpoints import BRAKING_M_S2
 from air_router.files.settings import Accepted
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight import Check
-from air_router.routing.straight_return import straight_returns
+from air_router.routing.return_planner import straight_returns
 from geo.frame import Point
 
 HARMLESS_JERK_M_S3: Final = 3.0

@@ -12,22 +12,29 @@ points computed to lie on the limit count as clear).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cached_property
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely import LineString, MultiPoint, STRtree
+from shapely import LineString, MultiPoint
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
-from geo.airspace.fence import PREPARED_FROM, Fence
-from geo.airspace.inflation import rounded
-from geo.airspace.zone import Circle, Outline, Ring, Shape, Zone
+from geo.airspace.fence import Fence
+from geo.airspace.zone import Circle, Outline, Ring, Shape, Zone, rounded
+from geo.airspace.zone_index import (
+    TOLERANCE_M,
+    Flags,
+    Floats,
+    ZoneIndex,
+    leg_line,
+    leg_lines,
+    threshold_m,
+)
 from geo.frame import Point
 
 __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
@@ -35,21 +42,12 @@ __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
 FENCE = "fence"
 """The name that stands for the fences in answers about what is near or in the way."""
 
-TOLERANCE_M = 1e-6
-
 _NODE_MARGIN_M = 0.01
 """Corners of detours keep this much more than the clearance, so that legs along a zone's side
 never fail their own test by rounding."""
 
 _UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
 """What is drawn of an airspace without a fence."""
-
-_Geometries = npt.NDArray[np.object_]
-_Floats = npt.NDArray[np.float64]
-_Flags = npt.NDArray[np.bool_]
-
-_dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
-"""Takes a distance for each pair, which shapely's annotations do not know."""
 
 
 class Airspace:
@@ -89,7 +87,8 @@ class Airspace:
         self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
         self.fence_distance_m = self._kept_m(None)  # to keep from fences
         self._fences = tuple(Fence(shape) for shape in self.fences)
-        self._fence_threshold_m = _threshold(self.fence_distance_m)  # with rounding allowed for
+        self._fence_threshold_m = threshold_m(self.fence_distance_m)  # with rounding allowed for
+        self._index = ZoneIndex(self.zones, self.distances_m)
 
     def __repr__(self) -> str:
         return (
@@ -126,23 +125,23 @@ class Airspace:
     def leaving(self, point: Point) -> Airspace:
         """The airspace without the zones that a point is in, and the fences that it is not in."""
         place = ShapelyPoint(point)
-        beyond = shapely.distance(self._geometries, place) > self._radii_m
+        beyond = self._index.distances_m(place) > 0
         zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
         held = zip(self.fences, self._fences, strict=True)
         return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
 
     def kept_from(self, start: Point, end: Point) -> Airspace:
         """The airspace with only those zones and fences that a leg keeps its distance from."""
-        leg = _line(start, end)
-        kept = ~_dwithin(self._geometries, leg, self._thresholds_m)
-        zones = (zone for zone, clear in zip(self.zones, kept, strict=True) if clear)
+        leg = leg_line(start, end)
+        far = self._index.far(leg)
+        zones = (zone for zone, clear in zip(self.zones, far, strict=True) if clear)
         things, threshold_m = np.array([leg], dtype=object), self._fence_threshold_m
         held = zip(self.fences, self._fences, strict=True)
         return self._of([shape for shape, f in held if f.keeps(things, threshold_m)[0]], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
         """The airspace with only the zones that come nearer than this to a point."""
-        distances_m = shapely.distance(self._geometries, ShapelyPoint(point)) - self._radii_m
+        distances_m = self._index.distances_m(ShapelyPoint(point))
         near = zip(self.zones, distances_m, strict=True)
         return self._of(self.fences, (zone for zone, distance_m in near if distance_m <= reach_m))
 
@@ -166,7 +165,7 @@ class Airspace:
 
     def leg_clear(self, start: Point, end: Point) -> bool:
         """Whether every point of the straight leg is clear."""
-        return self._clear(_line(start, end))
+        return self._clear(leg_line(start, end))
 
     def legs_clear(self, start: Point, ends: Sequence[Point]) -> list[bool]:
         """`leg_clear` from one place to many, in bulk."""
@@ -176,17 +175,14 @@ class Airspace:
         clear = self.legs_clear_between(np.broadcast_to(start, there.shape), there)
         return [bool(answer) for answer in clear]
 
-    def legs_clear_between(self, starts: _Floats, ends: _Floats) -> _Flags:
+    def legs_clear_between(self, starts: Floats, ends: Floats) -> Flags:
         """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""
-        lines = _lines(starts, ends)
+        lines = leg_lines(starts, ends)
         clear = np.ones(len(lines), dtype=bool)
         for fence in self._fences:
             clear[clear] = fence.keeps(lines[clear], self._fence_threshold_m)
         rest = np.flatnonzero(clear)
-        lines = lines[rest]
-        legs, zones = self._tree.query(lines)
-        close = _dwithin(self._geometries[zones], lines[legs], self._thresholds_m[zones])
-        clear[rest[legs[close]]] = False
+        clear[rest[self._index.too_close(lines[rest])]] = False
         return clear
 
     def swept_clear(self, points: Sequence[Point]) -> bool:
@@ -199,8 +195,8 @@ class Airspace:
 
     def blockers(self, start: Point, end: Point) -> tuple[str, ...]:
         """Names of the zones (and `FENCE`) that keep the leg from being clear."""
-        leg = _line(start, end)
-        names = [self.zones[index].name for index in sorted(self._close(leg))]
+        leg = leg_line(start, end)
+        names = [self.zones[index].name for index in sorted(self._index.close(leg))]
         if not self._within_fences(leg):
             names.append(FENCE)
         return tuple(names)
@@ -208,9 +204,7 @@ class Airspace:
     def holders(self, point: Point) -> tuple[str, ...]:
         """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
         place = ShapelyPoint(point)
-        near = np.sort(self._tree.query(place))
-        within = shapely.distance(self._geometries[near], place) <= self._radii_m[near]
-        names = [self.zones[index].name for index in near[within]]
+        names = [self.zones[index].name for index in self._index.holding(place)]
         if any(fence.depth_m(place) < 0 for fence in self._fences):
             names.append(FENCE)
         return tuple(names)
@@ -258,10 +252,10 @@ class Airspace:
         """
         if not points:
             return math.inf, ""
-        track = _line(points[0], points[0]) if len(points) == 1 else LineString(points)
+        track = leg_line(points[0], points[0]) if len(points) == 1 else LineString(points)
         closest = (math.inf, "")
         if self.zones:
-            distances = shapely.distance(self._geometries, track) - self._radii_m
+            distances = self._index.distances_m(track)
             nearest = int(np.argmin(distances))
             closest = (max(float(distances[nearest]), 0.0), self.zones[nearest].name)
         for fence in self._fences:
@@ -300,35 +294,6 @@ class Airspace:
         reaches = zip(self.zones, self.distances_m, strict=True)
         return [rounded(zone.shape, distance_m + extra_m) for zone, distance_m in reaches]
 
-    @cached_property
-    def _geometries(self) -> _Geometries:
-        """What distances to zones are measured from: polygons, and the centres of circles."""
-        geometries = np.array([_solid(zone.shape) for zone in self.zones], dtype=object)
-        shapely.prepare([g for g in geometries if shapely.get_num_coordinates(g) > PREPARED_FROM])
-        return geometries
-
-    @cached_property
-    def _radii_m(self) -> _Floats:
-        """What of these distances lies within the zones."""
-        return np.array(
-            [z.shape.radius_m if isinstance(z.shape, Circle) else 0.0 for z in self.zones]
-        )
-
-    @cached_property
-    def _thresholds_m(self) -> _Floats:
-        """At these distances or less from `_geometries` nothing is clear."""
-        return self._radii_m + [_threshold(distance_m) for distance_m in self.distances_m]
-
-    @cached_property
-    def _tree(self) -> STRtree:
-        """Boxes around all that is not clear because of each zone."""
-        bounds = shapely.bounds(self._geometries)
-        reach_m = self._thresholds_m + TOLERANCE_M
-        west, south, east, north = bounds.reshape(-1, 4).T
-        return STRtree(
-            shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
-        )
-
     def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
         return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.relaxed_m)
 
@@ -339,15 +304,7 @@ class Airspace:
         return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
 
     def _clear(self, shape: BaseGeometry) -> bool:
-        near = self._tree.query(shape)
-        if len(near) and _dwithin(self._geometries[near], shape, self._thresholds_m[near]).any():
-            return False
-        return self._within_fences(shape)
-
-    def _close(self, shape: BaseGeometry) -> npt.NDArray[np.intp]:
-        """The numbers of the zones that a shape is too near to."""
-        near = self._tree.query(shape)
-        return near[_dwithin(self._geometries[near], shape, self._thresholds_m[near])]
+        return not self._index.any_close(shape) and self._within_fences(shape)
 
     def _within_fences(self, shape: BaseGeometry) -> bool:
         things = np.array([shape], dtype=object)
@@ -357,13 +314,13 @@ class Airspace:
         return True
 
     def _least(
-        self, point: Point, kept_m: _Floats | float, fence_kept_m: float
+        self, point: Point, kept_m: Floats | float, fence_kept_m: float
     ) -> tuple[float, str]:
         """The least of all distances (negative beyond a border) less these, and to what it is."""
         place = ShapelyPoint(point)
         least = (math.inf, "")
         if self.zones:
-            distances_m = shapely.distance(self._geometries, place) - self._radii_m
+            distances_m = self._index.distances_m(place)
             for index in np.flatnonzero(distances_m == 0):
                 shape = self.zones[index].shape
                 if isinstance(shape, Outline):
@@ -376,10 +333,6 @@ class Airspace:
         return least
 
 
-def _threshold(distance_m: float) -> float:
-    return max(distance_m - TOLERANCE_M, 0.0)
-
-
 def _shapes(fences: Shape | Ring | Sequence[Shape] | None) -> tuple[Shape, ...]:
     if fences is None:
         return ()
@@ -388,21 +341,3 @@ def _shapes(fences: Shape | Ring | Sequence[Shape] | None) -> tuple[Shape, ...]:
     if all(isinstance(shape, Outline | Circle) for shape in fences):
         return tuple(cast("Sequence[Shape]", fences))
     return (Outline(cast("Ring", tuple(fences))),)
-
-
-def _solid(shape: Shape) -> BaseGeometry:
-    return ShapelyPoint(shape.centre) if isinstance(shape, Circle) else shape.polygon
-
-
-def _line(start: Point, end: Point) -> BaseGeometry:
-    # GEOS 3.14 answers dwithin wrongly for a prepared shape and a line without length.
-    return LineString((start, end)) if tuple(start) != tuple(end) else ShapelyPoint(start)
-
-
-def _lines(starts: _Floats, ends: _Floats) -> _Geometries:
-    """`_line` for many."""
-    lines = np.asarray(shapely.linestrings(np.stack([starts, ends], axis=1)), dtype=object)
-    still = (starts == ends).all(axis=1)
-    if still.any():
-        lines[still] = shapely.points(starts[still])
-    return lines

@@ -18,7 +18,8 @@ from geo.airspace.airspace import Airspace
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.mesh import Mesh
-from geo.paths.polyanya import Source, seen_corners, shortest
+from geo.paths.mesh_paths import seen_corners, shortest
+from geo.paths.polyanya import Source
 
 Path = tuple[Point, ...]
 

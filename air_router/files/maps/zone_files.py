@@ -26,8 +26,8 @@ from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocu
 from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.xml_document import kml_in
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
-from geo.degree_lines import STEP_M, dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.geodesic import STEP_M, dense_ring
 from mocha_link.team.problem import DocumentError, Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024

@@ -17,9 +17,9 @@ from air_router.routing.return_planner import (
     ReturnPlanner,
     Way,
     WayHome,
+    straight_returns,
 )
 from air_router.routing.router import Route, Router
-from air_router.routing.straight_return import straight_returns
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 

@@ -9,8 +9,8 @@ from shapely import LineString
 
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Zone, polygons_of
-from geo.degree_lines import dense_ring
 from geo.frame import Geodetic, LocalFrame, Point
+from geo.geodesic import dense_ring
 from tests.geo.shapes import box, box_ring
 
 P = Point

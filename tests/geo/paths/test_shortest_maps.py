@@ -13,7 +13,8 @@ from shapely import LineString, Polygon
 
 from benchmarks.route.maps import made, read
 from geo.frame import Point
-from geo.paths.polyanya import Source, shortest
+from geo.paths.mesh_paths import shortest
+from geo.paths.polyanya import Source
 from geo.paths.shortest import ShortestPaths, path_length_m
 from tests.geo.optimum import BruteForce, Ground, gridded, places, scattered
 

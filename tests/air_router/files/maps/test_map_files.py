@@ -27,9 +27,8 @@ from air_router.files.maps.kml import read_kml
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.maps.reading import MapCircle, MapOutline
 from air_router.mission.loading import read_draft
-from geo.degree_lines import dense_ring
 from geo.frame import Geodetic, LocalFrame, Point
-from geo.geodesic import circle_around
+from geo.geodesic import circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
 
 TOWN = Path(__file__).parents[3] / "data" / "files" / "town.yaml"
