@@ -14,8 +14,7 @@ import pytest
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from mocha_link.cli.command_help import coloured, log_level
-from mocha_link.cli.program import script
+from mocha_link.cli.program import coloured, log_level, script
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {
@@ -153,4 +152,4 @@ def test_only_those_who_ask_write_colours():
     for folder in ("air_router", "mocha_link", "sitl"):
         for path in (ROOT / folder).rglob("*.py"):
             if re.search(r"x1b\[\d*m|033\[", path.read_text(encoding="utf-8")):
-                assert path.name in {"preflight.py", "node_view.py"}, path
+                assert path.name in {"preflight.py", "links_view.py"}, path

@@ -22,7 +22,7 @@ from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleEvent
-from mocha_link.cli.command_help import coloured
+from mocha_link.cli.program import coloured
 
 TELEMETRY_S: Final = 4.0
 """Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
-from mocha_link.cli.command_help import add_command, examples, log_level
+from mocha_link.cli.program import add_command, examples, log_level
 
 WHAT = {
     "ros1": "publish and subscribe ROS 1 topics",

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mocha_link.cli.command_help import examples
-from mocha_link.cli.display import table
 from mocha_link.cli.keys_command import links, protection_lines
+from mocha_link.cli.links_view import table
+from mocha_link.cli.program import examples
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
 

@@ -7,8 +7,7 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from mocha_link.cli.command_help import drop_output, examples
-from mocha_link.cli.program import USAGE, Command, Program
+from mocha_link.cli.program import USAGE, Command, Program, drop_output, examples
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError, NotInTeamError
 from mocha_link.team.problem import DocumentError
 

@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from mocha_link.cli.command_help import examples
+from mocha_link.cli.program import examples
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
 from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncTimedOut

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from mocha_link.cli.command_help import examples
+from mocha_link.cli.program import examples
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import upstream
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mocha_link.cli.command_help import examples
+import yaml
+
+from mocha_link.cli.program import examples
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import keys
 from mocha_link.team.document import Document, DocumentError
@@ -18,10 +19,6 @@ from mocha_link.team.keys import KeyMismatchError, SecretKey
 from mocha_link.team.team import Robot, Team
 
 _BOM = b"\xef\xbb\xbf"
-# A scalar as it stands in the file, quoted or plain, or nothing at all (`key:`).
-_FLOW_VALUE = re.compile(r"""("[^"]*"|'[^']*'|[^\s,}]*)""")
-_BLOCK_VALUE = re.compile(r"""("[^"]*"|'[^']*'|\S*)""")
-_FLOW = re.compile(r"([&!]\S*\s+)*\{")
 
 
 class TeamTextError(MochaLinkError):
@@ -133,27 +130,22 @@ def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
         TeamTextError: it is written in a way that we do not know how to change.
     """
     document = Document.from_text(text, path)
-    lines = text.splitlines(keepends=True)
     newline = "\r\n" if "\r\n" in text else "\n"
     edits: list[tuple[int, int, str]] = []
-
-    def offset(place: tuple[int, int]) -> int:
-        return sum(map(len, lines[: place[0] - 1])) + place[1] - 1
-
     for name, values in _robots(document).items():
         if name not in public:
             continue
-        key = f'"{public[name]}"'
-        flow = _FLOW.match(text, offset(document.place("robots", name)))
-        if "key" in values:
-            start = offset(document.place("robots", name, "key"))
-            written = (_FLOW_VALUE if flow else _BLOCK_VALUE).match(text, start)
-            end = written.end() if written else start
+        key, robot = f'"{public[name]}"', document.node("robots", name)
+        if not isinstance(robot, yaml.MappingNode):
+            continue
+        known = {key_node.value: value_node for key_node, value_node in robot.value}
+        if "key" in known:
+            start, end = known["key"].start_mark.index, known["key"].end_mark.index
             edits.append((start, end, key if end > start else f" {key}"))
         else:
-            place = document.place_of_key("robots", name, next(iter(values)))
-            behind = ", " if flow else newline + " " * (place[1] - 1)
-            edits.append((offset(place), offset(place), f"key: {key}{behind}"))
+            first = robot.value[0][0].start_mark
+            behind = ", " if robot.flow_style else newline + " " * first.column
+            edits.append((first.index, first.index, f"key: {key}{behind}"))
         values["key"] = public[name]
     for start, end, new in sorted(edits, reverse=True):
         text = text[:start] + new + text[end:]

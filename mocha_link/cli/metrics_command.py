@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 
-from mocha_link.cli.command_help import endpoint, examples
-from mocha_link.cli.display import EventFilter, event_line, links_table
+from mocha_link.cli.links_view import UNREADABLE, EventFilter, NodeView, Style, event_line
+from mocha_link.cli.program import endpoint, examples
 from mocha_link.service.service_client import MetricsError, watch
 
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
@@ -39,18 +40,20 @@ def _seconds(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
-    shown, news = False, EventFilter()
+    picture, news, shown = NodeView(options.endpoint), EventFilter(), False
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
+        text = ""
         try:
-            text = links_table(fields) if kind == "links" else event_line(fields)
-            is_new = not shown if kind == "links" else news.is_new(fields)  # the table once
-        except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+            if kind == "links":
+                picture.take(kind, fields, time.monotonic())
+                text = "" if shown else picture.printed(Style(colour=False))
+                shown = True
+            elif news.is_new(fields):
+                text = event_line(fields)
+        except UNREADABLE:
             raise MetricsError(f"what {options.endpoint} sends is not a node's metrics") from None
-        if options.json:
-            print(json.dumps(fields), flush=True)
-        elif is_new:
-            print(text, flush=True)
-        shown = shown or kind == "links"
+        if options.json or text:
+            print(json.dumps(fields) if options.json else text, flush=True)
         if shown and not options.follow:
             break
     return 0

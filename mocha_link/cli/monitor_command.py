@@ -15,16 +15,15 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
-from mocha_link.cli.command_help import coloured, endpoint, examples
-from mocha_link.cli.node_view import NodeView, Size, Style
+from mocha_link.cli.links_view import UNREADABLE, NodeView, Size, Style
+from mocha_link.cli.program import coloured, endpoint, examples
 from mocha_link.node.lifetime import until_terminated
-from mocha_link.service.service_client import MetricsError, Subscription
+from mocha_link.service.service_client import Subscription
 
 DONE = 0
 REDRAW_S = 1.0  # ages grow also when nothing comes
 POLL_S = 0.2
 FIRST_S = 5.0  # a node that runs has answered by then
-PRINTED = Size(200, 100)  # without a terminal
 
 _ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, no cursor
 _LEAVE = "\x1b[?25h\x1b[?1049l"
@@ -49,13 +48,10 @@ def run(options: argparse.Namespace) -> int:
         deadline_s = time.monotonic() + FIRST_S
         while not picture.ready:
             if not _hear(subscription, picture) and time.monotonic() > deadline_s:
-                raise MetricsError(
-                    f"nothing from {options.endpoint} for {FIRST_S:g} s; is a node running there "
-                    f"with --metrics {options.endpoint}?"
-                )
+                raise subscription.silent(FIRST_S)
         style = Style(colour=coloured(sys.stdout), unicode=_shows_blocks())
         if not (sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"):
-            _write("\n".join(picture.lines(PRINTED, style, time.monotonic())) + "\n")
+            _write(picture.printed(style) + "\n")
             return DONE
         with until_terminated(), _screen() as resized:
             _follow(subscription, picture, style, resized)
@@ -94,7 +90,7 @@ def _hear(subscription: Subscription, picture: NodeView, timeout_s: float = POLL
         return False
     try:
         picture.take(*message, time.monotonic())
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+    except UNREADABLE:
         raise subscription.strange() from None
     return True
 

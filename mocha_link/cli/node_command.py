@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from mocha_link.cli.command_help import drop_output, endpoint, examples, web_address
-from mocha_link.cli.display import EventFilter, event_line
+from mocha_link.cli.links_view import EventFilter, event_line
+from mocha_link.cli.program import drop_output, endpoint, examples, web_address
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.node.node import Node

@@ -1,4 +1,4 @@
-"""A program of several commands, each a module: its parser, its end, completion by the shell.
+"""A program of several commands, each a module: its parser, help, log, end, and completion.
 
 A command's module is imported when the command is asked for: a program of many commands starts as
 quickly as the one that is run.
@@ -9,16 +9,36 @@ from __future__ import annotations
 import argparse
 import importlib
 import logging
+import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from mocha_link import __version__
-from mocha_link.cli.command_help import Help, add_command, add_verbose, log_level, sentence
 from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 from mocha_link.errors import needs_extra
+
+USAGE = 2
+EXIT_CODES = (
+    "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 130 interrupted (Ctrl-C)"
+)
+LEVELS = {
+    "debug": logging.DEBUG,
+    "info": logging.INFO,
+    "warning": logging.WARNING,
+    "error": logging.ERROR,
+}
+_ENDPOINT = re.compile(r"(tcp://.+:([0-9]+|\*)|ipc://.+)", re.ASCII)
+
+SHELLS = {
+    "bash": "source <({prog} completion bash)    # a line for ~/.bashrc",
+    "zsh": "{prog} completion zsh > ~/.zfunc/_{prog}    # a folder of fpath",
+    "fish": "{prog} completion fish > ~/.config/fish/completions/{prog}.fish",
+}
+"""How each is told, in words of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +144,6 @@ class Program:
         return code
 
 
-USAGE = 2
-
-
 class _StandIn(argparse.ArgumentParser):
     """Stands where a command's parser belongs, until there is something for it to parse."""
 
@@ -136,14 +153,6 @@ class _StandIn(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         return self._command.parser(self._program).parse_known_args(args, namespace)
-
-
-SHELLS = {
-    "bash": "source <({prog} completion bash)    # a line for ~/.bashrc",
-    "zsh": "{prog} completion zsh > ~/.zfunc/_{prog}    # a folder of fpath",
-    "fish": "{prog} completion fish > ~/.config/fish/completions/{prog}.fish",
-}
-"""How each is told, in words of its own."""
 
 
 def script(program: argparse.ArgumentParser, shell: str) -> str:
@@ -162,3 +171,90 @@ def script(program: argparse.ArgumentParser, shell: str) -> str:
             elif action.type is Path:
                 action.complete = shtab.FILE  # type: ignore[attr-defined] # shtab looks there
     return str(shtab.complete(program, shell=shell))
+
+
+def examples(*lines: str) -> str:
+    """How the help of a program or a command ends: with these examples and the exit codes."""
+    head = "examples:" if len(lines) > 1 else "example:"
+    return "\n  ".join([head, *lines]) + f"\n\n{EXIT_CODES}"
+
+
+class Help(argparse.HelpFormatter):
+    """Fills paragraphs, but leaves alone those with indented lines: examples, tables."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n\n".join(
+            paragraph
+            if re.search(r"^( |examples?:)", paragraph, re.MULTILINE)
+            else super(Help, self)._fill_text(paragraph, width, indent)
+            for paragraph in text.split("\n\n")
+        )
+
+
+def add_command(commands: Any, name: str, about: str, *lines: str) -> argparse.ArgumentParser:
+    """Add a command; `about` says what it is for, without a capital and a full stop."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=about, description=sentence(about), epilog=examples(*lines), formatter_class=Help
+    )
+    add_verbose(parser, default=argparse.SUPPRESS)  # what stands before the command counts, too
+    return parser
+
+
+def sentence(about: str) -> str:
+    """With a capital and a full stop."""
+    return f"{about[0].upper()}{about[1:]}."
+
+
+def add_verbose(parser: argparse.ArgumentParser, *, default: Any = None) -> None:
+    """Add ``-v`` and ``--log-level``; `default` is `argparse.SUPPRESS` for a subcommand."""
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="count",
+        default=0 if default is None else default,
+        help="log more, on stderr (-vv: still more)",
+    )
+    parser.add_argument(
+        "--log-level",
+        choices=tuple(LEVELS),
+        default=default,
+        help="log from this on, whatever -v says",
+    )
+
+
+def log_level(options: argparse.Namespace, usual: int) -> int:
+    """The level of `logging` that the arguments ask for; every ``-v`` is one more than usual."""
+    if options.log_level:
+        return LEVELS[options.log_level]
+    return max(logging.DEBUG, usual - 10 * int(options.verbose))
+
+
+def coloured(out: TextIO) -> bool:
+    """Whether colours may be written there: to a terminal that has them, unless NO_COLOR is set."""
+    dumb = os.environ.get("TERM", "dumb") == "dumb"
+    return out.isatty() and not dumb and not os.environ.get("NO_COLOR")
+
+
+def drop_output() -> None:
+    """Let what is still printed, also at exit, go nowhere instead of into a broken pipe."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
+def web_address(text: str) -> str:
+    """HOST:PORT, :PORT or PORT, for `argparse`."""
+    port = text.rpartition(":")[2]
+    if not (port.isdecimal() and int(port) < 1 << 16):
+        raise argparse.ArgumentTypeError(f"'{text}' is no address; write host:port, or :port")
+    return text
+
+
+def endpoint(text: str) -> str:
+    """A ZeroMQ endpoint, for `argparse`."""
+    if not _ENDPOINT.fullmatch(text):
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no endpoint; write tcp://127.0.0.1:24500 (address and port) or "
+            "ipc:///tmp/name (a path)"
+        )
+    return text

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from mocha_link.cli import monitor_command
 from mocha_link.cli.cli import main
-from mocha_link.cli.node_view import NodeView, Size, Style
+from mocha_link.cli.links_view import NodeView, Size, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service.endpoint import bind

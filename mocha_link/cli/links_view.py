@@ -1,4 +1,4 @@
-"""A live picture of a node's links, as lines of text; no terminal needed."""
+"""What people read of a node: its links as a table, its events as lines; no terminal needed."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
-from mocha_link.cli.display import EventFilter, event_line, path_text, signal_text
 from mocha_link.sanitize import sanitize
 
 MAX_NEWS = 200
@@ -23,12 +23,65 @@ _EIGHTHS = " ▏▎▍▌▋▊▉"
 
 Link = Mapping[str, Any]
 
+UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError)
+"""What comes of a message that is not a node's metrics."""
+
+
+def event_line(fields: dict[str, Any], *, date: bool = True) -> str:
+    """One event, given as `server.as_fields` has it and `event`, its type."""
+    unsaid = {"event", "peer", "at_s"}
+    if "signal" in fields:
+        unsaid.add("rssi_dbm")  # the same
+    if fields.get("complete") is True:
+        unsaid.add("complete")
+    words = [f"{key}={_shown(value)}" for key, value in fields.items() if key not in unsaid]
+    at = datetime.fromtimestamp(fields["at_s"], UTC).isoformat(timespec="milliseconds")
+    at = at[:-6] if date else at[11:-6]
+    return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *words])
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, dict):  # a reading of a radio
+        return " ".join(
+            f"{part:g}" if isinstance(part, float) else str(part) for part in value.values()
+        )
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+class EventFilter:
+    """Tells which events are worth a line for a person who watches a node.
+
+    Left out is what only repeats: that a sync begins, that one found nothing new after another
+    that came to its end, and that one breaks off for the same reason as the one before.
+    """
+
+    def __init__(self) -> None:
+        self._outcomes: dict[tuple[str, str], str | None] = {}  # of the last sync, by link
+
+    def is_new(self, fields: dict[str, Any]) -> bool:
+        """Whether to show an event, given as for `event_line`."""
+        kind = fields["event"]
+        if kind == "SyncStarted":
+            return False
+        if kind not in ("SyncEnded", "SyncTimedOut"):
+            return True
+        link = (fields["peer"], fields["direction"])
+        known, before = link in self._outcomes, self._outcomes.get(link)
+        self._outcomes[link] = fields.get("reason")
+        brought = bool(fields.get("messages")) or fields.get("complete") is False
+        return brought or not known or before != fields.get("reason")
+
 
 class Size(NamedTuple):
     """A terminal's."""
 
     columns: int
     rows: int
+
+
+PRINTED = Size(200, 100)  # without a terminal
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +129,14 @@ class NodeView:
         """Whether there is anything to show."""
         return bool(self._links)
 
+    def printed(self, style: Style) -> str:
+        """What has just been heard, for an output that is no terminal."""
+        return "\n".join(self.lines(PRINTED, style, self._heard_s))
+
     def take(self, kind: str, fields: dict[str, Any], steady_s: float) -> None:
         """Take in a message of the metrics stream, which came at a steady time.
 
-        Raises KeyError, TypeError, ValueError, AttributeError, OverflowError or OSError if it is
-        none.
+        Raises one of `UNREADABLE` if it is none.
         """
         if kind == "links":
             _table(fields, 0.0, unicode=True)  # what is strange is found out here
@@ -207,10 +263,25 @@ def _topics(link: Link, context: _CellContext) -> str:
     return " ".join(f"{topic} {_grown(age_s, context)}" for topic, age_s in ages_s[:4]) or "-"
 
 
+def _path(link: Link) -> str:
+    """What the last exchange with a peer went over, and whether it is encrypted."""
+    path = str(link.get("path") or "-")
+    return f"{path} key" if link.get("protected") else path
+
+
+def _signal(link: Link) -> str:
+    """How a peer is heard, with unit and source, from the fields of its metrics."""
+    signal = link.get("signal")
+    if signal is None:
+        return "-" if link["rssi_dbm"] is None else f"{link['rssi_dbm']:.1f} dBm"
+    unit = "dB SNR" if signal["unit"] == "dB" else str(signal["unit"])
+    return f"{signal['value']:.0f} {unit} {signal['source']}"
+
+
 _COLUMNS = (
     _Column("state", 1, lambda link, _: str(link["state"])),
-    _Column("path", 9, lambda link, _: path_text(link)),
-    _Column("signal", 2, lambda link, _: signal_text(link), right=True),
+    _Column("path", 9, lambda link, _: _path(link)),
+    _Column("signal", 2, lambda link, _: _signal(link), right=True),
     _Column("in", 3, lambda link, context: _since(link["last_sync_in_s"], context), right=True),
     _Column("out", 4, lambda link, context: _since(link["last_sync_out_s"], context), right=True),
     _Column("RTT", 7, _rtt, right=True),
@@ -222,3 +293,13 @@ _COLUMNS = (
     _Column("newest", 5, lambda link, context: _grown(link["newest_age_s"], context), right=True),
     _Column("by topic", 13, _topics),
 )
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows as lines of text, their columns one below the other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+    return "\n".join(lines)
