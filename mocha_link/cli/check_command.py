@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,7 +65,7 @@ def _ids(team: Team) -> dict[str, Any]:
             }
             for kind, topics in team.kinds.items()
         },
-        "trigger": dataclasses.asdict(team.trigger),
+        "trigger": team.trigger.model_dump(),
         "trust": team.trust.value,
         "links": [
             {"robots": link.robots, "open_because": link.open_because} for link in links(team)

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import pydantic
 import yaml
@@ -123,24 +123,17 @@ class Document:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
             reason = error.strerror or type(error).__name__
-            raise _one(
-                path, 1, 1, f"cannot read the file: {reason}; check the path", "unreadable"
-            ) from None
+            message = f"cannot read the file: {reason}; check the path"
+            raise DocumentError.at(path, message, "unreadable") from None
         if len(raw) > MAX_BYTES:
-            raise _one(
-                path,
-                1,
-                1,
-                f"larger than {MAX_BYTES} bytes; split the file or thin it out",
-                "too-large",
-            )
+            message = f"larger than {MAX_BYTES} bytes; split the file or thin it out"
+            raise DocumentError.at(path, message, "too-large")
         try:
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            line, column = _line_column(raw[: error.start])
-            raise _one(
-                path, line, column, "not UTF-8 text; save the file as UTF-8", "not-utf8"
-            ) from None
+            message = "not UTF-8 text; save the file as UTF-8"
+            place = _line_column(raw[: error.start])
+            raise DocumentError.at(path, message, "not-utf8", *place) from None
         return cls.from_text(text, path)
 
     @classmethod
@@ -152,19 +145,17 @@ class Document:
             data = None if root is None else plain.value(root)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+            place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             what = " ".join(filter(None, (error.context, error.problem))) or "not readable"
-            raise _one(
-                path, line, column, f"not valid YAML: {what}; correct it", "not-yaml"
-            ) from None
+            message = f"not valid YAML: {what}; correct it"
+            raise DocumentError.at(path, message, "not-yaml", *place) from None
         except yaml.reader.ReaderError as error:
-            line, column = _line_column(text[: error.position].encode())
-            raise _one(
-                path, line, column, "control character in the text; remove it", "not-yaml"
-            ) from None
+            message = "control character in the text; remove it"
+            place = _line_column(text[: error.position].encode())
+            raise DocumentError.at(path, message, "not-yaml", *place) from None
         except _TooDeepError as error:
             message = f"nested more than {MAX_DEPTH} deep; flatten it"
-            raise _one(path, *error.place, message, "too-deep") from None
+            raise DocumentError.at(path, message, "too-deep", *error.place) from None
         if plain.problems:
             raise DocumentError(plain.problems)
         return cls(path, root, data)
@@ -187,8 +178,8 @@ class Document:
         """A problem with the value at a key path, for checks that a model cannot do."""
         return Problem(self.path, *self.place(*keys), message, code, tuple(keys))
 
-    def parse(self, model: type[M]) -> M:
-        """The document as a pydantic model, strictly: no text for a number, no unknown key.
+    def parse(self, model: type[M], *, extra: Literal["forbid", "ignore"] = "forbid") -> M:
+        """The document as a pydantic model, strictly: no text for a number, no `extra` key.
 
         Raises:
             DocumentError: with all problems at once. A missing key points to the mapping that
@@ -197,7 +188,7 @@ class Document:
         # Strictness as in JSON: arrays may fill tuples and text may fill enums, nothing else bends.
         text = json.dumps(self.data)
         try:
-            return model.model_validate_json(text, strict=True, extra="forbid")
+            return model.model_validate_json(text, strict=True, extra=extra)
         except pydantic.ValidationError as error:
             problems = ProblemList()
             for detail in error.errors(include_url=False):
@@ -208,7 +199,8 @@ class Document:
         unknown = detail["type"] == "extra_forbidden"
         missing = detail["type"] == "missing"
         keys = detail["loc"][:-1] if missing else detail["loc"]
-        place = self.place_of_key(*keys) if unknown else self.place(*keys)
+        at_key = unknown or keys[-1:] == ("[key]",)
+        place = self.place_of_key(*keys) if at_key else self.place(*keys)
         return Problem(self.path, *place, error_text(detail, model), code_of(detail), tuple(keys))
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
@@ -260,26 +252,18 @@ class _Plain:
         first_line: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag == _TAG + "merge":
-                self._add(
-                    key_node, "merge keys (<<) are not read; write the keys out", "yaml-feature"
-                )
+                message = "merge keys (<<) are not read; write the keys out"
+                self._add(key_node, message, "yaml-feature")
                 continue
             if not isinstance(key_node, yaml.ScalarNode):
-                self._add(
-                    key_node,
-                    "a key must be a word, not a list or a mapping; rename it",
-                    "wrong-type",
-                )
+                message = "a key must be a word, not a list or a mapping; rename it"
+                self._add(key_node, message, "wrong-type")
                 continue
             key = self._scalar(key_node)
             label = as_label(key)
             if label in first_line:
-                where = first_line[label]
-                self._add(
-                    key_node,
-                    f"key '{label}' is already on line {where}; remove one",
-                    "repeated-key",
-                )
+                message = f"key '{label}' is already on line {first_line[label]}; remove one"
+                self._add(key_node, message, "repeated-key")
                 continue
             first_line[label] = key_node.start_mark.line + 1
             result[key] = self.value(value_node)
@@ -343,10 +327,6 @@ def _line_column(before: bytes) -> tuple[int, int]:
     line = before.count(b"\n") + 1
     column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
     return line, column
-
-
-def _one(path: Path, line: int, column: int, message: str, code: str) -> DocumentError:
-    return DocumentError([Problem(path, line, column, message, code)])
 
 
 class _Dumper(yaml.SafeDumper):

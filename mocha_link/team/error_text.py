@@ -9,7 +9,7 @@ import typing
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, RootModel
 from pydantic_core import ErrorDetails
 
 Key = str | int
@@ -167,6 +167,8 @@ def _field_names(model: type[BaseModel], keys: Sequence[Key]) -> set[str]:
 
 def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[type[BaseModel]]:
     """The models that can stand at a key path below an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, RootModel):
+        annotation = annotation.model_fields["root"].annotation
     if isinstance(annotation, type) and issubclass(annotation, BaseModel) and not keys:
         yield annotation
     for inner, rest in _steps(annotation, keys):

@@ -8,19 +8,37 @@ dtype = index of the first occurrence in the sorted list of the types of all top
 
 from __future__ import annotations
 
-import enum
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 from mocha_link.errors import MochaLinkError, NotInTeamError
-from mocha_link.team.document import Document, DocumentError, as_yaml
-from mocha_link.team.team_file import RobotModel, TeamModel, TriggerModel, problems_of
+from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
+from mocha_link.team.team_file import (
+    IDS,
+    PortRange,
+    Priority,
+    RobotModel,
+    Ros,
+    TeamModel,
+    TopicModel,
+    Trigger,
+    Trust,
+)
 
-Ros = Literal[1, 2]
-"""How ROS messages are serialized: as ROS 1, or as ROS 2 (CDR)."""
+__all__ = [
+    "Priority",
+    "Robot",
+    "Ros",
+    "Team",
+    "Topic",
+    "Trigger",
+    "Trust",
+    "UnknownRobotError",
+    "UnknownTopicError",
+]
 
 
 class UnknownRobotError(NotInTeamError):
@@ -42,64 +60,18 @@ class UnknownTopicError(MochaLinkError):
         )
 
 
-class Priority(enum.IntEnum):
-    """How urgent a topic is; more urgent messages of a robot are exchanged first."""
+class Topic(TopicModel, frozen=True):
+    """One kind of message of a robot, with the ids that follow from the file."""
 
-    NONE = 0
-    LOW = 1
-    MEDIUM = 2
-    HIGH = 3
-
-
-class Trust(enum.Enum):
-    """Who may hand on whose messages: any robot of the team, or only what its maker signed."""
-
-    RELAYS = "relays"
-    SIGNED = "signed"
-
-
-@dataclass(frozen=True, slots=True)
-class Topic:
-    """One kind of message of a robot.
-
-    The newest `history` messages are kept and carried (original nodes carry the newest only).
-    With `aggregate` the messages within `min_interval_s` go together; without, the newest of them.
-    """
-
-    name: str
     topic_id: int  # index in the list of its kind
-    type: str  # package/Type
     dtype: int  # index of its type; see the module
-    priority: Priority
-    min_interval_s: float
-    history: int = 1
-    aggregate: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Robot:
-    """One robot of the team. `address` is what others dial, `listen` what its node binds.
-
-    `clients` are in the order of the ports; None keeps a port unused. `radio_id` is by what the
-    radios of others know it (MAC address, serial number). `key` is its public Ed25519 key in Z85.
-    `original`: it runs the original MOCHA node. `ros`: how its ROS messages are serialized, 1 (as
-    ROS 1) or 2 (CDR). `datum`: where the origin of the local frame of its ROS messages lies:
-    latitude and longitude in degrees, and by how much x is turned from east, counterclockwise.
-    """
+class Robot(RobotModel, frozen=True):
+    """One robot of the team, with its name and id."""
 
     name: str
     robot_id: int  # index in the sorted names
-    kind: str
-    address: str
-    base_port: int  # the first of its clients' ports
-    listen: str
-    clients: tuple[str | None, ...]
-    radio: str | None = None  # URL of where its readings come from
-    radio_id: str | None = None
-    key: str | None = None
-    original: bool = False
-    ros: Ros = 1
-    datum: tuple[float, ...] | None = None
 
     @property
     def peers(self) -> tuple[str, ...]:
@@ -111,23 +83,6 @@ class Robot:
         if peer not in self.peers:
             raise UnknownRobotError(peer, self.peers, f"among the clients of {self.name}")
         return self.base_port + self.clients.index(peer)
-
-
-@dataclass(frozen=True, slots=True)
-class Trigger:
-    """When a node pulls from a peer: in contact (by RSSI) at once, then every `interval_s`.
-
-    A robot without a radio tries every `interval_s`. In contact means a signal at or above the
-    threshold for its unit; the contact ends `hysteresis_db` below it. `budget_bytes` is what a node
-    takes in from a peer in one contact; None: no limit.
-    """
-
-    rssi_threshold_dbm: float = -75.0
-    snr_threshold_db: float = 10.0
-    device_threshold: float = 20.0  # in the radio's own unit
-    hysteresis_db: float = 3.0
-    interval_s: float = 2.0
-    budget_bytes: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,21 +109,14 @@ class Team:
     def from_document(cls, document: Document) -> Self:
         """Build the team from a loaded document. Raises DocumentError."""
         model = document.parse(TeamModel)
-        problems = list(problems_of(document, model))
+        problems = list(_problems(document, model))
         if problems:
             raise DocumentError(problems)
         types = sorted(topic.type for kind in model.kinds.values() for topic in kind.topics)
         kinds = {
             name: tuple(
-                Topic(
-                    name=topic.name,
-                    topic_id=topic_id,
-                    type=topic.type,
-                    dtype=types.index(topic.type),
-                    priority=Priority[topic.priority.upper()],
-                    min_interval_s=topic.min_interval_s,
-                    history=topic.history,
-                    aggregate=topic.aggregate,
+                Topic.model_construct(
+                    **dict(topic), topic_id=topic_id, dtype=types.index(topic.type)
                 )
                 for topic_id, topic in enumerate(kind.topics)
             )
@@ -176,28 +124,14 @@ class Team:
         }
         ids = {name: robot_id for robot_id, name in enumerate(sorted(model.robots))}
         robots = {
-            name: Robot(
-                name=name,
-                robot_id=ids[name],
-                kind=robot.kind,
-                address=robot.address,
-                base_port=robot.base_port,
-                listen=robot.listen,
-                clients=tuple(robot.clients),
-                radio=robot.radio,
-                radio_id=robot.radio_id,
-                key=robot.key,
-                original=robot.original,
-                ros=robot.ros,
-                datum=None if robot.datum is None else tuple(robot.datum),
-            )
+            name: Robot.model_construct(**dict(robot), name=name, robot_id=ids[name])
             for name, robot in model.robots.items()
         }
         return cls(
             robots=MappingProxyType(robots),
             kinds=MappingProxyType(kinds),
-            trigger=Trigger(**model.trigger.model_dump()),
-            trust=Trust(model.trust),
+            trigger=model.trigger,
+            trust=model.trust,
             definitions=MappingProxyType(model.definitions),
             path=document.path,
             _by_id=tuple(robots[name] for name in sorted(robots)),
@@ -252,8 +186,7 @@ class Team:
         """
         data = self._data()
         for name, values in changes.items():
-            robot = self.robot(name)
-            data["robots"][robot.name].update(
+            data["robots"][self.robot(name).name].update(
                 {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
             )
         return Team.from_document(Document.from_text(as_yaml(data), self.path))
@@ -263,32 +196,88 @@ class Team:
         return as_yaml(self._data())
 
     def _data(self) -> dict[str, Any]:
-        robot_keys = [key for key in RobotModel.model_fields if key != "clients"]
+        robot_keys, topic_keys = set(RobotModel.model_fields), set(TopicModel.model_fields)
         return {
             "robots": {
-                name: {
-                    **{key: getattr(robot, key) for key in robot_keys},
-                    "clients": list(robot.clients),
-                }
+                name: robot.model_dump(mode="json", include=robot_keys)
                 for name, robot in self.robots.items()
             },
             "kinds": {
                 name: {
                     "topics": [
-                        {
-                            "name": topic.name,
-                            "type": topic.type,
-                            "priority": topic.priority.name.lower(),
-                            "min_interval_s": topic.min_interval_s,
-                            "history": topic.history,
-                            "aggregate": topic.aggregate,
-                        }
-                        for topic in topics
+                        topic.model_dump(mode="json", include=topic_keys) for topic in topics
                     ]
                 }
                 for name, topics in self.kinds.items()
             },
-            "trigger": {key: getattr(self.trigger, key) for key in TriggerModel.model_fields},
+            "trigger": self.trigger.model_dump(),
             "trust": self.trust.value,
             "definitions": dict(self.definitions),
         }
+
+
+def _problems(document: Document, model: TeamModel) -> Iterator[Problem]:
+    """What a model of single values cannot see: names that must fit together, ports that clash."""
+    count = 0
+    original = next((name for name, robot in model.robots.items() if robot.original), None)
+    for name, kind in model.kinds.items():
+        seen: dict[str, int] = {}
+        for index, topic in enumerate(kind.topics):
+            keys = ("kinds", name, "topics", index, "name")
+            if topic.name in seen:
+                message = f"topic '{topic.name}' is listed twice; remove one"
+                yield document.problem(keys, message, "named-twice")
+            seen[topic.name] = index
+            count += 1
+            if topic.aggregate and not topic.min_interval_s:
+                message = "aggregate needs min_interval_s: the seconds of messages that go together"
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "aggregate-without-interval")
+            if topic.aggregate and original:
+                message = (
+                    f"the original node of {original} ends over messages that go together; "
+                    "remove aggregate"
+                )
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "not-for-original-nodes")
+    if count > IDS:
+        message = f"{count} topics, at most {IDS} fit; remove some"
+        yield document.problem(["kinds"], message, "too-many")
+    for name, robot in model.robots.items():
+        if robot.kind not in model.kinds:
+            kinds = ", ".join(model.kinds) or "none"
+            message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
+            yield document.problem(["robots", name, "kind"], message, "unknown-kind")
+        if robot.key and robot.original:
+            message = "an original node knows no keys; remove key, or original"
+            yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
+        yield from _client_problems(document, model, name, robot)
+    yield from _port_problems(document, model)
+
+
+def _client_problems(
+    document: Document, model: TeamModel, name: str, robot: RobotModel
+) -> Iterator[Problem]:
+    for index, client in enumerate(robot.clients):
+        keys = ("robots", name, "clients", index)
+        if client is None:
+            continue  # a port that stays unused
+        if client in robot.clients[:index]:
+            message = f"'{client}' is listed twice; remove one"
+            yield document.problem(keys, message, "named-twice")
+        elif client not in model.robots:
+            names = ", ".join(sorted(model.robots))
+            message = f"no robot '{client}' under robots; use one of {names}"
+            yield document.problem(keys, message, "unknown-robot")
+        elif name not in model.robots[client].clients:
+            message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
+            yield document.problem(keys, message, "client-one-sided")
+
+
+def _port_problems(document: Document, model: TeamModel) -> Iterator[Problem]:
+    before: dict[str, PortRange] = {}
+    for name, robot in model.robots.items():
+        ports = PortRange(robot.address, robot.base_port, len(robot.clients))
+        for code, message in ports.faults(before, "base_port"):
+            yield document.problem(("robots", name, "base_port"), message, code)
+        before[name] = ports

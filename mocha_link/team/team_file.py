@@ -1,23 +1,27 @@
-"""What stands in a team file: its keys, and what must fit together between them."""
+"""What stands in a team file: its keys, and what each of them may be."""
 
 from __future__ import annotations
 
+import enum
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 from urllib.parse import parse_qsl
 
-from pydantic import AfterValidator, BaseModel, StringConstraints
+from pydantic import AfterValidator, BaseModel, PlainSerializer, PlainValidator, StringConstraints
 from pydantic import Field as Key
+from pydantic_core import PydanticCustomError
 
 from mocha_link.errors import RadioError
-from mocha_link.team.document import Document, Problem
 
 MAX_RADIO_ID = 128  # some MAC addresses and an IP address
 IDS = 256  # robot, topic and type ids are one byte on the wire
 MAX_HISTORY = 1000
 LAST_PORT = 65535
+
+Ros = Literal[1, 2]
+"""How ROS messages are serialized: as ROS 1, or as ROS 2 (CDR)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +151,7 @@ def _a_type(text: str) -> str:
     return text
 
 
-def _a_datum(values: list[float]) -> list[float]:
+def _a_datum(values: tuple[float, ...]) -> tuple[float, ...]:
     if not (abs(values[0]) <= 90 and abs(values[1]) <= 180 and abs(values[-1]) <= 360):
         raise ValueError("write [latitude, longitude] or [latitude, longitude, yaw] in degrees")
     return values
@@ -165,12 +169,44 @@ TypeName = Annotated[
 ]
 
 
-class TopicModel(BaseModel):
-    """One topic of a kind."""
+class Priority(enum.IntEnum):
+    """How urgent a topic is; more urgent messages of a robot are exchanged first."""
+
+    NONE = 0
+    LOW = 1
+    MEDIUM = 2
+    HIGH = 3
+
+
+class Trust(enum.Enum):
+    """Who may hand on whose messages: any robot of the team, or only what its maker signed."""
+
+    RELAYS = "relays"
+    SIGNED = "signed"
+
+
+def _a_priority(word: object) -> Priority:
+    words = {priority.name.lower(): priority for priority in Priority}
+    if isinstance(word, str) and word in words:
+        return words[word]
+    expected = ", ".join(map(repr, words))
+    raise PydanticCustomError("literal_error", "must be one of {expected}", {"expected": expected})
+
+
+class TopicModel(BaseModel, frozen=True):
+    """One kind of message of robots of a kind.
+
+    The newest `history` messages are kept and carried (original nodes carry the newest only).
+    With `aggregate` the messages within `min_interval_s` go together; without, the newest of them.
+    """
 
     name: Annotated[str, StringConstraints(min_length=1, max_length=256)]
     type: TypeName
-    priority: Literal["none", "low", "medium", "high"] = "none"
+    priority: Annotated[
+        Priority,
+        PlainValidator(_a_priority),
+        PlainSerializer(lambda priority: priority.name.lower()),
+    ] = Priority.NONE
     min_interval_s: Annotated[float, Key(ge=0)] = 0.0
     history: Annotated[int, Key(ge=1, le=MAX_HISTORY, description="how many messages to keep")] = 1
     aggregate: bool = False
@@ -182,14 +218,21 @@ class KindModel(BaseModel):
     topics: Annotated[list[TopicModel], Key(max_length=IDS)]
 
 
-class RobotModel(BaseModel):
-    """One robot."""
+class RobotModel(BaseModel, frozen=True):
+    """One robot. `address` is what others dial, `listen` what its node binds.
+
+    `clients` are in the order of the ports; None keeps a port unused. `radio_id` is by what the
+    radios of others know it (MAC address, serial number). `key` is its public Ed25519 key in Z85.
+    `original`: it runs the original MOCHA node. `ros`: how its ROS messages are serialized.
+    `datum`: where the origin of the local frame of its ROS messages lies: latitude and longitude in
+    degrees, and by how much x is turned from east, counterclockwise.
+    """
 
     kind: Annotated[str, Key(description="one of the names under kinds")]
     address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
     base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
     clients: Annotated[
-        list[Name | None], Key(description="the robots that may link to it, in port order")
+        tuple[Name | None, ...], Key(description="the robots that may link to it, in port order")
     ]
     listen: Annotated[
         str,
@@ -210,19 +253,25 @@ class RobotModel(BaseModel):
         Key(description="40 characters in quotes, as 'mocha-link keys' writes them"),
     ] = None
     original: bool = False
-    ros: Literal[1, 2] = 1
+    ros: Ros = 1
     datum: Annotated[
-        Annotated[list[float], Key(min_length=2, max_length=3), AfterValidator(_a_datum)] | None,
+        Annotated[tuple[float, ...], Key(min_length=2, max_length=3), AfterValidator(_a_datum)]
+        | None,
         Key(description="latitude and longitude of the origin of its local frame"),
     ] = None
 
 
-class TriggerModel(BaseModel):
-    """When nodes pull."""
+class Trigger(BaseModel, frozen=True):
+    """When a node pulls from a peer: in contact (by RSSI) at once, then every `interval_s`.
+
+    A robot without a radio tries every `interval_s`. In contact means a signal at or above the
+    threshold for its unit; the contact ends `hysteresis_db` below it. `budget_bytes` is what a node
+    takes in from a peer in one contact; None: no limit.
+    """
 
     rssi_threshold_dbm: Annotated[float, Key(ge=-200, le=200)] = -75.0
     snr_threshold_db: Annotated[float, Key(ge=-200, le=200)] = 10.0
-    device_threshold: Annotated[float, Key(ge=-1e6, le=1e6)] = 20.0
+    device_threshold: Annotated[float, Key(ge=-1e6, le=1e6)] = 20.0  # in the radio's own unit
     hysteresis_db: Annotated[float, Key(ge=0, le=100)] = 3.0
     interval_s: Annotated[float, Key(gt=0)] = 2.0
     budget_bytes: Annotated[int, Key(ge=1024)] | None = None
@@ -233,73 +282,6 @@ class TeamModel(BaseModel):
 
     robots: Annotated[dict[Name, RobotModel], Key(min_length=1, max_length=IDS)]
     kinds: dict[str, KindModel]
-    trigger: TriggerModel = TriggerModel()
-    trust: Literal["relays", "signed"] = "relays"
+    trigger: Trigger = Trigger()
+    trust: Trust = Trust.RELAYS
     definitions: dict[TypeKey, str] = {}
-
-
-def problems_of(document: Document, model: TeamModel) -> Iterator[Problem]:
-    """What a model of single values cannot see: names that must fit together, ports that clash."""
-    count = 0
-    original = next((name for name, robot in model.robots.items() if robot.original), None)
-    for name, kind in model.kinds.items():
-        seen: dict[str, int] = {}
-        for index, topic in enumerate(kind.topics):
-            keys = ("kinds", name, "topics", index, "name")
-            if topic.name in seen:
-                message = f"topic '{topic.name}' is listed twice; remove one"
-                yield document.problem(keys, message, "named-twice")
-            seen[topic.name] = index
-            count += 1
-            if topic.aggregate and not topic.min_interval_s:
-                message = "aggregate needs min_interval_s: the seconds of messages that go together"
-                where = ("kinds", name, "topics", index, "aggregate")
-                yield document.problem(where, message, "aggregate-without-interval")
-            if topic.aggregate and original:
-                message = (
-                    f"the original node of {original} ends over messages that go together; "
-                    "remove aggregate"
-                )
-                where = ("kinds", name, "topics", index, "aggregate")
-                yield document.problem(where, message, "not-for-original-nodes")
-    if count > IDS:
-        message = f"{count} topics, at most {IDS} fit; remove some"
-        yield document.problem(["kinds"], message, "too-many")
-    for name, robot in model.robots.items():
-        if robot.kind not in model.kinds:
-            kinds = ", ".join(model.kinds) or "none"
-            message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
-            yield document.problem(["robots", name, "kind"], message, "unknown-kind")
-        if robot.key and robot.original:
-            message = "an original node knows no keys; remove key, or original"
-            yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
-        yield from _client_problems(document, model, name, robot)
-    yield from _port_problems(document, model)
-
-
-def _client_problems(
-    document: Document, model: TeamModel, name: str, robot: RobotModel
-) -> Iterator[Problem]:
-    for index, client in enumerate(robot.clients):
-        keys = ("robots", name, "clients", index)
-        if client is None:
-            continue  # a port that stays unused
-        if client in robot.clients[:index]:
-            message = f"'{client}' is listed twice; remove one"
-            yield document.problem(keys, message, "named-twice")
-        elif client not in model.robots:
-            names = ", ".join(sorted(model.robots))
-            message = f"no robot '{client}' under robots; use one of {names}"
-            yield document.problem(keys, message, "unknown-robot")
-        elif name not in model.robots[client].clients:
-            message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
-            yield document.problem(keys, message, "client-one-sided")
-
-
-def _port_problems(document: Document, model: TeamModel) -> Iterator[Problem]:
-    before: dict[str, PortRange] = {}
-    for name, robot in model.robots.items():
-        ports = PortRange(robot.address, robot.base_port, len(robot.clients))
-        for code, message in ports.faults(before, "base_port"):
-            yield document.problem(("robots", name, "base_port"), message, code)
-        before[name] = ports

@@ -2,23 +2,28 @@
 
 Reads ``robot_configs.yaml``, ``topic_configs.yaml`` and, if given, ``radio_configs.yaml``. Ids and
 ports come out as the original nodes have them. What those nodes would stop over is refused with
-its place; what they pass over (clients that are no robots, unknown keys) is passed over with a
-notice.
+its place, and so is what YAML 1.1, which they follow, takes for something else than we do: a name
+``no`` is false there, ``010`` is eight, ``12:30`` is a number. What those nodes pass over (clients
+that are no robots, unknown keys) is passed over with a notice.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import reduce
+from itertools import zip_longest
+from operator import getitem
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, RootModel, StringConstraints
+from pydantic import Field as Key
 
 from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
-from mocha_link.team.error_text import Key
 from mocha_link.team.team import Team, UnknownRobotError
-from mocha_link.team.team_file import IDS, MAX_RADIO_ID, PortRange
-from mocha_link.team.yaml_readings import other_readings
+from mocha_link.team.team_file import IDS, LAST_PORT, MAX_RADIO_ID, Host, Name, PortRange, TypeName
 
 PRIORITIES = {
     "NO_PRIORITY": "none",
@@ -26,13 +31,56 @@ PRIORITIES = {
     "MEDIUM_PRIORITY": "medium",
     "HIGH_PRIORITY": "high",
 }
-ROBOT_KEYS = ("node-type", "IP-address", "using-radio", "base-port", "clients")
-TOPIC_KEYS = ("msg_topic", "msg_type", "msg_priority", "msg_history")
-MAX_TEXT = 256
 
-_NAME = re.compile(r"[^\s/:]{1,64}")
-_HOST = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-_TYPE = re.compile(r"[A-Za-z0-9_]+/[A-Za-z0-9_]+")
+Keys = tuple[str | int, ...]
+
+
+def _a_port(value: object) -> object:
+    """The original nodes say int(...) to it, so text does, too."""
+    try:
+        return int(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+_Text = Annotated[str, StringConstraints(min_length=1, max_length=256)]
+
+
+class _Topic(BaseModel):
+    name: Annotated[_Text, Key(alias="msg_topic")]
+    type: Annotated[TypeName, Key(alias="msg_type")]
+    priority: Annotated[
+        Literal["NO_PRIORITY", "LOW_PRIORITY", "MEDIUM_PRIORITY", "HIGH_PRIORITY"],
+        Key(alias="msg_priority"),
+    ]
+    history: Annotated[Any, Key(alias="msg_history")] = None  # not of the wire
+
+
+class _Robot(BaseModel):
+    kind: Annotated[_Text, Key(alias="node-type")]
+    address: Annotated[Host, Key(alias="IP-address", description="an IPv4 address or a host name")]
+    radio: Annotated[Any, Key(alias="using-radio")] = None
+    base_port: Annotated[int, BeforeValidator(_a_port), Key(alias="base-port", ge=1, le=LAST_PORT)]
+    clients: list[Any]  # names, as the file has them
+
+
+class _Radio(BaseModel):
+    addresses: Annotated[
+        list[Annotated[str, StringConstraints(min_length=1)]], Key(alias="MAC-address")
+    ]
+    computed: Annotated[Any, Key(alias="computed-IP-address")] = None
+
+
+class _Robots(RootModel[Annotated[dict[Name, _Robot], Key(min_length=1, max_length=IDS)]]):
+    """``robot_configs.yaml``."""
+
+
+class _Kinds(RootModel[Annotated[dict[str, list[_Topic]], Key(min_length=1)]]):
+    """``topic_configs.yaml``."""
+
+
+class _Radios(RootModel[Annotated[dict[str, _Radio], Key(min_length=1)]]):
+    """``radio_configs.yaml``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +113,26 @@ def load(
         DocumentError: with every problem of all files.
         UnknownRobotError: one of `ours` is no robot.
     """
-    paths = [path for path in (robots, topics, radios) if path]
     documents: list[Document] = []
+    parsed: list[dict[str, Any]] = []
     problems: list[Problem] = []
-    for path in paths:
+    models: tuple[type[RootModel[Any]], ...] = (_Robots, _Kinds, _Radios)
+    for path, model in zip((robots, topics, radios), models, strict=True):
+        if path is None:
+            continue
         try:
             documents.append(Document.load(path))
-            problems += other_readings(documents[-1])
+            problems += [*_other_readings(documents[-1]), *_other_names(documents[-1])]
+            parsed.append(documents[-1].parse(model, extra="ignore").root)
         except DocumentError as error:
             problems += error.problems
     if problems:
         raise DocumentError(problems)
-    data, notices = _Converter(documents, ours, ros).data()
-    text = as_yaml(data)
+    radio_table = parsed[2] if radios else {}
+    converter = _Converter(documents[0], documents[1], parsed[0], parsed[1], radio_table)
+    text = as_yaml(converter.data(ours, ros))
     team = Team.from_document(Document.from_text(text, robots))
-    return Import(team, text, tuple(sorted(notices)))
+    return Import(team, text, tuple(sorted(converter.notices)))
 
 
 def configuration(path: Path) -> tuple[Path, Path, Path | None, int]:
@@ -106,270 +159,176 @@ def configuration(path: Path) -> tuple[Path, Path, Path | None, int]:
 
 
 @dataclass(slots=True)
-class _Robot:
-    kind: str
-    address: str
-    base_port: int
-    clients: list[Any]  # names, as the file has them
-    radio_id: str | None = None  # hardware address of a Rajant radio
-
-
 class _Converter:
-    def __init__(self, documents: Sequence[Document], ours: Collection[str], ros: int) -> None:
-        self._robot_file, self._topic_file = documents[0], documents[1]  # and the topics' file
-        self._radio_file = documents[2] if len(documents) > 2 else None  # None: radios stay unknown
-        self._ours = ours
-        self._ros = ros
-        self._problems: list[Problem] = []  # of all files
-        self._notices: list[Problem] = []  # for the user
+    """Checks what must fit together between the files, and makes a team file's data of them."""
 
-    def data(self) -> tuple[dict[str, Any], list[Problem]]:
-        """What the team file says, and notices. Raises DocumentError or UnknownRobotError."""
-        kinds = dict(self._kinds())
-        radios = dict(self._radios())
-        robots = dict(self._robots(kinds, radios))
-        if not self._problems:
-            clients = {name: self._clients(name, robots) for name in robots}
-            for name, robot in robots.items():
-                robot.clients = clients[name]
-            self._check_ports(robots)
-        if self._problems:
-            raise DocumentError(self._problems)
-        for name in self._ours:
-            if name not in robots:
-                raise UnknownRobotError(name, robots, f"in {self._robot_file.path}")
-        data = {
-            "robots": {name: self._robot_data(name, robot) for name, robot in robots.items()},
-            "kinds": {name: {"topics": topics} for name, topics in kinds.items()},
+    robot_file: Document
+    topic_file: Document
+    robots: Mapping[str, _Robot]
+    kinds: Mapping[str, list[_Topic]]
+    radios: Mapping[str, _Radio]  # empty: they stay unknown
+    problems: list[Problem] = field(default_factory=list)
+    notices: list[Problem] = field(default_factory=list)  # for the user
+
+    def data(self, ours: Collection[str], ros: int) -> dict[str, Any]:
+        """What the team file says. Raises DocumentError or UnknownRobotError."""
+        self._check_topics()
+        radio_ids = {name: self._radio_id(name) for name in self.radios}
+        self._check_robots()
+        clients = {name: self._clients(name) for name in self.robots}
+        self._check_ports(clients)
+        if self.problems:
+            raise DocumentError(self.problems)
+        for name in ours:
+            if name not in self.robots:
+                raise UnknownRobotError(name, self.robots, f"in {self.robot_file.path}")
+        return {
+            "robots": {
+                name: {
+                    "kind": robot.kind,
+                    "address": robot.address,
+                    "base_port": robot.base_port,
+                    "clients": clients[name],
+                    **({"radio_id": radio_ids[robot.radio]} if radio_ids else {}),
+                    **({} if name in ours else {"original": True}),
+                    **({} if ros == 1 else {"ros": ros}),
+                }
+                for name, robot in self.robots.items()
+            },
+            "kinds": {
+                kind: {
+                    "topics": [
+                        {"name": t.name, "type": t.type, "priority": PRIORITIES[t.priority]}
+                        for t in topics
+                    ]
+                }
+                for kind, topics in self.kinds.items()
+            },
         }
-        return data, self._notices
 
-    def _robot_data(self, name: str, robot: _Robot) -> dict[str, Any]:
-        data: dict[str, Any] = {
-            "kind": robot.kind,
-            "address": robot.address,
-            "base_port": robot.base_port,
-            "clients": robot.clients,
-        }
-        if robot.radio_id:
-            data["radio_id"] = robot.radio_id
-        if name not in self._ours:
-            data["original"] = True
-        if self._ros != 1:
-            data["ros"] = self._ros
-        return data
-
-    def _kinds(self) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-        document = self._topic_file
-        count = 0
-        for kind, topics in self._items(document, (), "kinds of robots"):
-            if not isinstance(topics, list):
-                message = f"'{kind}' must be a list of topics"
-                self._refuse(document, (kind,), message, "wrong-type")
-                continue
+    def _check_topics(self) -> None:
+        for kind, topics in self.kinds.items():
             names: set[str] = set()
-            made = []
             for index, topic in enumerate(topics):
-                count += 1
-                keys = (kind, index)
-                fields = self._fields(document, keys, topic, TOPIC_KEYS, TOPIC_KEYS[:3])
-                if fields is None:
-                    continue
-                name = self._text(document, (*keys, "msg_topic"), fields["msg_topic"])
-                if name in names:
-                    message = f"topic '{name}' is listed twice; remove one"
-                    self._refuse(document, (*keys, "msg_topic"), message, "named-twice")
-                names.add(name)
-                made.append(
-                    {
-                        "name": name,
-                        "type": self._text(
-                            document, (*keys, "msg_type"), fields["msg_type"], _TYPE
-                        ),
-                        "priority": self._priority(keys, fields["msg_priority"]),
-                    }
-                )
-            yield kind, made
+                if topic.name in names:
+                    message = f"topic '{topic.name}' is listed twice; remove one"
+                    keys = (kind, index, "msg_topic")
+                    self.problems.append(self.topic_file.problem(keys, message, "named-twice"))
+                names.add(topic.name)
+                self._note_unknown(self.topic_file, (kind, index), _Topic)
+        count = sum(map(len, self.kinds.values()))
         if count > IDS:
             message = f"{count} topics, at most {IDS} have ids; remove some"
-            self._refuse(document, (), message, "too-many")
+            self.problems.append(self.topic_file.problem((), message, "too-many"))
 
-    def _priority(self, keys: tuple[Key, ...], value: object) -> str:
-        if not isinstance(value, str) or value not in PRIORITIES:
-            message = f"unknown priority {_shown(value)}; use one of {', '.join(PRIORITIES)}"
-            self._refuse(self._topic_file, (*keys, "msg_priority"), message, "unknown-word")
-            return "none"
-        return PRIORITIES[value]
+    def _radio_id(self, name: str) -> str | None:
+        """By what the radios of others know this one: as many of its addresses as fit."""
+        ids = [*self.radios[name].addresses, self.radios[name].computed]
+        text = ",".join(one for one in ids if isinstance(one, str) and one)
+        while len(text) > MAX_RADIO_ID:
+            message = f"radio '{name}' has too many addresses; the last is left out"
+            self._note((), message, "left-out")
+            text = text.rpartition(",")[0]
+        return text or None
 
-    def _radios(self) -> Iterator[tuple[str, str | None]]:
-        """Name of every radio, and its addresses."""
-        document = self._radio_file
-        if document is None:
-            return
-        for name, radio in self._items(document, (), "radios"):
-            fields = radio if isinstance(radio, dict) else {}
-            addresses = fields.get("MAC-address")
-            if not isinstance(addresses, list) or not all(
-                isinstance(address, str) and address for address in addresses
-            ):
-                message = f"'{name}' must have a MAC-address: a list of addresses in quotes"
-                self._refuse(document, (name, "MAC-address"), message, "wrong-type")
-                addresses = []
-            ids = [*addresses, fields.get("computed-IP-address")]
-            text = ",".join(one for one in ids if isinstance(one, str) and one)
-            while len(text) > MAX_RADIO_ID:
-                message = "too many addresses; the last is left out"
-                self._note(document, (name, "MAC-address"), message, "left-out")
-                text = text.rpartition(",")[0]
-            yield name, text or None
-
-    def _robots(
-        self, kinds: dict[str, Any], radios: dict[str, str | None]
-    ) -> Iterator[tuple[str, _Robot]]:
-        document = self._robot_file
+    def _check_robots(self) -> None:
         users: dict[str, str] = {}
-        robots = list(self._items(document, (), "robots"))
-        if len(robots) > IDS:
-            message = f"{len(robots)} robots, at most {IDS} have ids; remove some"
-            self._refuse(document, (), message, "too-many")
-        for name, robot in robots:
-            keys = (name,)
-            if not _NAME.fullmatch(name):
-                message = f"'{name}' must be up to 64 characters without spaces, / and :; rename it"
-                place = document.place_of_key(name)
-                self._problems.append(Problem(document.path, *place, message, "wrong-form"))
-            needed = tuple(key for key in ROBOT_KEYS if radios or key != "using-radio")
-            fields = self._fields(document, keys, robot, ROBOT_KEYS, needed)
-            if fields is None:
+        for name, robot in self.robots.items():
+            self._note_unknown(self.robot_file, (name,), _Robot)
+            if robot.kind not in self.kinds:
+                kinds = ", ".join(self.kinds)
+                message = f"no '{robot.kind}' in {self.topic_file.path}; use one of {kinds}"
+                self._refuse((name, "node-type"), message, "unknown-kind")
+            if not self.radios:
                 continue
-            kind = self._text(document, (name, "node-type"), fields["node-type"])
-            if kind and kind not in kinds:
-                message = (
-                    f"no '{kind}' in {self._topic_file.path}; use one of {', '.join(kinds) or '-'}"
-                )
-                self._refuse(document, (name, "node-type"), message, "unknown-kind")
-            radio = str(fields.get("using-radio"))
-            if radios and radio not in radios:
+            keys, radio = (name, "using-radio"), robot.radio
+            if radio is None:
+                self._refuse((name,), "missing key 'using-radio'; add it", "missing-key")
+            elif radio not in self.radios:
                 message = f"no radio '{radio}' in the radio file; correct it, or add it there"
-                self._refuse(document, (name, "using-radio"), message, "unknown-radio")
-            elif radios and radio in users:
+                self._refuse(keys, message, "unknown-radio")
+            elif users.setdefault(radio, name) != name:
                 message = f"{users[radio]} has this radio as well; others cannot tell them apart"
-                self._note(document, (name, "using-radio"), message, "radio-shared")
-            users[radio] = name
-            clients = fields["clients"]
-            if not isinstance(clients, list):
-                message = "clients must be a list; write [] for none"
-                self._refuse(document, (name, "clients"), message, "wrong-type")
-                clients = []
-            address = self._text(document, (name, "IP-address"), fields["IP-address"], _HOST)
-            port = self._port((name, "base-port"), fields["base-port"])
-            yield name, _Robot(kind, address, port, clients, radios.get(radio))
+                self._note(keys, message, "radio-shared")
 
-    def _port(self, keys: tuple[Key, ...], value: object) -> int:
-        try:  # the original nodes say int(...) to it, so text does, too
-            port = int(value) if type(value) in (int, str) else 0  # type: ignore[call-overload]
-        except ValueError:
-            port = 0
-        if port not in range(1, 65536):
-            message = f"base-port must be 1 to 65535, found {_shown(value)}; correct it"
-            self._refuse(self._robot_file, keys, message, "out-of-range")
-            return 1
-        return int(port)
-
-    def _clients(self, name: str, robots: dict[str, _Robot]) -> list[str | None]:
+    def _clients(self, name: str) -> list[str | None]:
         """The clients of a robot in the order of its ports; None where no link comes about."""
         made: list[str | None] = []
-        given = robots[name].clients
+        given = self.robots[name].clients
         for index, client in enumerate(given):
-            keys = (name, "clients", index)
             reason = ""
-            if not isinstance(client, str) or client not in robots:
-                reason = f"{_shown(client)} is no robot here"
+            if not isinstance(client, str) or client not in self.robots:
+                reason = f"'{str(client)[:40]}' is no robot here"
             elif client in given[:index]:
                 reason = f"'{client}' is listed before"
-            elif name not in (client, *robots[client].clients):
+            elif name not in (client, *self.robots[client].clients):
                 reason = f"'{client}' does not list '{name}', so the two never sync"
             if reason:
                 message = f"{reason}; its port stays unused"
-                self._note(self._robot_file, keys, message, "left-out")
+                self._note((name, "clients", index), message, "left-out")
             made.append(None if reason else client)
         while made and made[-1] is None:
             made.pop()
         return made
 
-    def _check_ports(self, robots: dict[str, _Robot]) -> None:
+    def _check_ports(self, clients: Mapping[str, list[str | None]]) -> None:
         before: dict[str, PortRange] = {}
-        for name, robot in robots.items():
-            ports = PortRange(robot.address, robot.base_port, len(robot.clients))
+        for name, robot in self.robots.items():
+            ports = PortRange(robot.address, robot.base_port, len(clients[name]))
             for code, message in ports.faults(before, "base-port"):
-                self._refuse(self._robot_file, (name, "base-port"), message, code)
+                self._refuse((name, "base-port"), message, code)
             before[name] = ports
 
-    def _items(
-        self, document: Document, keys: tuple[Key, ...], what: str
-    ) -> Iterator[tuple[str, Any]]:
-        """The entries of a mapping that has names as keys."""
-        if not isinstance(document.data, dict) or not document.data:
-            self._refuse(document, keys, f"the file must be a mapping of {what}", "wrong-type")
-            return
-        for name, value in document.data.items():
-            if not isinstance(name, str):
-                message = f"the name {_shown(name)} is no text; put it in quotes"
-                place = document.place_of_key(*keys, name)
-                self._problems.append(Problem(document.path, *place, message, "wrong-type"))
-                continue
-            yield name, value
-
-    def _fields(
-        self,
-        document: Document,
-        keys: tuple[Key, ...],
-        value: object,
-        known: tuple[str, ...],
-        needed: tuple[str, ...],
-    ) -> dict[str, Any] | None:
-        """A mapping that has all the keys that are needed; None if it is not."""
-        if not isinstance(value, dict):
-            message = f"must be a mapping with {', '.join(needed)}"
-            self._refuse(document, keys, message, "wrong-type")
-            return None
-        for key in value:
+    def _note_unknown(self, document: Document, keys: Keys, model: type[BaseModel]) -> None:
+        known = {about.alias or name for name, about in model.model_fields.items()}
+        for key in reduce(getitem, keys, document.data):
             if key not in known:
                 place = document.place_of_key(*keys, key)
                 message = f"'{key}' is not read by the original nodes"
-                self._notices.append(Problem(document.path, *place, message, "not-read"))
-        missing = [key for key in needed if key not in value]
-        for key in missing:
-            self._refuse(document, keys, f"missing key '{key}'; add it", "missing-key")
-        return None if missing else value
+                self.notices.append(Problem(document.path, *place, message, "not-read"))
 
-    def _text(
-        self,
-        document: Document,
-        keys: tuple[Key, ...],
-        value: object,
-        pattern: re.Pattern[str] | None = None,
-    ) -> str:
-        if not isinstance(value, str) or not value or len(value) > MAX_TEXT:
-            message = f"'{keys[-1]}' must be text, found {_shown(value)}"
-            self._refuse(document, keys, message, "wrong-type")
-            return ""
-        if pattern and not pattern.fullmatch(value):
-            wanted = "package/Type" if pattern is _TYPE else "an IPv4 address or a host name"
-            message = f"'{keys[-1]}' must be {wanted}, found {_shown(value)}"
-            self._refuse(document, keys, message, "wrong-form")
-        return value
+    def _refuse(self, keys: Keys, message: str, code: str) -> None:
+        self.problems.append(self.robot_file.problem(keys, message, code))
 
-    def _refuse(self, document: Document, keys: tuple[Key, ...], message: str, code: str) -> None:
-        self._problems.append(document.problem(keys, message, code))
-
-    def _note(self, document: Document, keys: tuple[Key, ...], message: str, code: str) -> None:
-        self._notices.append(document.problem(keys, message, code))
+    def _note(self, keys: Keys, message: str, code: str) -> None:
+        self.notices.append(self.robot_file.problem(keys, message, code))
 
 
-def _shown(value: object) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, dict | list):
-        return "a mapping" if isinstance(value, dict) else "a list"
-    return f"'{str(value)[:40]}'"
+def _other_names(document: Document) -> Iterator[Problem]:
+    """Names that are no text to the original nodes."""
+    for name in document.data if isinstance(document.data, dict) else ():
+        if not isinstance(name, str):
+            place = document.place_of_key(name)
+            message = f"the name '{name}' is no text; put it in quotes"
+            yield Problem(document.path, *place, message, "wrong-type")
+
+
+def _other_readings(document: Document) -> Iterator[Problem]:
+    """Where YAML 1.1, which the original nodes follow, means something else. Reads the file."""
+    text = document.path.read_text(encoding="utf-8-sig")
+    try:
+        theirs = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        message = f"the original nodes cannot read this: {str(error).partition(chr(10))[0]}"
+        yield Problem(document.path, line, column, message, "read-otherwise")
+        return
+    yield from _differences(document, (), document.data, theirs)
+
+
+def _differences(document: Document, keys: Keys, ours: Any, theirs: Any) -> Iterator[Problem]:
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        for mine, other in zip_longest(ours, theirs):
+            if type(mine) is not type(other) or mine != other:
+                place = document.place_of_key(*keys, mine)
+                message = f"the original nodes read '{other}' here; put the key in quotes"
+                yield Problem(document.path, *place, message, "read-otherwise")
+                return
+            yield from _differences(document, (*keys, mine), ours[mine], theirs[mine])
+    elif isinstance(ours, list) and isinstance(theirs, list):
+        for index, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
+            yield from _differences(document, (*keys, index), mine, other)
+    elif type(ours) is not type(theirs) or ours != theirs:
+        message = f"the original nodes read '{theirs}' here; put it in quotes"
+        yield document.problem(keys, message, "read-otherwise")

@@ -9,7 +9,6 @@ import struct
 import sys
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 import zmq
@@ -44,7 +43,9 @@ OF_TITAN, OF_IO = SecretKey(b"t" * 32), SecretKey(b"i" * 32)
 @pytest.fixture
 def titan(team) -> Robot:
     host = own_host()
-    return replace(team.robot("titan"), listen=host, address=host, base_port=free_ports(host, 2))
+    return team.robot("titan").model_copy(
+        update={"listen": host, "address": host, "base_port": free_ports(host, 2)}
+    )
 
 
 class Shell:
@@ -441,12 +442,12 @@ def test_a_port_that_is_taken(kind, titan):
 
 def test_an_address_that_is_none(kind, titan):
     with pytest.raises(ListenError, match="set 'listen' of titan to"):
-        Shell(kind, replace(titan, listen="not.an.address.invalid"))
+        Shell(kind, titan.model_copy(update={"listen": "not.an.address.invalid"}))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux binds to what is not there yet")
 def test_an_address_that_comes_later(kind, titan, caplog):
-    away = replace(titan, listen="203.0.113.7")
+    away = titan.model_copy(update={"listen": "203.0.113.7"})
     with contextlib.closing(Shell(kind, away)):
         assert "203.0.113.7 is no address of this machine now" in caplog.text
         assert "no datagrams" not in caplog.text
@@ -461,12 +462,12 @@ def test_an_address_that_comes_later(kind, titan, caplog):
 def test_another_system_says_that_an_address_is_not_there(kind, titan, monkeypatch):
     monkeypatch.setattr("mocha_link.node.kernel._IP_FREEBIND", 9999)  # unknown, as there
     with pytest.raises(ListenError, match="set 'listen' of titan to"):
-        Shell(kind, replace(titan, listen="203.0.113.7"))
+        Shell(kind, titan.model_copy(update={"listen": "203.0.113.7"}))
 
 
 def test_every_address_of_the_machine(kind, titan, clients):
-    everywhere = replace(titan, listen="*", base_port=free_ports("0.0.0.0", 2))
-    titan = replace(everywhere, listen=titan.listen)
+    everywhere = titan.model_copy(update={"listen": "*", "base_port": free_ports("0.0.0.0", 2)})
+    titan = everywhere.model_copy(update={"listen": titan.listen})
     with contextlib.closing(Shell(kind, everywhere)) as shell:
         port = shell.port
         client = clients.dial(titan)

@@ -475,7 +475,7 @@ def test_the_end_is_lost(team, seed, follow):
 
 
 def budgeted(team: Team, budget_bytes: int, **options: object) -> NetworkSim:
-    trigger = replace(team.trigger, budget_bytes=budget_bytes)
+    trigger = team.trigger.model_copy(update={"budget_bytes": budget_bytes})
     return NetworkSim(
         replace(team, trigger=trigger), names=("io", "titan"), delay_s=FAR_S, **options
     )

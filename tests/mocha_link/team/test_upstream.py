@@ -118,36 +118,36 @@ def test_without_radios(files):
         (("robots", "4234", "12:30"), "3:83: the original nodes read '750' here; put it in quotes"),
         (("robots", "12,", "yes,"), "4:13: the original nodes read 'True' here"),
         (("robots", "4234", "2026-13-45"), "the original nodes cannot read this: month must be"),
-        (("robots", "4234", "port"), "3:83: base-port must be 1 to 65535, found 'port'"),
-        (("robots", "4234", "12.5"), "base-port must be 1 to 65535, found '12.5'"),
-        (("robots", "4234", "65536"), "base-port must be 1 to 65535, found '65536'"),
+        (("robots", "4234", "port"), "3:83: 'drone.base-port' must be a whole number"),
+        (("robots", "4234", "12.5"), "'drone.base-port' must be a whole number, found 12.5"),
+        (("robots", "4234", "65536"), "'drone.base-port' must be at most 65535, found 65536"),
         (("robots", "4234", "65535"), "3:83: the last port would be 65537; use a lower"),
         (
             ("robots", '3, using-radio: b-1, base-port: " 5', '1, using-radio: b-2, base-port: "1'),
             "ports 1234 to 1234 overlap those of base at the same address (1234 to 1237); use 1238",
         ),
-        (("robots", "10.0.0.3", "fe80::1"), "'IP-address' must be an IPv4 address or a host name"),
-        (("robots", "10.0.0.3", "1"), "'IP-address' must be text, found '1'"),
+        (("robots", "10.0.0.3", "fe80::1"), "'rover.IP-address' must be an IPv4 address"),
+        (("robots", "10.0.0.3", "1"), "'rover.IP-address' must be text, found 1; put it in quotes"),
         (("robots", "ground-robot", "tank"), "5:20: no 'tank' in "),
         (("robots", "node-type: ground-robot, ", ""), "5:8: missing key 'node-type'; add it"),
         (("robots", "using-radio: b-2", "using-radio: b-3"), "no radio 'b-3' in the radio file"),
         (("robots", "using-radio: b-2, ", ""), "missing key 'using-radio'"),
-        (("robots", '["base"]', "base"), "6:12: clients must be a list; write [] for none"),
-        (("robots", '["base"]', ""), "clients must be a list"),
+        (("robots", '["base"]', "base"), "6:12: 'rover.clients' must be a list, found text 'base'"),
+        (("robots", '["base"]', ""), "'rover.clients' must be a list, found nothing"),
         (("robots", 'clients: ["base"], ', ""), "5:8: missing key 'clients'"),
-        (("robots", "rover:", "a b:"), "5:1: 'a b' must be up to 64 characters without spaces"),
+        (("robots", "rover:", "a b:"), "5:1: 'a b': 'a b' is no name: use 1 to 64"),
         (("robots", "rover:", "12:"), "5:1: the name '12' is no text; put it in quotes"),
         (("robots", "rover:", "base:"), "5:1: key 'base' is already on line 1"),
-        (("robots", ROBOTS, ""), "1:1: the file must be a mapping of robots"),
-        (("robots", ROBOTS, "base: 5"), "1:7: must be a mapping with node-type, IP-address"),
-        (("topics", "LOW_PRIORITY", "LOW"), "3:62: unknown priority 'LOW'; use one of NO_PRIORITY"),
-        (("topics", '"b_msgs/B"', "B"), "3:36: 'msg_type' must be package/Type, found 'B'"),
+        (("robots", ROBOTS, ""), "1:1: the document must be a mapping"),
+        (("robots", ROBOTS, "base: 5"), "1:7: 'base' must be a mapping (key: value), found 5"),
+        (("topics", "LOW_PRIORITY", "LOW"), "3:62: 'aerial[0].msg_priority' cannot be text"),
+        (("topics", '"b_msgs/B"', "B"), "3:36: 'aerial[0].msg_type' must be package/Type"),
         (("topics", "/map", "/pose"), "4:17: topic '/pose' is listed twice; remove one"),
         (("topics", "msg_type: a_msgs/A, ", ""), "4:5: missing key 'msg_type'"),
-        (("topics", "[]", ""), "'base_station' must be a list of topics"),
-        (("topics", "/map", '""'), "4:17: 'msg_topic' must be text"),
-        (("radios", '["00:00:00:00:00:03"]', "5"), "2:51: 'b-2' must have a MAC-address: a list"),
-        (("radios", RADIOS, "[]"), "1:1: the file must be a mapping of radios"),
+        (("topics", "[]", ""), "'base_station' must be a list, found nothing"),
+        (("topics", "/map", '""'), "4:17: 'aerial[1].msg_topic'"),
+        (("radios", '["00:00:00:00:00:03"]', "5"), "2:51: 'b-2.MAC-address' must be a list"),
+        (("radios", RADIOS, "[]"), "1:1: the document must be a mapping"),
         (("radios", RADIOS, "{"), "not valid YAML"),
     ],
 )  # fmt: skip
@@ -160,7 +160,11 @@ def test_what_is_refused_has_its_place(files, change, complaint):
 def test_all_problems_of_all_files_at_once(files):
     with pytest.raises(DocumentError) as caught:
         files(
-            [("robots", "4234", "x"), ("topics", "LOW_PRIORITY", "LOW"), ("radios", "b-2", "b-4")]
+            [
+                ("robots", "4234", "x"),
+                ("topics", "LOW_PRIORITY", "LOW"),
+                ("radios", '"00:00:00:00:00:03"', "3"),
+            ]
         )
     assert len(caught.value.problems) == 3
 
@@ -171,9 +175,10 @@ def test_too_many(files):
     )
     with pytest.raises(DocumentError, match="260 topics, at most 256 have ids"):
         files([("topics", "phantom:\n", f"phantom:\n{many}")])
-    many = "".join(f"r{n}: {{}}\n" for n in range(256))
-    with pytest.raises(DocumentError, match="259 robots, at most 256 have ids"):
-        files([("robots", "base:", f"{many}base:")])
+    robot = "node-type: aerial, using-radio: b-2, IP-address: a, base-port: 1, clients: []"
+    many = "".join(f"r{n}: {{{robot}}}\n" for n in range(257))
+    with pytest.raises(DocumentError, match="must have at most 256 entries, found 257"):
+        files([("robots", ROBOTS, many)])
     addresses = ", ".join(f'"00:00:00:00:01:{n:02x}"' for n in range(9))
     result = files([("radios", '"00:00:00:00:00:03"', addresses)])
     assert result.team.robot("drone").radio_id.count(":") == 35  # seven of them
