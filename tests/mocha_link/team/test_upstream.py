@@ -177,7 +177,7 @@ def test_too_many(files):
         files([("topics", "phantom:\n", f"phantom:\n{many}")])
     robot = "node-type: aerial, using-radio: b-2, IP-address: a, base-port: 1, clients: []"
     many = "".join(f"r{n}: {{{robot}}}\n" for n in range(257))
-    with pytest.raises(DocumentError, match="must have at most 256 entries, found 257"):
+    with pytest.raises(DocumentError, match="must have at most 256 entries"):
         files([("robots", ROBOTS, many)])
     addresses = ", ".join(f'"00:00:00:00:01:{n:02x}"' for n in range(9))
     result = files([("radios", '"00:00:00:00:00:03"', addresses)])
