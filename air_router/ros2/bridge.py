@@ -20,8 +20,8 @@ from air_router.control.control import (
     ControlUnreachableError,
 )
 from air_router.errors import AirRouterError
-from air_router.ros2 import goals, interfaces
-from air_router.ros2.action_server import ActionServer, Answer
+from air_router.ros2 import actions, messages
+from air_router.ros2.actions import ActionServer, Answer
 from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene, Values
 from air_router.ros2.ros_graph import RosGraph
 from mocha_link.bridges.bridge import channel
@@ -184,10 +184,10 @@ class Ros2Bridge:
             self._topic("~/ask"), TEXT, lambda asked: self._later("ask", partial(self._ask, asked))
         )
         for verb in TRIGGERS:
-            self._serve(f"/{self._name}/{verb}", interfaces.TRIGGER, partial(self._trigger, verb))
+            self._serve(f"/{self._name}/{verb}", messages.TRIGGER, partial(self._trigger, verb))
         for name, kind, course, ask in (
-            ("goto", interfaces.GOTO, goals.GOTO, self._goto),
-            ("seek", interfaces.SEEK, goals.SEEK, self._seek),
+            ("goto", messages.GOTO, actions.GOTO, self._goto),
+            ("seek", messages.SEEK, actions.SEEK, self._seek),
         ):
             self._actions[name] = ActionServer(
                 self._graph,

@@ -6,7 +6,7 @@ import sys
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
 from air_router.errors import ExitCode
-from air_router.ros2.interfaces import FOLDER
+from air_router.ros2.messages import FOLDER
 from mocha_link.errors import needs_extra
 from mocha_link.node.lifetime import until_terminated
 

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from cyclonedds.core import DDSException
 
-from air_router.ros2.interfaces import HEADER, definitions, spaces
-from air_router.ros2.messages import Values
+from air_router.ros2.messages import HEADER, Values, definitions, spaces
 from mocha_link.bridges.dds import Dds
 from mocha_link.ros.ros import RosCodec, RosError
 

@@ -86,8 +86,7 @@ def test_a_definition_that_is_none():
 
 def test_without_the_extra(team, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "rosbags.interfaces", None)
-    monkeypatch.delitem(sys.modules, "mocha_link.ros.ros_json", raising=False)
-    monkeypatch.delitem(sys.modules, "mocha_link.ros.ros")
+    monkeypatch.delitem(sys.modules, "mocha_link.ros.ros", raising=False)
     types = typed.Typed(team)
     assert "what reads ROS messages needs rosbags" in caplog.text
     sent = message(team, "one", "/pose", b"bytes")

@@ -4,7 +4,7 @@ import base64
 
 import pytest
 
-from air_router.ros2.goals import ANY, GOTO, SEEK, Cancel, Goals, Status
+from air_router.ros2.actions import ANY, GOTO, SEEK, Cancel, Goals, Status
 
 ID, OTHER = (base64.b64encode(bytes([number] * 16)).decode() for number in (1, 2))
 
