@@ -1,21 +1,18 @@
-"""The figures of one flight, each in two widths."""
+"""What can be drawn of a flight over time, each in two widths."""
 
-from collections.abc import Callable, Sequence
-from html import escape
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable
+from typing import Final, NamedTuple
 
 from air_router.controller.model.states import State
 from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import (
     BOTTOM,
     LEFT,
-    NARROW,
-    RIGHT,
     TOP,
-    WIDE,
     Plot,
     Series,
     clock,
+    in_both_widths,
     number,
 )
 from air_router.report.flight.ulog import UlogTrack
@@ -29,15 +26,18 @@ _QUARTERS: Final = (0, 25, 50, 75, 100)  # of a hundred
 _LEAST_PX: Final = 1.0
 """Syncs that are nearer to each other than this are one mark."""
 
+Legend = list[tuple[str, str]]
+"""What stands for what: the class of the style sheet, and words."""
+
 
 class Figure(NamedTuple):
-    """A figure of the page: its heading, what it shows, the pictures, and (css, words) of it."""
+    """A figure of the page: its heading, what it shows, the pictures, and the legend."""
 
     name: str  # id on the page
     heading: str
     words: str  # below the heading
     pictures: str  # SVG
-    legend: list[tuple[str, str]]  # css class, words
+    legend: Legend
 
 
 class Line(NamedTuple):
@@ -49,17 +49,28 @@ class Line(NamedTuple):
     steps: bool = False
 
 
+class Graph(NamedTuple):
+    """A figure of lines over time."""
+
+    name: str  # id on the page
+    heading: str
+    words: str  # below the heading
+    label: str  # for those who do not see it
+    height: int  # pixels
+    top: float  # the largest value
+    lines: list[Line]
+    legend: Legend
+    ticks: Iterable[float] | None = None
+    limit: tuple[float, str] | None = None  # a value that is drawn across, with words
+
+
 def figures(summary: FlightSummary, ulog: UlogTrack | None = None) -> list[Figure]:
     """Everything that can be drawn of a flight over time."""
-    drawn = [
-        _timeline(summary),
-        _bandwidth(summary),
-        _ages(summary),
-        _map(summary),
-        _distance(summary),
-        _battery(summary, ulog),
-    ]
-    return [figure for figure in drawn if figure is not None]
+    drawn = [_timeline(summary)]
+    if summary.exchanges.syncs:
+        drawn.append(_bandwidth(summary))
+    graphs = (_ages(summary), _map(summary), _distance(summary), _battery(summary, ulog))
+    return drawn + [_figure(summary, graph) for graph in graphs if graph is not None]
 
 
 def robot_css(summary: FlightSummary, robot: str) -> str:
@@ -67,8 +78,106 @@ def robot_css(summary: FlightSummary, robot: str) -> str:
     return f"r{summary.exchanges.names().index(robot) % COLOURS}"
 
 
-def _both(draw: Callable[[int], str]) -> str:
-    return draw(WIDE) + draw(NARROW)
+def _figure(summary: FlightSummary, graph: Graph) -> Figure:
+    def draw(width: int) -> str:
+        plot = Plot(width, graph.height, summary.from_s, summary.to_s, graph.top)
+        plot.axes(graph.ticks)
+        for line in graph.lines:
+            plot.line(line.series, line.css, line.title, steps=line.steps)
+        if graph.limit is not None:
+            plot.level(*graph.limit)
+        return plot.svg(f"{graph.label} over time")
+
+    return Figure(graph.name, graph.heading, graph.words, in_both_widths(draw), graph.legend)
+
+
+def _ages(summary: FlightSummary) -> Graph | None:
+    ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names()}
+    highest_s = max((age for series in ages.values() for _, age in series), default=0.0)
+    if highest_s <= 0:
+        return None
+    lines = [Line(series, robot_css(summary, name), name) for name, series in ages.items()]
+    return Graph(
+        "ages",
+        "Age of information, s",
+        "How old the newest message was that we held of each robot's own, from it or through "
+        "others. It grows by a second each second until something newer comes.",
+        "age of information",
+        220,
+        highest_s * 1.05,
+        lines,
+        [(line.css, line.title) for line in lines if line.series],
+    )
+
+
+def _map(summary: FlightSummary) -> Graph | None:
+    if not summary.painted:
+        return None
+    most = max(cells for _, cells in summary.painted)
+    lines = [Line([(t, 100 * n / most) for t, n in summary.painted], "own", "the UAV's map")]
+    legend = [("own", "the UAV")]
+    for name in summary.exchanges.names():
+        shares = summary.exchanges.shares(name, summary.painted)
+        if any(share for _, share in shares):
+            held = zip(shares, summary.painted, strict=True)
+            part = [(t, 100 * share * cells / most) for (t, share), (_, cells) in held]
+            lines.append(Line(part, robot_css(summary, name), f"{name} has", steps=True))
+            legend.append((robot_css(summary, name), name))
+    return Graph(
+        "map",
+        "Map coverage, %",
+        f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
+        "how many are in the map that each robot is known to hold: reported by the robot, or "
+        "fetched by it. What robots hand to each other is seen when the UAV meets them again.",
+        "map coverage",
+        220,
+        100.0,
+        lines,
+        legend,
+        _QUARTERS,
+    )
+
+
+def _distance(summary: FlightSummary) -> Graph | None:
+    if not summary.distances or summary.setup is None:
+        return None
+    clearance_m = summary.setup.mission.planner.clearance_m
+    label = "distance to the nearest zone or fence"
+    return Graph(
+        "distance",
+        "Distance to the nearest zone or fence, m",
+        "From the vehicle's own positions, while it was ours to fly.",
+        label,
+        180,
+        max(3 * clearance_m, min(60.0, max(away_m for _, away_m in summary.distances))),
+        [Line(summary.distances, "own", label)],
+        [],
+        limit=(clearance_m, f"clearance {clearance_m:g} m"),
+    )
+
+
+def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Graph | None:
+    theirs = [] if ulog is None else [(t, 100 * charge) for t, charge in ulog.battery]
+    if not summary.battery and not theirs:
+        return None
+    end = [(summary.to_s, charge) for _, charge in summary.battery[-1:]]
+    ours = [(t, 100 * charge) for t, charge in (*summary.battery, *end)]
+    limit = None
+    if summary.setup is not None:
+        reserve = 100 * summary.setup.mission.battery_reserve
+        limit = (reserve, f"reserve {reserve:g} %")
+    return Graph(
+        "battery",
+        "Battery, %",
+        "",
+        "battery",
+        160,
+        100.0,
+        [Line(theirs, "theirs", "PX4's log"), Line(ours, "own", "telemetry", steps=True)],
+        [("own", "telemetry"), ("theirs", "in PX4's log")] if theirs else [],
+        _QUARTERS,
+        limit,
+    )
 
 
 def _timeline(summary: FlightSummary) -> Figure:
@@ -77,66 +186,63 @@ def _timeline(summary: FlightSummary) -> Figure:
     def draw(width: int) -> str:
         height = TOP + (_LANE + 6) * (len(names) + 1) + BOTTOM
         plot = Plot(width, height, summary.from_s, summary.to_s)
-        for stay in summary.states:
-            whom = f" {stay.robot}" if stay.robot else ""
-            length = clock(stay.to_s - stay.from_s)
-            title = f"{stay.state}{whom}, {length}, because {stay.because or 'the record begins'}"
-            plot.bar(stay.from_s, stay.to_s, (TOP, _LANE), f"state {stay.state}", title)
-            room = plot.x(stay.to_s) - plot.x(stay.from_s)
-            words = stay.state if room < 7 * len(stay.state + whom) + 8 else stay.state + whom
-            if room > 7 * len(words) + 8:
-                middle = (plot.x(stay.from_s) + plot.x(stay.to_s)) / 2
-                plot.text(middle, TOP + 14, words, "middle", "on")
+        _states(summary, plot)
         for row, name in enumerate(names, start=1):
-            top = TOP + row * (_LANE + 6)
-            _lane(summary, plot, name, top)
+            _lane(summary, plot, name, TOP + row * (_LANE + 6))
         plot.times()
         return plot.svg("states, contacts and syncs over time")
 
-    states = [
-        (f"state {s.name}", s.name) for s in State if any(x.state == s.name for x in summary.states)
-    ]
-    legend = [
-        *states,
-        ("contact", "in reach"),
-        ("sync complete", "sync"),
-        ("sync broken", "broken off"),
-    ]
+    visited = {stay.state for stay in summary.states}
+    states = [(f"state {s.name}", s.name) for s in State if s.name in visited]
+    links = [("contact", "in reach"), ("sync complete", "sync"), ("sync broken", "broken off")]
     return Figure(
         "timeline",
         "States, contacts and syncs",
         "Above: what the mission was doing. Below, for each robot: when the radio heard it well "
         "enough, and the syncs: ours from it in the upper half, its from us in the lower.",
-        _both(draw),
-        legend,
+        in_both_widths(draw),
+        [*states, *links],
     )
 
 
+def _states(summary: FlightSummary, plot: Plot) -> None:
+    """What the mission was doing, with its name where there is room."""
+    for stay in summary.states:
+        whom = f" {stay.robot}" if stay.robot else ""
+        length = clock(stay.to_s - stay.from_s)
+        title = f"{stay.state}{whom}, {length}, because {stay.because or 'the record begins'}"
+        plot.bar(stay.from_s, stay.to_s, (TOP, _LANE), f"state {stay.state}", title)
+        room_px = plot.x(stay.to_s) - plot.x(stay.from_s)
+        fitting = (
+            words for words in (stay.state + whom, stay.state) if room_px > 7 * len(words) + 8
+        )
+        middle = (plot.x(stay.from_s) + plot.x(stay.to_s)) / 2
+        plot.text(middle, TOP + 14.0, next(fitting, ""), "middle", "on")
+
+
 def _lane(summary: FlightSummary, plot: Plot, name: str, top: float) -> None:
-    plot.text(LEFT - 6, top + 14, name[:8], "end")
-    bottom = top + _LANE
-    plot.add(f'<path class="grid" d="M{LEFT} {bottom:.1f}H{plot.width - RIGHT}"/>')
+    """When one robot was in reach, and its syncs."""
+    plot.text(LEFT - 6, top + 14.0, name[:8], "end")
+    plot.across(top + _LANE, "grid")
     for contact in summary.exchanges.contacts:
         if contact.robot == name:
             title = f"{name} in reach for {clock(contact.to_s - contact.from_s)}"
             plot.bar(contact.from_s, contact.to_s, (top, _LANE), "contact", title)
     drawn: dict[tuple[str, str], float] = {}
     for sync in summary.exchanges.syncs:
-        if sync.robot != name:
-            continue
         kind, end = (sync.direction, sync.outcome), plot.x(sync.to_s)
-        if end - drawn.get(kind, 0.0) >= _LEAST_PX:
-            drawn[kind] = end
-            half = top + 1 if sync.direction == "in" else top + _LANE / 2 + 1
-            css = "sync broken" if sync.outcome == "broken off" else f"sync {sync.outcome}"
-            whose = f"from {name}" if sync.direction == "in" else f"to {name}"
-            title = f"{sync.outcome} {whose}: {sync.messages} messages, {number(sync.bytes)} bytes"
-            plot.bar(sync.from_s, sync.to_s, (half, _LANE / 2 - 2), css, title)
+        if sync.robot != name or end - drawn.get(kind, 0.0) < _LEAST_PX:
+            continue
+        drawn[kind] = end
+        coming = sync.direction == "in"
+        place = (top + 1 if coming else top + _LANE / 2 + 1, _LANE / 2 - 2)
+        css = "sync broken" if sync.outcome == "broken off" else f"sync {sync.outcome}"
+        whose = f"from {name}" if coming else f"to {name}"
+        title = f"{sync.outcome} {whose}: {sync.messages} messages, {number(sync.bytes)} bytes"
+        plot.bar(sync.from_s, sync.to_s, place, css, title)
 
 
-def _bandwidth(summary: FlightSummary) -> Figure | None:
-    if not summary.exchanges.syncs:
-        return None
+def _bandwidth(summary: FlightSummary) -> Figure:
     span_s, coming, going = summary.exchanges.bandwidth(summary.from_s, summary.to_s)
     highest, lowest = 1.08 * max(coming) / 1e3, 1.08 * max(going) / 1e3
     least = max(0.2 * (highest + lowest), 1e-3)
@@ -154,7 +260,7 @@ def _bandwidth(summary: FlightSummary) -> Figure | None:
                     place = (min(y, zero), max(abs(y - zero), 1.0))
                     plot.bar(begin_s, begin_s + span_s, place, f"rate {css}", title)
         plot.axes()
-        plot.add(f'<path class="axis" d="M{LEFT} {zero:.1f}H{width - RIGHT}"/>')
+        plot.across(zero, "axis")
         return plot.svg("bandwidth over time")
 
     return Figure(
@@ -162,104 +268,6 @@ def _bandwidth(summary: FlightSummary) -> Figure | None:
         "Bandwidth, kB/s",
         f"Bytes of messages in complete and partial syncs, over spans of {span_s:.1f} s: fetched "
         "by us upwards, fetched from us downwards.",
-        _both(draw),
+        in_both_widths(draw),
         [("rate in", "from robots"), ("rate out", "to robots")],
     )
-
-
-def _graph(
-    summary: FlightSummary, height: int, top: float, label: str, lines: Sequence[Line], **axes: Any
-) -> str:
-    """Lines over time, in both widths; `axes` may have `ticks`, and a `level` with its words."""
-
-    def draw(width: int) -> str:
-        plot = Plot(width, height, summary.from_s, summary.to_s, top)
-        plot.axes(axes.get("ticks"))
-        for line in lines:
-            plot.line(line.series, line.css, line.title, steps=line.steps)
-        if axes.get("level") is not None:
-            value, words = axes["level"]
-            plot.level(value, "limit", words)
-        return plot.svg(f"{label} over time")
-
-    return _both(draw)
-
-
-def _ages(summary: FlightSummary) -> Figure | None:
-    ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names()}
-    highest = max((age for series in ages.values() for _, age in series), default=0.0)
-    if highest <= 0:
-        return None
-    lines = [Line(series, robot_css(summary, name), name) for name, series in ages.items()]
-    return Figure(
-        "ages",
-        "Age of information, s",
-        "How old the newest message was that we held of each robot's own, from it or through "
-        "others. It grows by a second each second until something newer comes.",
-        _graph(summary, 220, highest * 1.05, "age of information", lines),
-        [(line.css, line.title) for line in lines if line.series],
-    )
-
-
-def _map(summary: FlightSummary) -> Figure | None:
-    shares = {n: summary.exchanges.shares(n, summary.painted) for n in summary.exchanges.names()}
-    shares = {n: series for n, series in shares.items() if any(share for _, share in series)}
-    if not summary.painted:
-        return None
-    most = max(cells for _, cells in summary.painted)
-    own = [(t, 100 * cells / most) for t, cells in summary.painted]
-    lines = [Line(own, "own", "the UAV's map")]
-    for name, series in shares.items():
-        held = zip(series, summary.painted, strict=True)
-        part = [(t, 100 * share * cells / most) for (t, share), (_, cells) in held]
-        lines.append(Line(part, robot_css(summary, name), f"{name} has", steps=True))
-    return Figure(
-        "map",
-        "Map coverage, %",
-        f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
-        "how many are in the map that each robot is known to hold: reported by the robot, or "
-        "fetched by it. What robots hand to each other is seen when the UAV meets them again.",
-        _graph(summary, 220, 100.0, "map coverage", lines, ticks=_QUARTERS),
-        [("own", "the UAV"), *((robot_css(summary, n), n) for n in shares)],
-    )
-
-
-def _distance(summary: FlightSummary) -> Figure | None:
-    if not summary.distances or summary.setup is None:
-        return None
-    clearance_m = summary.setup.mission.planner.clearance_m
-    top = max(3 * clearance_m, min(60.0, max(d for _, d in summary.distances)))
-    label = "distance to the nearest zone or fence"
-    lines, level = (
-        [Line(summary.distances, "own", label)],
-        (clearance_m, f"clearance {clearance_m:g} m"),
-    )
-    return Figure(
-        "distance",
-        "Distance to the nearest zone or fence, m",
-        "From the vehicle's own positions, while it was ours to fly.",
-        _graph(summary, 180, top, label, lines, level=level),
-        [],
-    )
-
-
-def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Figure | None:
-    theirs = [] if ulog is None else [(t, 100 * charge) for t, charge in ulog.battery]
-    if not summary.battery and not theirs:
-        return None
-    end = [] if not summary.battery else [(summary.to_s, summary.battery[-1][1])]
-    ours = [(t, 100 * charge) for t, charge in (*summary.battery, *end)]
-    lines = [Line(theirs, "theirs", "PX4's log"), Line(ours, "own", "telemetry", steps=True)]
-    level = None
-    if summary.setup is not None:
-        reserve = 100 * summary.setup.mission.battery_reserve
-        level = (reserve, f"reserve {reserve:g} %")
-    pictures = _graph(summary, 160, 100.0, "battery", lines, ticks=_QUARTERS, level=level)
-    legend = [("own", "telemetry"), ("theirs", "in PX4's log")] if theirs else []
-    return Figure("battery", "Battery, %", "", pictures, legend)
-
-
-def legend_html(legend: list[tuple[str, str]]) -> str:
-    """The legend of a figure."""
-    items = "".join(f'<li><i class="key {css}"></i>{escape(words)}</li>' for css, words in legend)
-    return f'<ul class="legend">{items}</ul>' if items else ""

@@ -7,7 +7,7 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from air_router.report.flight.charts import Figure, figures, legend_html, robot_css
+from air_router.report.flight.charts import Figure, figures, robot_css
 from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import clock
 from air_router.report.flight.track import track_figure
@@ -21,26 +21,21 @@ def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) 
     facts = summary.as_json()
     title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
     track = track_figure(summary, ulog)
-    shown = [track] if track is not None else []
-    shown += figures(summary, ulog)
+    shown = [*([track] if track is not None else []), *figures(summary, ulog)]
     sheet = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
-    style = style_sheet() + sheet
     body = [
         _head(facts, title),
         _tiles(facts),
         *map(_section, shown),
         _robots(summary, facts),
-        _table("Requests", ("at", "what", "who", "answer"), _requests(summary)),
-        _table("Announcements", ("at", "text"), _said(summary)),
-        _table("Commands not followed", ("at", "what"), _failures(summary)),
-        _table("Flight modes in PX4's log", ("at", "mode"), _modes(summary, ulog)),
+        *(_table(*part) for part in _what_was_said(summary, ulog)),
         _foot(facts, source, ulog),
     ]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="color-scheme" content="light dark">'
-        f"<title>{escape(title)}</title><style>{style}</style></head>"
+        f"<title>{escape(title)}</title><style>{style_sheet()}{sheet}</style></head>"
         f"<body><main>{''.join(body)}</main></body></html>\n"
     )
 
@@ -61,31 +56,27 @@ def _head(facts: dict[str, Any], title: str) -> str:
 
 
 def _tiles(facts: dict[str, Any]) -> str:
-    share = facts["interactions"]["share_completed"]
-    closest = facts["closest_approach_m"]
+    """The flight in a few numbers."""
+    closest, exchanged = facts["closest_approach_m"], facts["interactions"]
+    share, got, given = (exchanged[key] for key in ("share_completed", "bytes_in", "bytes_out"))
     charges = [charge for _, charge in facts["battery"]]
     why = facts["flight_report"].get("came_home_because")
-    got, given = facts["interactions"]["bytes_in"], facts["interactions"]["bytes_out"]
     tiles = [
         ("outcome", str(facts["outcome"]), str(why or "")),
         ("flown", clock(facts["duration_s"]), f"{facts['distance_m']:.0f} m"),
-        (
+        ("closest approach", "none", "no zones, no fence")
+        if closest is None
+        else (
             "closest approach",
-            "none" if closest is None else f"{closest:.1f} m",
-            "no zones, no fence"
-            if closest is None
-            else f"to {facts['closest_approach_to']}; demanded {facts['clearance_m']:g} m",
+            f"{closest:.1f} m",
+            f"to {facts['closest_approach_to']}; demanded {facts['clearance_m']:g} m",
         ),
         (
             "syncs completed",
             "none" if share is None else f"{100 * share:.1f} %",
-            f"{facts['interactions']['completed']} of {facts['interactions']['started']} begun",
+            f"{exchanged['completed']} of {exchanged['started']} begun",
         ),
-        (
-            "exchanged",
-            size_words(got + given),
-            f"{size_words(got)} in, {size_words(given)} out",
-        ),
+        ("exchanged", size_words(got + given), f"{size_words(got)} in, {size_words(given)} out"),
     ]
     if charges:
         used = f"from {charges[0]:.0%} to {charges[-1]:.0%}"
@@ -101,9 +92,13 @@ def _tiles(facts: dict[str, Any]) -> str:
 
 def _section(figure: Figure) -> str:
     words = f"<p>{escape(figure.words)}</p>" if figure.words else ""
+    items = "".join(
+        f'<li><i class="key {css}"></i>{escape(meaning)}</li>' for css, meaning in figure.legend
+    )
+    legend = f'<ul class="legend">{items}</ul>' if items else ""
     return (
         f'<section id="{figure.name}"><h2>{escape(figure.heading)}</h2>{words}'
-        f"{legend_html(figure.legend)}{figure.pictures}</section>"
+        f"{legend}{figure.pictures}</section>"
     )
 
 
@@ -111,21 +106,18 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
     rows = []
     for name, robot in facts["robots"].items():
         syncs = robot["syncs"]
-        done = {way: [s for s in syncs if s["direction"] == way] for way in ("in", "out")}
-        complete = {w: sum(s["outcome"] == "complete" for s in done[w]) for w in done}
-        ages = [age for _, age in robot["age_s"]]
+        ways = [[s["outcome"] for s in syncs if s["direction"] == way] for way in ("in", "out")]
+        ages_s = [age_s for _, age_s in robot["age_s"]]
         share = robot["map_share"][-1][1] if robot["map_share"] else None
         reach_s = sum(c["to_s"] - c["from_s"] for c in robot["contacts"])
-        key = f'<i class="key {robot_css(summary, name)}"></i>'
         rows.append(
             (
-                f"{key}{escape(name)}",
+                f'<i class="key {robot_css(summary, name)}"></i>{escape(name)}',
                 str(robot["found"]),
                 f"{len(robot['contacts'])}, {clock(reach_s)}",
-                f"{complete['in']}/{len(done['in'])}",
-                f"{complete['out']}/{len(done['out'])}",
+                *(f"{way.count('complete')}/{len(way)}" for way in ways),
                 size_words(sum(s["bytes"] for s in syncs)),
-                f"{max(ages):.0f} s" if ages else "never heard",
+                f"{max(ages_s):.0f} s" if ages_s else "never heard",
                 "" if not share else f"{share:.0%}",
             )
         )
@@ -136,31 +128,24 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
     return _table("Robots", head, rows, ready=True)
 
 
-def _requests(summary: FlightSummary) -> list[tuple[str, ...]]:
+def _what_was_said(
+    summary: FlightSummary, ulog: UlogTrack | None
+) -> Iterable[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+    """Tables of what happened at one moment each: heading, columns and rows."""
+
+    def at(t: float) -> str:
+        return clock(max(0.0, t - summary.from_s))
+
     answers = {None: "no answer recorded", True: "accepted", False: "refused"}
-    return [
-        (
-            clock(request.t - summary.from_s),
-            request.what,
-            request.by,
-            f"{answers[request.accepted]}{': ' if request.why else ''}{request.why}",
-        )
-        for request in summary.requests
+    requests = [
+        (at(r.t), r.what, r.by, f"{answers[r.accepted]}{': ' if r.why else ''}{r.why}")
+        for r in summary.requests
     ]
-
-
-def _said(summary: FlightSummary) -> list[tuple[str, ...]]:
-    return [(clock(t - summary.from_s), text) for t, text in summary.announcements]
-
-
-def _failures(summary: FlightSummary) -> list[tuple[str, ...]]:
-    return [(clock(t - summary.from_s), text) for t, text in summary.failures]
-
-
-def _modes(summary: FlightSummary, ulog: UlogTrack | None) -> list[tuple[str, ...]]:
-    if ulog is None:
-        return []
-    return [(clock(max(0.0, t - summary.from_s)), mode) for t, mode in ulog.modes]
+    modes = [] if ulog is None else ulog.modes
+    yield "Requests", ("at", "what", "who", "answer"), requests
+    yield "Announcements", ("at", "text"), [(at(t), said) for t, said in summary.announcements]
+    yield "Commands not followed", ("at", "what"), [(at(t), what) for t, what in summary.failures]
+    yield "Flight modes in PX4's log", ("at", "mode"), [(at(t), mode) for t, mode in modes]
 
 
 def _table(
@@ -179,11 +164,9 @@ def _table(
 
 
 def _foot(facts: dict[str, Any], source: str, ulog: UlogTrack | None) -> str:
-    versions = ", ".join(
-        f"{name} {facts['about'][name]}"
-        for name in ("air-router", "mavsdk", "python")
-        if name in facts["about"]
-    )
+    about = facts["about"]
+    known = [name for name in ("air-router", "mavsdk", "python") if name in about]
+    versions = ", ".join(f"{name} {about[name]}" for name in known)
     words = [f"Made from {source}.", f"Recorded by {versions}." if versions else ""]
     if ulog is not None:
         words.append(

@@ -1,7 +1,7 @@
-"""Drawing time series as SVG, in two widths: for a screen and for a phone. No script, no fonts."""
+"""Drawing as SVG, in two widths: for a screen and for a phone. No script, no fonts."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Final
@@ -11,6 +11,34 @@ Series = Sequence[tuple[float, float]]
 WIDE, NARROW = 960, 400
 LEFT, RIGHT, TOP, BOTTOM = 54, 14, 10, 26
 _TIME_STEPS_S: Final = (5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 43_200)
+
+
+def element(
+    tag: str, css: str = "", title: str = "", words: str = "", **attributes: float | str
+) -> str:
+    """An SVG element; numbers are pixels, `title` is shown where the pointer is."""
+    given = {"class": css, **attributes}
+    told = "".join(
+        f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
+        for name, value in given.items()
+        if value != ""
+    )
+    inner = f"<title>{escape(title)}</title>" if title else ""
+    return f"<{tag}{told}>{inner}{escape(words)}</{tag}>"
+
+
+def picture(width: float, height: float, label: str, parts: Iterable[str]) -> str:
+    """An SVG of parts."""
+    which = "wide" if width > NARROW else "narrow"
+    return (
+        f'<svg class="{which}" viewBox="0 0 {width:g} {height:g}" role="img" '
+        f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
+    )
+
+
+def in_both_widths(draw: Callable[[int], str]) -> str:
+    """A picture for a screen, and one for a phone; the style sheet shows one of them."""
+    return draw(WIDE) + draw(NARROW)
 
 
 @dataclass(slots=True)
@@ -42,12 +70,15 @@ class Plot:
         share = (value - self.bottom) / max(self.top - self.bottom, 1e-9)
         return self.height - BOTTOM - min(max(share, 0.0), 1.0) * (self.height - TOP - BOTTOM)
 
+    def across(self, y: float, css: str) -> None:
+        """A line from the left to the right."""
+        self._parts.append(element("path", css, d=f"M{LEFT} {y:.1f}H{self.width - RIGHT}"))
+
     def axes(self, ticks: Iterable[float] | None = None) -> None:
         """Lines and numbers."""
         for value in ticks if ticks is not None else nice(self.bottom, self.top):
-            y = self.y(value)
-            self.add(f'<path class="grid" d="M{LEFT} {y:.1f}H{self.width - RIGHT}"/>')
-            self.text(LEFT - 6, y + 4, number(abs(value)), "end")
+            self.across(self.y(value), "grid")
+            self.text(LEFT - 6, self.y(value) + 4, number(abs(value)), "end")
         self.times()
 
     def times(self) -> None:
@@ -56,15 +87,11 @@ class Plot:
         span_s = self.to_s - self.from_s
         longest_s = 86_400 * math.ceil(span_s / most / 86_400)
         step_s = next((s for s in _TIME_STEPS_S if span_s / s <= most), longest_s)
-        t = 0
-        while t <= span_s:
+        for t in range(0, math.floor(span_s) + 1, step_s):
             x = self.x(self.from_s + t)
-            self.add(
-                f'<path class="tick" d="M{x:.1f} {self.height - BOTTOM}v4"/>'
-                f'<text x="{x:.1f}" y="{self.height - 8}" text-anchor="middle">{clock(t)}</text>'
-            )
-            t += step_s
-        self.add(f'<path class="axis" d="M{LEFT} {self.height - BOTTOM}H{self.width - RIGHT}"/>')
+            self._parts.append(element("path", "tick", d=f"M{x:.1f} {self.height - BOTTOM}v4"))
+            self.text(x, self.height - 8.0, clock(t), "middle")
+        self.across(self.height - BOTTOM, "axis")
 
     def line(self, series: Series, css: str, title: str = "", *, steps: bool = False) -> None:
         """A line through points, or one that stays until the next."""
@@ -74,49 +101,29 @@ class Plot:
         path = [f"M{places[0][0]:.1f} {places[0][1]:.1f}"]
         for x, y in places[1:]:
             path.append(f"H{x:.1f}V{y:.1f}" if steps else f"L{x:.1f} {y:.1f}")
-        self.add(f'<path class="line {css}" d="{"".join(path)}">{_title(title)}</path>')
+        self._parts.append(element("path", f"line {css}", title, d="".join(path)))
 
     def bar(
         self, from_s: float, to_s: float, place: tuple[float, float], css: str, title: str
     ) -> None:
         """A block from one time to another; `place`: its top and height in pixels."""
-        x, y = self.x(from_s), place[0]
+        x, (y, height) = self.x(from_s), place
         width = max(self.x(to_s) - x, 1.0)
-        self.add(
-            f'<rect class="{css}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" '
-            f'height="{place[1]:.1f}">{_title(title)}</rect>'
-        )
+        self._parts.append(element("rect", css, title, x=x, y=y, width=width, height=height))
 
-    def level(self, value: float, css: str, words: str) -> None:
-        """A line across."""
-        y = self.y(value)
-        self.add(f'<path class="level {css}" d="M{LEFT} {y:.1f}H{self.width - RIGHT}"/>')
-        self.text(self.width - RIGHT - 4, y - 5, words, "end", "name")
+    def level(self, value: float, words: str) -> None:
+        """A limit: a line across, with words."""
+        self.across(self.y(value), "level limit")
+        self.text(self.width - RIGHT - 4.0, self.y(value) - 5, words, "end", "name")
 
     def text(self, x: float, y: float, words: str, anchor: str, css: str = "") -> None:
         """Words at a place."""
         if words:
-            self.add(
-                f'<text class="{css}" x="{x:.1f}" y="{y:.1f}" '
-                f'text-anchor="{anchor}">{escape(words)}</text>'
-            )
-
-    def add(self, part: str) -> None:
-        """Something drawn elsewhere."""
-        self._parts.append(part)
+            self._parts.append(element("text", css, "", words, x=x, y=y, text_anchor=anchor))
 
     def svg(self, label: str) -> str:
-        """The picture; `label` is what it is for those who cannot see it."""
+        """The picture; `label` says what it shows to those who do not see it."""
         return picture(self.width, self.height, label, self._parts)
-
-
-def picture(width: float, height: float, label: str, parts: Iterable[str]) -> str:
-    """An SVG of parts."""
-    which = "wide" if width > NARROW else "narrow"
-    return (
-        f'<svg class="{which}" viewBox="0 0 {width:g} {height:g}" role="img" '
-        f'aria-label="{escape(label)}">{"".join(parts)}</svg>'
-    )
 
 
 def thinned(series: Series, most: int) -> Series:
@@ -150,7 +157,7 @@ def nice(low: float, high: float, most: int = 5) -> list[float]:
 
 
 def number(value: float) -> str:
-    """A short number: 1200 is 1.2k."""
+    """A short number: 12000 is 12k."""
     if abs(value) >= 1e6:
         return f"{value / 1e6:.3g}M"
     if abs(value) >= 1e4:
@@ -160,11 +167,6 @@ def number(value: float) -> str:
 
 def clock(seconds: float) -> str:
     """Minutes and seconds, with hours when there are any."""
-    whole = round(seconds)
-    minutes, rest = divmod(whole, 60)
+    minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-
-
-def _title(words: str) -> str:
-    return f"<title>{escape(words)}</title>" if words else ""

@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Final
 
+from air_router.mission.mission import Mission
 from air_router.report.flight.charts import Figure, robot_css
 from air_router.report.flight.flight_summary import FlightSummary
-from air_router.report.flight.svg import NARROW, WIDE, clock, picture
+from air_router.report.flight.svg import NARROW, clock, element, in_both_widths, picture
 from air_router.report.flight.ulog import UlogTrack
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
-from geo.frame import Point
 
 _MARGIN_M: Final = 25.0
 _DOT_PX: Final = 4.0
@@ -20,11 +19,14 @@ _MOST_DOTS: Final = 250
 
 _SCALES_M: Final = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
+Places = Iterable[Sequence[float]]
+"""East and north in metres."""
+
 
 class _Canvas:
     """Metres east and north onto a picture."""
 
-    def __init__(self, places: Sequence[tuple[float, float]], width: int) -> None:
+    def __init__(self, places: list[Sequence[float]], width: int) -> None:
         self._west_m = min(p[0] for p in places) - _MARGIN_M  # the left edge
         self._north_m = max(p[1] for p in places) + _MARGIN_M  # the upper edge
         span_m = max(p[0] for p in places) + _MARGIN_M - self._west_m
@@ -39,74 +41,94 @@ class _Canvas:
         x = self._left + (place[0] - self._west_m) * self.scale
         return x, (self._north_m - place[1]) * self.scale
 
-    def path(self, places: Iterable[Sequence[float]], close: str = "") -> str:
+    def path(self, places: Places, close: str = "") -> str:
         """A line through places."""
         return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in map(self.at, places)) + close
+
+    def circle(self, css: str, place: Sequence[float], radius_px: float, title: str) -> str:
+        """A round mark."""
+        x, y = self.at(place)
+        return element("circle", css, title, cx=x, cy=y, r=radius_px)
+
+    def area(self, css: str, shape: Shape, title: str) -> str:
+        """A fence or a zone."""
+        if isinstance(shape, Circle):
+            return self.circle(css, shape.centre, shape.radius_m * self.scale, title)
+        path = "".join(self.path(ring, "Z") for ring in (shape.ring, *shape.holes))
+        return element("path", css, title, fill_rule="evenodd", d=path)
+
+    def line(self, css: str, places: Places) -> str:
+        """A line without points that would lie on the same pixel."""
+        kept: list[Sequence[float]] = []
+        for place in places:
+            if not kept or math.dist(kept[-1], place) * self.scale >= 1:
+                kept.append(place)
+        return element("path", f"line {css}", d=self.path(kept)) if len(kept) > 1 else ""
+
+    def text(self, x: float, y: float, words: str, css: str = "") -> str:
+        """Words beside a place in pixels."""
+        return element("text", css, "", words, x=x, y=y)
 
 
 def track_figure(summary: FlightSummary, ulog: UlogTrack | None = None) -> Figure | None:
     """Zones, fence, waypoints, the track and where it came closest; None without a mission."""
-    if summary.mission is None:
+    mission = summary.mission
+    if mission is None:
         return None
-    corners = _corners(summary, ulog)
-    pictures = "".join(_draw(summary, ulog, _Canvas(corners, width)) for width in (WIDE, NARROW))
-    legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
-    if ulog is not None:
-        legend.append(("theirs", "PX4's own log"))
-    legend += [
-        (robot_css(summary, n), n) for n in summary.exchanges.names() if summary.robots.get(n)
-    ]
-    words = ""
-    if summary.closest is not None:
-        words = (
-            f"Closest approach: {summary.closest[0]:.2f} m to {_named(summary.closest[1])} "
-            f"(demanded: {summary.mission.planner.clearance_m:g} m). "
-        )
-    words += "Robots are drawn at their reported positions."
-    return Figure("track", "Track", words, pictures, legend)
-
-
-def _named(what: str) -> str:
-    return "the fence" if what == FENCE else what
-
-
-def _corners(summary: FlightSummary, ulog: UlogTrack | None) -> list[tuple[float, float]]:
-    mission = summary.mission
-    assert mission is not None  # noqa: S101 - the caller has looked
-    places: list[tuple[float, float]] = [mission.home, *(w.position for w in mission.waypoints)]
+    ours = [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
+    theirs = [] if ulog is None else [(east_m, north_m) for _, east_m, north_m in ulog.track]
+    places: list[Sequence[float]] = [mission.home, *(w.position for w in mission.waypoints)]
     places += [corner for fence in mission.fences for corner in fence.corners]
-    places += [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
+    places += [*ours, *theirs]
     places += [(e, n) for heard in summary.robots.values() for _, e, n, _ in heard]
-    places += [] if ulog is None else [(e, n) for _, e, n in ulog.track]
-    return places
+
+    def draw(width: int) -> str:
+        canvas = _Canvas(places, width)
+        dots, names = _robots(summary, canvas)
+        lines = [canvas.line("own", ours), canvas.line("theirs", theirs)]
+        parts = [*_mission(mission, canvas), *dots, *lines, *names, *_marks(summary, canvas)]
+        return picture(canvas.width, round(canvas.height), "the flown track", parts)
+
+    legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
+    legend += [("theirs", "PX4's own log")] if ulog is not None else []
+    named = [name for name in summary.exchanges.names() if summary.robots.get(name)]
+    legend += [(robot_css(summary, name), name) for name in named]
+    words = "Robots are drawn at their reported positions."
+    if summary.closest is not None:
+        closest_m, what = summary.closest
+        words = (
+            f"Closest approach: {closest_m:.2f} m to {'the fence' if what == FENCE else what} "
+            f"(demanded: {mission.planner.clearance_m:g} m). {words}"
+        )
+    return Figure("track", "Track", words, in_both_widths(draw), legend)
 
 
-def _draw(summary: FlightSummary, ulog: UlogTrack | None, canvas: _Canvas) -> str:
-    mission = summary.mission
-    assert mission is not None  # noqa: S101 - the caller has looked
-    parts = [_area(canvas, fence, "fence", "fence") for fence in mission.fences]
-    active = {id(zone) for zone in mission.airspace.zones}
+def _mission(mission: Mission, canvas: _Canvas) -> list[str]:
+    parts = [canvas.area("fence", fence, "fence") for fence in mission.fences]
     for zone in mission.zones:
-        css = "zone" if id(zone) in active or zone in mission.airspace.zones else "zone idle"
-        parts.append(_area(canvas, zone.shape, css, zone.name))
+        css = "zone" if zone in mission.airspace.zones else "zone idle"
+        parts.append(canvas.area(css, zone.shape, zone.name))
     for waypoint in mission.waypoints:
-        x, y = canvas.at(waypoint.position)
-        parts.append(_circle("waypoint", x, y, "2.5", f"waypoint {waypoint.number}"))
-    dots, names = _robots(summary, canvas)
-    parts += dots
-    parts.append(_line(canvas, [(e, n) for _, e, n, _ in summary.track], "own"))
-    if ulog is not None:
-        parts.append(_line(canvas, [(e, n) for _, e, n in ulog.track], "theirs"))
-    parts += names
-    x, y = canvas.at(mission.home)
-    parts.append(f'<path class="home" d="M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12"/>')
-    parts.append(f'<text x="{x + 8:.1f}" y="{y - 6:.1f}">home</text>')
+        title = f"waypoint {waypoint.number}"
+        parts.append(canvas.circle("waypoint", waypoint.position, 2.5, title))
+    return parts
+
+
+def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
+    """Home, the closest approach, and how long some metres are."""
+    assert summary.mission is not None  # noqa: S101 - the caller has looked
+    x, y = canvas.at(summary.mission.home)
+    parts = [element("path", "home", d=f"M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12")]
+    parts.append(canvas.text(x + 8, y - 6, "home"))
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at
-        x, y = canvas.at(place)
-        parts.append(_circle("closest", x, y, "8", f"closest approach, about {away_m:.1f} m"))
-    parts.append(_scale(canvas))
-    return picture(canvas.width, round(canvas.height), "the flown track", parts)
+        parts.append(
+            canvas.circle("closest", place, 8.0, f"closest approach, about {away_m:.1f} m")
+        )
+    fitting = (m for m in _SCALES_M if m * canvas.scale <= canvas.width / 4)
+    length_m, bottom = max(fitting, default=_SCALES_M[0]), canvas.height - 12
+    bar = f"M12 {bottom - 5:.1f}v5h{length_m * canvas.scale:.1f}v-5"
+    return [*parts, element("path", "scale", d=bar), canvas.text(18, bottom - 6, f"{length_m} m")]
 
 
 def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[str]]:
@@ -115,50 +137,14 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
     for name, heard in sorted(summary.robots.items()):
         if name not in summary.exchanges.names():
             continue
-        css = robot_css(summary, name)
-        spots: dict[tuple[int, int], tuple[float, float, float]] = {}
-        for t, east_m, north_m, _ in heard:
-            x, y = canvas.at((east_m, north_m))
-            spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, x, y))
+        css = f"robot {robot_css(summary, name)}"
+        spots: dict[tuple[int, int], tuple[float, Sequence[float]]] = {}
+        for t, *place, _ in heard:
+            x, y = canvas.at(place)
+            spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, place))
         step = -(-len(spots) // _MOST_DOTS)
-        for t, dot_x, dot_y in list(spots.values())[::step]:
+        for t, place in list(spots.values())[::step]:
             title = f"{name}, heard at {clock(t - summary.from_s)}"
-            dots.append(_circle(f"robot {css}", dot_x, dot_y, "3", title))
-        names.append(f'<text class="name" x="{x + 6:.1f}" y="{y + 4:.1f}">{escape(name)}</text>')
+            dots.append(canvas.circle(css, place, 3.0, title))
+        names.append(canvas.text(x + 6, y + 4, name, "name"))
     return dots, names
-
-
-def _area(canvas: _Canvas, shape: Shape, css: str, name: str) -> str:
-    if isinstance(shape, Circle):
-        x, y = canvas.at(shape.centre)
-        return _circle(css, x, y, f"{shape.radius_m * canvas.scale:.1f}", name)
-    rings: list[Sequence[Point]] = [shape.ring, *shape.holes]
-    path = "".join(canvas.path(ring, "Z") for ring in rings)
-    title = f"<title>{escape(name)}</title>"
-    return f'<path class="{css}" fill-rule="evenodd" d="{path}">{title}</path>'
-
-
-def _circle(css: str, x: float, y: float, radius: str, title: str) -> str:
-    at = f'cx="{x:.1f}" cy="{y:.1f}" r="{radius}"'
-    return f'<circle class="{css}" {at}><title>{escape(title)}</title></circle>'
-
-
-def _line(canvas: _Canvas, places: Sequence[tuple[float, float]], css: str) -> str:
-    """A line without points that would lie on the same pixel."""
-    kept: list[tuple[float, float]] = []
-    for place in places:
-        if not kept or math.dist(kept[-1], place) * canvas.scale >= 1:
-            kept.append(place)
-    return f'<path class="line {css}" d="{canvas.path(kept)}"/>' if len(kept) > 1 else ""
-
-
-def _scale(canvas: _Canvas) -> str:
-    """How long some metres are."""
-    length_m = max(
-        (m for m in _SCALES_M if m * canvas.scale <= canvas.width / 4), default=_SCALES_M[0]
-    )
-    x, y = 12, canvas.height - 12
-    return (
-        f'<path class="scale" d="M{x} {y - 5:.1f}v5h{length_m * canvas.scale:.1f}v-5"/>'
-        f'<text x="{x + 6}" y="{y - 6:.1f}">{length_m} m</text>'
-    )
