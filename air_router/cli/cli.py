@@ -24,7 +24,7 @@ COMMANDS = (
         "cover", "air_router.cli.cover", "lawnmower waypoints over an area, no-fly zones cut out"
     ),
     Command("edit", "air_router.cli.edit", "edit a mission on a map"),
-    Command("tiles", "air_router.web.tiles_command", "fetch a map to lie under the pages"),
+    Command("tiles", "air_router.web.fetch_command", "fetch a map to lie under the pages"),
     Command(
         "convert",
         "air_router.cli.convert",

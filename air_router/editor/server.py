@@ -13,8 +13,7 @@ from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_file import ChangedOnDiskError, SaveError
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
-from air_router.web.browsers import Browsers
-from air_router.web.outbox import PageOutbox
+from air_router.web.browsers import Browsers, PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.team.document import DocumentError
@@ -43,7 +42,7 @@ class EditorServer:
         self._changed_on_disk = False  # as the pages were told
         self._state = self._shown()  # JSON that every new page gets
         self._browsers = Browsers(self._receive, self._welcome)  # all pages
-        self._site = Site.of_page("air_router.editor", "edit", web)
+        self._site = Site(web, "air_router.editor", "edit")
         self._site.add_socket("/socket", self._browsers.converse)
 
     @asynccontextmanager
@@ -54,7 +53,7 @@ class EditorServer:
             ServeError: the address is taken, or none of this machine's.
         """
         with ThreadPoolExecutor(1, "air-router edit") as worker:
-            async with self._site.serving(self._web) as address, asyncio.TaskGroup() as tasks:
+            async with self._site.serving() as address, asyncio.TaskGroup() as tasks:
                 say(address)
                 jobs = [tasks.create_task(job(worker)) for job in (self._work, self._watch)]
                 try:
@@ -64,7 +63,7 @@ class EditorServer:
                         job.cancel()
 
     def _welcome(self, outbox: PageOutbox) -> None:
-        setting = {"type": "setting", "backdrop": self._web.backdrop_view}
+        setting = {"type": "setting", "backdrop": self._web.backdrop}
         outbox.post("setting", as_json(setting))
         outbox.post("state", self._state)
         outbox.post("disk", as_json({"type": "disk", "changed": self._changed_on_disk}))

@@ -25,7 +25,7 @@ class JointPage:
         self._places: dict[str, PageAddress | None] = dict.fromkeys(names)  # None until it is known
         self._web = web
         self._relay: PageRelay  # while it serves
-        self._site = Site.of_page("air_router.live", "live", web)
+        self._site = Site(web, "air_router.live", "live")
         self._site.add_values("/flights", self._flights)
         self._site.add_socket("/flights/{name}/socket", self._converse)
 
@@ -42,7 +42,7 @@ class JointPage:
         """
         async with (
             PageRelay.opened() as self._relay,
-            self._site.serving(self._web) as address,
+            self._site.serving() as address,
         ):
             say(f"the flights are shown at {address}")
             yield address
@@ -54,7 +54,7 @@ class JointPage:
                 {"name": name, "socket": f"/flights/{quote(name, safe=':')}/socket"}
                 for name in self._places
             ],
-            "backdrop": self._web.backdrop_view,
+            "backdrop": self._web.backdrop,
         }
 
     async def _converse(self, request: web.Request, browser: web.WebSocketResponse) -> None:

@@ -22,8 +22,7 @@ from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import LiveScene
 from air_router.live.scenery import scenery
 from air_router.mission.mission import Mission
-from air_router.web.browsers import Browsers
-from air_router.web.outbox import PageOutbox
+from air_router.web.browsers import Browsers, PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.links.metrics import LinkMetrics
@@ -87,7 +86,7 @@ class LivePage:
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)  # of requests that plan
         # all browsers
         self._browsers = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
-        self._site = Site.of_page("air_router.live", "live", web)
+        self._site = Site(web, "air_router.live", "live")
         self._site.add_socket("/socket", self._browsers.converse)
         self._site.add_values("/flights", self._flights)
 
@@ -133,7 +132,7 @@ class LivePage:
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
-        async with self._site.serving(self._web) as address:
+        async with self._site.serving() as address:
             say(f"{SHOWN_AT}{address}")
             ticking = asyncio.create_task(self._run())
             try:
@@ -210,7 +209,7 @@ class LivePage:
 
     def _greeting(self) -> Iterator[tuple[str, str]]:
         """All that a page has to know that knows nothing."""
-        yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop_view})
+        yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop})
         yield "scenery", self._scenery
         yield "map", as_json({"type": "map", **self._map_feed.whole()})
         yield "track", self._track(0)

@@ -1,14 +1,46 @@
 """All browsers that show a page: what they are told, and what they say."""
 
 import asyncio
+import contextlib
 from collections.abc import Callable
+from typing import Final
 
-from aiohttp import WSMsgType, web
+from aiohttp import ClientConnectionResetError, WSMsgType, web
 
-from air_router.web.outbox import PageOutbox
+_MOST_WAITING: Final = 1_000
 
-Receive = Callable[[PageOutbox, str], None]
-"""Takes what a page has sent."""
+
+class PageOutbox:
+    """Sends texts to a page, in order; one that waits is replaced by a newer one of its kind.
+
+    So a page that is slow is never behind. One that reads nothing is given up.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse) -> None:
+        self._socket = socket
+        self._waiting: dict[str, str] = {}  # text by kind, in order
+        self._news = asyncio.Event()  # set while something waits
+        self._full = False  # the page reads nothing
+
+    def post(self, kind: str, text: str) -> None:
+        """Send a text as soon as may be; replaces what still waits of that kind."""
+        if len(self._waiting) >= _MOST_WAITING:
+            self._full = True
+        else:
+            self._waiting.pop(kind, None)
+            self._waiting[kind] = text
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send until the page is gone or reads no more."""
+        with contextlib.suppress(ClientConnectionResetError, ConnectionResetError):
+            while not self._socket.closed and not self._full:
+                await self._news.wait()
+                self._news.clear()
+                while self._waiting and not self._full:
+                    kind = next(iter(self._waiting))
+                    await self._socket.send_str(self._waiting.pop(kind))
+        await self._socket.close()
 
 
 class Browsers:
@@ -19,7 +51,11 @@ class Browsers:
     """
 
     def __init__(
-        self, receive: Receive, welcome: Callable[[PageOutbox], None], *, pause_s: float = 0.0
+        self,
+        receive: Callable[[PageOutbox, str], None],
+        welcome: Callable[[PageOutbox], None],
+        *,
+        pause_s: float = 0.0,
     ) -> None:
         self._receive = receive
         self._welcome = welcome

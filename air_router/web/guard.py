@@ -1,14 +1,21 @@
-"""Keeps other people's web pages, and other people, out of ours.
+"""Keeps other people's web pages, other people, and too many connections out of our pages.
 
 A page on the internet can make a browser send requests to this machine, and by rebinding its name
 in the DNS even read the answers. So requests must name this server as their host, and what a page
 sends must come from a page of ours. On an address that other machines reach, a token is asked for.
+
+A connection that is opened and left costs a file descriptor, and a process has a thousand of them:
+the flight needs some. So each address has its share, all together theirs, and a connection on which
+no whole request has come in time is closed. What is refused is closed without a word in the log.
 """
 
+import asyncio
 import hmac
 import secrets
 from collections.abc import Awaitable, Callable
+from typing import Any, Final, cast
 from urllib.parse import urlsplit
+from weakref import WeakSet
 
 from aiohttp import web
 
@@ -16,8 +23,16 @@ from mocha_link.loopback import is_loopback
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
-TOKEN = "token"  # noqa: S105 - the name of it
-_HEADERS = {
+TOKEN: Final = "token"  # noqa: S105 - the name of it
+
+PER_ADDRESS: Final = 64
+IN_ALL: Final = 128
+BACKLOG: Final = 16
+"""So many are accepted at once, before any of them can be refused."""
+REQUEST_S: Final = 10.0
+"""So long a new connection has for its first request."""
+
+_HEADERS: Final = {
     "Content-Security-Policy": (
         "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; "
         "form-action 'none'; frame-ancestors 'none'"
@@ -27,11 +42,11 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-_LOCAL_NAMES = ("localhost", "127.0.0.1", "::1")
+_LOCAL_NAMES: Final = ("localhost", "127.0.0.1", "::1")
 
 
 class Guard:
-    """Decides who is let in.
+    """Decides whose requests are let in.
 
     Attributes:
         token: what others must know; None where only this machine can connect.
@@ -62,7 +77,7 @@ class Guard:
         """
         if not self._local:
             return True
-        name, _ = _host_of(f"//{request.headers.get('Host', '')}")
+        name, _ = _own_host(request)
         return name is not None and (name in _LOCAL_NAMES or name == self._host)
 
     def _knows_token(self, request: web.Request) -> bool:
@@ -93,8 +108,11 @@ def cookie_of(port: int) -> str:
 
 
 def _cookie(request: web.Request) -> str:
-    _, port = _host_of(f"//{request.headers.get('Host', '')}")
-    return cookie_of(port or 80)
+    return cookie_of(_own_host(request)[1] or 80)
+
+
+def _own_host(request: web.Request) -> tuple[str | None, int | None]:
+    return _host_of(f"//{request.headers.get('Host', '')}")
 
 
 def _host_of(url: str) -> tuple[str | None, int | None]:
@@ -111,6 +129,67 @@ def _from_our_page(request: web.Request) -> bool:
     """Whether a page that sent this is ours; programs that are no browser say nothing."""
     origin = request.headers.get("Origin")
     if origin is not None:
-        own = _host_of(f"//{request.headers.get('Host', '')}")
+        own = _own_host(request)
         return own != (None, None) and _host_of(origin) == own
     return request.method in ("GET", "HEAD") or "Sec-Fetch-Site" not in request.headers
+
+
+class ConnectionLimit:
+    """Makes the protocols of a server's connections, as long as there is room.
+
+    Args:
+        make: The protocol of a connection that is let in.
+    """
+
+    def __init__(self, make: Callable[[], asyncio.BaseProtocol]) -> None:
+        self._make = make
+        self._open: list[asyncio.Transport] = []  # oldest first
+        self._asked: WeakSet[asyncio.BaseTransport] = WeakSet()  # those that have sent a request
+
+    def __call__(self) -> asyncio.BaseProtocol:
+        """For `create_server`."""
+        return _Entrance(self)
+
+    def asked(self, transport: asyncio.BaseTransport | None) -> None:
+        """A whole request has come on this connection."""
+        if transport is not None:
+            self._asked.add(transport)
+
+    def enter(self, transport: asyncio.Transport) -> None:
+        """A connection was made: let it in, or close it."""
+        self._open = [each for each in self._open if not each.is_closing()]
+        address = _address(transport)
+        if sum(_address(each) == address for each in self._open) >= PER_ADDRESS:
+            transport.abort()
+            return
+        if len(self._open) >= IN_ALL:
+            idle = next((each for each in self._open if each not in self._asked), None)
+            if idle is None:
+                transport.abort()
+                return
+            idle.abort()
+            self._open.remove(idle)
+        self._open.append(transport)
+        protocol = self._make()
+        transport.set_protocol(protocol)
+        protocol.connection_made(transport)
+        asyncio.get_running_loop().call_later(REQUEST_S, self._look, transport)
+
+    def _look(self, transport: asyncio.Transport) -> None:
+        if transport not in self._asked and not transport.is_closing():
+            transport.abort()
+
+
+class _Entrance(asyncio.Protocol):
+    """What a connection talks to until it is let in."""
+
+    def __init__(self, limit: ConnectionLimit) -> None:
+        self._limit = limit
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._limit.enter(cast("asyncio.Transport", transport))
+
+
+def _address(transport: asyncio.Transport) -> Any:
+    peer = transport.get_extra_info("peername")
+    return peer[0] if peer else None

@@ -1,4 +1,4 @@
-"""Where a page is served, for how long, and with which picture under its map; no server itself."""
+"""Where a page is served, for how long, and with which tiles under its map; no server itself."""
 
 import argparse
 import asyncio
@@ -12,7 +12,7 @@ from threading import Thread
 from typing import Any, Final, Protocol
 
 from air_router.errors import UsageError
-from air_router.web.backdrop import Backdrop
+from air_router.web.tile_file import TileFile
 
 _END_S: Final = 5.0
 """A page that has not ended by then ends with the program."""
@@ -22,24 +22,24 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Web:
-    """Where a page is served, and the picture that lies under its map.
+    """Where a page is served, and the tiles that lie under its map.
 
     Attributes:
         host: The address to serve on; any machine but this one needs a token.
         port: 0 takes a free one.
-        backdrop: The picture.
+        tiles: The file with the tiles.
         token: What other machines must know; None: one is made up.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
-    backdrop: Backdrop | None = None
+    tiles: TileFile | None = None
     token: str | None = None
 
     @property
-    def backdrop_view(self) -> dict[str, Any] | None:
-        """The picture, as the page is told of it."""
-        return None if self.backdrop is None else self.backdrop.view()
+    def backdrop(self) -> dict[str, Any] | None:
+        """What lies under the map, as the page is told of it."""
+        return None if self.tiles is None else self.tiles.view()
 
 
 HERE: Final = Web()
@@ -58,7 +58,7 @@ class Served(Protocol):
 
 
 def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
-    """Add `--host`, `--image` and `--image-bounds`, with a prefix such as "web-" in each."""
+    """Add `--host` and `--image`, with a prefix such as "web-" in each."""
     parser.add_argument(
         f"--{prefix}host",
         dest="web_host",
@@ -66,19 +66,12 @@ def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
         metavar="ADDRESS",
         help="address of the page (default: this machine only; others get a token)",
     )
-    image = f"--{prefix}image"
     parser.add_argument(
-        image,
+        f"--{prefix}image",
         dest="web_image",
         type=Path,
         metavar="F",
-        help="a picture or MBTiles under its map",
-    )
-    parser.add_argument(
-        f"{image}-bounds",
-        dest="web_image_bounds",
-        metavar="S,W,N,E",
-        help="where the picture lies, in degrees (default: the world file beside it)",
+        help="an MBTiles file with pictures that lie under its map",
     )
 
 
@@ -86,17 +79,15 @@ def web_of(arguments: argparse.Namespace) -> Web | None:
     """Where the page is served; None without a port, `arguments.web`.
 
     Raises:
-        UsageError: the picture under the map is none, lies nowhere, or is for no page.
+        UsageError: the file with the tiles is none, or is for no page.
     """
-    image, bounds = arguments.web_image, arguments.web_image_bounds
+    image = arguments.web_image
     if arguments.web is None:
         if image is not None:
             raise UsageError("--web-image lies under the map of a page; add --web")
         return None
-    if image is None and bounds is not None:
-        raise UsageError("the bounds of a picture are given, and no picture; add one")
-    backdrop = None if image is None else Backdrop.of(image, bounds)
-    return Web(arguments.web_host, arguments.web, backdrop)
+    tiles = None if image is None else TileFile.read(image)
+    return Web(arguments.web_host, arguments.web, tiles)
 
 
 def page_port(text: str) -> int:

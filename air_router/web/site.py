@@ -1,31 +1,37 @@
 """A web server for one page: on this machine only unless told otherwise, and guarded."""
 
-from __future__ import annotations
-
 import asyncio
+import hashlib
 import json
+import mimetypes
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
-from typing import Any
+from functools import partial
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any, Final, NamedTuple
 
 from aiohttp import web
 
 from air_router.errors import AirRouterError
-from air_router.web.assets import Assets
-from air_router.web.backdrop import Backdrop
-from air_router.web.connections import BACKLOG, ConnectionLimit
-from air_router.web.guard import TOKEN, Guard, Handler, add_headers
-from air_router.web.serving import HERE, Web
+from air_router.web.guard import BACKLOG, TOKEN, ConnectionLimit, Guard, Handler, add_headers
+from air_router.web.serving import Web
 from air_router.web.tile_service import TileService
 
-MAX_MESSAGE_BYTES = 64 * 1024
-MAX_PAGES = 32
-_HEARTBEAT_S = 20.0
-_SHUTDOWN_S = 1.0
-_KEEPALIVE_S = 15.0  # after an answer; browsers have a socket for what they follow
-_EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
-_SOMEWHERE = "192.0.2.1"  # kept free for documentation
+MAX_MESSAGE_BYTES: Final = 64 * 1024
+MAX_PAGES: Final = 32
+_HEARTBEAT_S: Final = 20.0
+_SHUTDOWN_S: Final = 1.0
+_KEEPALIVE_S: Final = 15.0  # after an answer; browsers have a socket for what they follow
+_EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
+_SOMEWHERE: Final = "192.0.2.1"  # kept free for documentation
+_TYPES: Final = {
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".html": "text/html",
+    ".svg": "image/svg+xml",
+}
 
 Talk = Callable[[web.Request, web.WebSocketResponse], Awaitable[None]]
 """Converses with one browser, until it has left."""
@@ -35,40 +41,54 @@ class ServeError(AirRouterError):
     """The page cannot be served where it should be."""
 
 
-class Site:
-    """The page's files, and sockets to the browsers that show it."""
+class _PageFile(NamedTuple):
+    """A file of a page, in memory."""
 
-    def __init__(self, guard: Guard, assets: Assets, start: str) -> None:
-        self._guard = guard
-        self._assets = assets
-        self._start = start
+    content: bytes
+    media_type: str
+    tag: str  # ETag
+
+    async def answer(self, request: web.Request) -> web.Response:
+        if self.tag in request.headers.get("If-None-Match", ""):
+            return web.Response(status=304, headers={"ETag": self.tag})
+        return web.Response(
+            body=self.content,
+            content_type=self.media_type,
+            charset="utf-8" if self.media_type.startswith("text/") else None,
+            headers={"ETag": self.tag},
+        )
+
+
+class Site:
+    """A page's files, sockets to the browsers that show it, and the ground under its map.
+
+    Nothing but the files of the pages' folders in the package can be had from it.
+
+    Args:
+        where: The address to serve on, and the tiles under the map.
+        package: The package with the page in its folder `page`; None: there is no page.
+        name: Under which the page's files are served.
+    """
+
+    def __init__(self, where: Web, package: str | None = None, name: str = "") -> None:
+        self._where = where
+        self._guard = Guard(where.host, where.token)
         self._sockets: dict[web.WebSocketResponse, str] = {}  # open, with their paths
         self._limit: ConnectionLimit | None = None  # while it serves
-        self.app = web.Application(
-            middlewares=[self._note_request, guard.middleware], client_max_size=MAX_MESSAGE_BYTES
+        self._app = web.Application(
+            middlewares=[self._note_request, self._guard.middleware],
+            client_max_size=MAX_MESSAGE_BYTES,
         )
-        self.app.on_response_prepare.append(add_headers)
-        self.app.on_shutdown.append(self._hang_up)
-        self.app.add_routes([web.get("/", self._index), *assets.routes()])
-
-    @classmethod
-    def of_page(cls, package: str, name: str, where: Web) -> Site:
-        """The site of the page in a package's folder `page`, with its picture under the map."""
-        assets = Assets()
-        assets.add("air_router.web", "page", "/page/")
-        assets.add(package, "page", f"/{name}/")
-        site = cls(Guard(where.host, where.token), assets, f"/{name}/index.html")
-        if where.backdrop is not None:
-            site.lay_under(where.backdrop)
-        return site
+        self._app.on_response_prepare.append(add_headers)
+        self._app.on_shutdown.append(self._hang_up)
+        if package is not None:
+            self._add_page(package, name)
+        if where.tiles is not None:
+            TileService(where.tiles).add_to(self._app)
 
     def add_socket(self, path: str, talk: Talk) -> None:
         """Converse with browsers there; before the serving begins."""
-
-        async def answer(request: web.Request) -> web.StreamResponse:
-            return await self._talk(request, talk)
-
-        self.app.add_routes([web.get(path, answer)])
+        self._app.add_routes([web.get(path, partial(self._talk, talk))])
 
     def add_values(self, path: str, values: Callable[[], dict[str, Any]]) -> None:
         """Serve what a page reads once, as JSON; before the serving begins."""
@@ -77,30 +97,18 @@ class Site:
             del request
             return web.json_response(values(), dumps=as_json)
 
-        self.app.add_routes([web.get(path, answer)])
-
-    def lay_under(self, backdrop: Backdrop) -> None:
-        """Serve the picture that lies under the map; before the serving begins."""
-        if backdrop.tiles is not None:
-            TileService(backdrop.tiles).add_to(self.app)
-            return
-
-        async def picture(request: web.Request) -> web.StreamResponse:
-            del request
-            return web.FileResponse(backdrop.path, headers={"Content-Type": backdrop.kind})
-
-        self.app.add_routes([web.get("/backdrop", picture)])
+        self._app.add_routes([web.get(path, answer)])
 
     @asynccontextmanager
-    async def serving(self, where: Web = HERE) -> AsyncIterator[str]:
+    async def serving(self) -> AsyncIterator[str]:
         """Serve while in the context; gives the page's address.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
-        host, port = where.host, where.port
+        host, port = self._where.host, self._where.port
         runner = web.AppRunner(
-            self.app,
+            self._app,
             access_log=None,
             shutdown_timeout=_SHUTDOWN_S,
             keepalive_timeout=_KEEPALIVE_S,
@@ -133,16 +141,19 @@ class Site:
             self._limit.asked(request.transport)
         return await handler(request)
 
+    def _add_page(self, package: str, name: str) -> None:
+        known = dict(_files_of(files("air_router.web") / "page", "/page/"))
+        known |= _files_of(files(package) / "page", f"/{name}/")
+        known["/"] = known[f"/{name}/index.html"]
+        self._app.add_routes([web.get(path, file.answer) for path, file in known.items()])
+
     def _address(self, host: str, port: int) -> str:
         name = _outward_address() if host in _EVERYWHERE else host
         name = f"[{name}]" if ":" in name else name
         token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
         return f"http://{name}:{port}/{token}"
 
-    async def _index(self, request: web.Request) -> web.Response:
-        return await self._assets.page(self._start, request)
-
-    async def _talk(self, request: web.Request, talk: Talk) -> web.StreamResponse:
+    async def _talk(self, talk: Talk, request: web.Request) -> web.StreamResponse:
         if list(self._sockets.values()).count(request.path) >= MAX_PAGES:
             raise web.HTTPServiceUnavailable(text="too many pages are open; close one\n")
         socket = web.WebSocketResponse(
@@ -162,6 +173,19 @@ class Site:
         del app
         for open_socket in list(self._sockets):
             await open_socket.close()
+
+
+def _files_of(folder: Traversable, prefix: str) -> Iterator[tuple[str, _PageFile]]:
+    """The files of a folder, and of those in it, by the path under which they are served."""
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _files_of(entry, f"{prefix}{entry.name}/")
+        elif not entry.name.startswith("."):
+            content = entry.read_bytes()
+            suffix = f".{entry.name.rpartition('.')[2]}"
+            kind = _TYPES.get(suffix) or mimetypes.guess_type(entry.name)[0] or "text/plain"
+            tag = f'"{hashlib.sha256(content).hexdigest()[:20]}"'
+            yield f"{prefix}{entry.name}", _PageFile(content, kind, tag)
 
 
 def _outward_address() -> str:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import shlex
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from html.parser import HTMLParser
+from html import unescape
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,6 +34,8 @@ _MOST_LETTERS = 200
 _MAGIC = b"SQLite format 3\0"
 _MODE_AT = 18  # in the file's head: 2 where a write-ahead log belongs to it
 _WITH_LOG = 2
+_NOT_SHOWN = re.compile(r"<(script|style)\b.*?(</\1\s*>|$)", re.DOTALL | re.IGNORECASE)
+_MARKUP = re.compile(r"<!--.*?(-->|$)|</?[a-z!][^>]*(>|$)", re.DOTALL | re.IGNORECASE)
 _VECTORS = ("pbf", "mvt")
 _COMPRESSED = (b"\x1f\x8b", b"\x78\x9c", b"\x78\xda", b"\x78\x01")
 _INDEX = "CREATE UNIQUE INDEX tile_index ON tiles (zoom_level, tile_column, tile_row)"
@@ -97,6 +100,16 @@ class TileFile:
         attribution = plain(facts.get("attribution", ""))
         return cls(path, kind, lowest, highest, bounds, attribution, tag, uri)
 
+    def view(self) -> dict[str, Any]:
+        """For the page: where it finds a tile, which there are, and whom to name."""
+        return {
+            "address": f"/backdrop/{self.tag}/{{z}}/{{x}}/{{y}}",
+            "bounds": self.bounds,
+            "lowest": self.lowest,
+            "highest": self.highest,
+            "attribution": self.attribution,
+        }
+
     def tile(self, zoom: int, column: int, row: int) -> Tile | None:
         """A tile, or None; its row is counted from the north, as browsers do.
 
@@ -132,31 +145,11 @@ def read_bounds(text: str) -> Bounds | None:
 
 def plain(html: str) -> str:
     """The words of a text that may be HTML, in one line that is not too long."""
-    words = _Words()
-    words.feed(html[: 10 * _MOST_LETTERS])
-    words.close()
-    text = "".join(letter if letter.isprintable() else " " for letter in "".join(words.heard))
+    text = _NOT_SHOWN.sub(" ", html[: 10 * _MOST_LETTERS])
+    text = unescape(_MARKUP.sub("", text))
+    text = "".join(letter if letter.isprintable() else " " for letter in text)
     text = " ".join(text.split())
     return text if len(text) <= _MOST_LETTERS else f"{text[: _MOST_LETTERS - 1]}…"
-
-
-class _Words(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.heard: list[str] = []  # pieces of visible text
-        self._said = True  # not within script or style
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        del attrs
-        self._said = tag not in ("script", "style")
-
-    def handle_endtag(self, tag: str) -> None:
-        del tag
-        self._said = True
-
-    def handle_data(self, data: str) -> None:
-        if self._said:
-            self.heard.append(data)
 
 
 def _address(path: Path) -> tuple[str, str]:

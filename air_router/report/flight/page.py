@@ -137,7 +137,7 @@ def _what_was_said(
         return clock(max(0.0, t - summary.from_s))
 
     answers = {None: "no answer recorded", True: "accepted", False: "refused"}
-    requests = [
+    requests: list[tuple[str, ...]] = [
         (at(r.t), r.what, r.by, f"{answers[r.accepted]}{': ' if r.why else ''}{r.why}")
         for r in summary.requests
     ]

@@ -143,8 +143,8 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
             x, y = canvas.at(place)
             spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, place))
         step = -(-len(spots) // _MOST_DOTS)
-        for t, place in list(spots.values())[::step]:
+        for t, spot in list(spots.values())[::step]:
             title = f"{name}, heard at {clock(t - summary.from_s)}"
-            dots.append(canvas.circle(css, place, 3.0, title))
+            dots.append(canvas.circle(css, spot, 3.0, title))
         names.append(canvas.text(x + 6, y + 4, name, "name"))
     return dots, names

@@ -33,24 +33,23 @@ export function createMap(element) {
   return map;
 }
 
-/** @typedef {{address: string, lowest: number, highest: number, attribution: string}} Tiles
- *  @typedef {{bounds: number[] | null, world: number[] | null, tiles: Tiles | null}} Place in degrees */
+/** @typedef {{address: string, bounds: number[] | null, lowest: number, highest: number, attribution: string}} Tiles */
 
 /** What lies under a map, as text, and how to take it away. @type {WeakMap<any, {is: string, remove: () => void}>} */
 const laid = new WeakMap();
 
-/** Lay a picture under the map, instead of another one.
- *  @param {any} map @param {Place} place see the program */
-export function addBackdrop(map, place) {
-  const is = JSON.stringify(place);
+/** Lay tiles under the map, instead of others.
+ *  @param {any} map @param {Tiles} tiles see the program */
+export function addBackdrop(map, tiles) {
+  const is = JSON.stringify(tiles);
   if (laid.get(map)?.is === is) return;
   laid.get(map)?.remove();
-  laid.set(map, { is, remove: place.tiles ? addTiles(map, place.tiles, place.bounds) : addPicture(map, place) });
+  laid.set(map, { is, remove: addTiles(map, tiles) });
 }
 
 /** Of the coarsest tiles one more level is drawn; for a whole country there would be too many.
- *  @param {any} map @param {Tiles} tiles @param {number[] | null} bounds @returns {() => void} */
-function addTiles(map, { address, lowest, highest, attribution }, bounds) {
+ *  @param {any} map @param {Tiles} tiles @returns {() => void} */
+function addTiles(map, { address, bounds, lowest, highest, attribution }) {
   const from = lowest - 1.5; // the map's zoom is no whole number
   const layer = L.tileLayer(address, {
     pane: "backdrop",
@@ -70,28 +69,6 @@ function addTiles(map, { address, lowest, highest, attribution }, bounds) {
   return () => {
     map.off("zoomend", tell);
     for (const part of [layer, control]) part.remove();
-  };
-}
-
-/** @param {any} map @param {Place} place @returns {() => void} */
-function addPicture(map, place) {
-  let overlay = null;
-  const picture = new Image();
-  picture.onload = () => {
-    let [south, west, north, east] = place.bounds ?? [0, 0, 0, 0];
-    if (place.world) {
-      const [perColumn, perRow, longitude, latitude] = place.world;
-      west = longitude - perColumn / 2;
-      north = latitude - perRow / 2;
-      east = west + perColumn * picture.naturalWidth;
-      south = north + perRow * picture.naturalHeight;
-    }
-    overlay = L.imageOverlay(picture, [[south, west], [north, east]], { pane: "backdrop", zIndex: -1 }).addTo(map);
-  };
-  picture.src = "/backdrop";
-  return () => {
-    picture.onload = null;
-    overlay?.remove();
   };
 }
 

@@ -16,9 +16,8 @@ from air_router.cli.cli import main
 from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
-from air_router.errors import ExitCode, UsageError
-from air_router.web import connections
-from air_router.web.backdrop import Backdrop
+from air_router.errors import ExitCode
+from air_router.web import guard
 from air_router.web.guard import cookie_of
 from air_router.web.serving import Web
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
@@ -182,8 +181,8 @@ def test_a_cookie_that_is_no_text_is_no_token(path, caplog):
 
 
 def test_connections_that_are_left_open_cost_the_others_nothing(path, monkeypatch, caplog):
-    monkeypatch.setattr(connections, "PER_ADDRESS", 5)
-    monkeypatch.setattr(connections, "IN_ALL", 8)
+    monkeypatch.setattr(guard, "PER_ADDRESS", 5)
+    monkeypatch.setattr(guard, "IN_ALL", 8)
 
     async def is_closed(reader):
         with contextlib.suppress(ConnectionError):
@@ -215,19 +214,19 @@ def test_connections_that_are_left_open_cost_the_others_nothing(path, monkeypatc
 @pytest.mark.skipif(not OPEN_FILES.is_dir(), reason="what is open can be listed on Linux only")
 def test_many_connections_at_once_do_not_take_the_descriptors(path, monkeypatch, caplog):
     """A connection is accepted before it can be refused: so a few at a time."""
-    monkeypatch.setattr(connections, "PER_ADDRESS", 5)
-    enter, opened, all_in = connections.ConnectionLimit.enter, [], asyncio.Event()
+    monkeypatch.setattr(guard, "PER_ADDRESS", 5)
+    enter, opened, all_in = guard.ConnectionLimit.enter, [], asyncio.Event()
 
     def count():
         return len(list(OPEN_FILES.iterdir()))
 
     def counted(limit, transport):
         opened.append(count())
-        if len(opened) == connections.BACKLOG:
+        if len(opened) == guard.BACKLOG:
             all_in.set()
         enter(limit, transport)
 
-    monkeypatch.setattr(connections.ConnectionLimit, "enter", counted)
+    monkeypatch.setattr(guard.ConnectionLimit, "enter", counted)
 
     async def talk(page):
         with contextlib.ExitStack() as stack:
@@ -244,7 +243,7 @@ def test_many_connections_at_once_do_not_take_the_descriptors(path, monkeypatch,
 
 
 def test_a_connection_that_asks_for_nothing_is_closed(path, monkeypatch):
-    monkeypatch.setattr(connections, "REQUEST_S", 0.05)
+    monkeypatch.setattr(guard, "REQUEST_S", 0.05)
 
     async def talk(page):
         for begun in (b"", b"GET / HTTP/1.1\r\nHost: "):
@@ -349,27 +348,12 @@ def test_a_fault_of_ours_costs_no_work(path, monkeypatch, caplog):
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_a_picture_lies_under_the_map(path, tmp_path):
-    picture = tmp_path / "site.png"
-    picture.write_bytes(b"\x89PNG\r\n\x1a\n")
-
-    async def talk(page):
-        answer, body = await page.get("backdrop")
-        assert (answer.content_type, body) == ("image/png", picture.read_bytes())
-        async with page.socket() as socket:
-            setting = await until(socket, ("setting",))
-            assert setting["backdrop"]["bounds"] == [39.9, -75.3, 40.0, -75.1]
-
-    visit(path, talk, backdrop=Backdrop.of(picture, "39.9,-75.3,40.0,-75.1"))
-
-
 def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path, tiles, caplog):
     async def talk(page):
         async with page.socket() as socket:
-            backdrop = (await until(socket, ("setting",)))["backdrop"]
-        facts = backdrop["tiles"]
+            facts = (await until(socket, ("setting",)))["backdrop"]
         assert (facts["lowest"], facts["highest"], facts["attribution"]) == (17, 17, "© City <1>")
-        assert backdrop["bounds"] is None
+        assert facts["bounds"] is None
 
         async def get(*place, address=facts["address"], **options):
             target = address.format(**dict(zip("zxy", place, strict=True)))[1:]
@@ -387,7 +371,7 @@ def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path,
             "no-store",
         )
         for wrong in ("-1/0/0", "1/2", "1/2/x", "1/2/3/4", "\u0661/0/0"):
-            answer, _ = await page.get(f"backdrop/{backdrop['tiles']['address'][10:22]}/{wrong}")
+            answer, _ = await page.get(f"backdrop/{facts['address'][10:22]}/{wrong}")
             assert answer.status == HTTPStatus.NOT_FOUND
         target = facts["address"].format(z=zoom, x=column, y=row)[1:]
         answer, _ = await page.get(target, headers={"Host": "evil.example"})
@@ -396,7 +380,7 @@ def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path,
         assert await get(zoom, column, row) == (empty, "no-store")
         assert await get(zoom, column, row) == (empty, "no-store")
 
-    visit(path, talk, backdrop=Backdrop.of(tiles, None))
+    visit(path, talk, backdrop=TileFile.read(tiles))
     assert caplog.text.count("the map stays empty in places") == 1
 
 
@@ -410,9 +394,9 @@ def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles,
         return read(*place)
 
     monkeypatch.setattr(TileFile, "tile", wait)
-    backdrop = Backdrop.of(tiles, None)
+    backdrop = TileFile.read(tiles)
     zoom, column, row, data = TILES[0]
-    target = backdrop.view()["tiles"]["address"].format(z=zoom, x=column, y=row)[1:]
+    target = backdrop.view()["address"].format(z=zoom, x=column, y=row)[1:]
 
     async def talk(page):
         answer, _ = await page.get(target)
@@ -428,31 +412,6 @@ def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles,
             assert (await tile)[1] == data
 
     visit(path, talk, host="0.0.0.0", token="secret", backdrop=backdrop)  # noqa: S106
-
-
-def test_where_a_picture_lies_must_be_known(tmp_path):
-    picture = tmp_path / "site.png"
-    picture.write_bytes(b"")
-    with pytest.raises(UsageError, match="--image-bounds"):
-        Backdrop.of(picture, None)
-    for bounds in ("1,2,3", "a,b,c,d", "2,0,1,1", "0,0,91,1"):
-        with pytest.raises(UsageError, match="S,W,N,E"):
-            Backdrop.of(picture, bounds)
-    world = tmp_path / "site.pgw"
-    world.write_text("1e-6\n0\n0\n-1e-6\n-75.2\n39.95\n")
-    assert Backdrop.of(picture, None).world == (1e-6, -1e-6, -75.2, 39.95)
-    for text, why in (
-        ("1\n2\n", "six lines"),
-        ("0.5\n0\n0\n-0.5\n480000\n4420000\n", "not in degrees"),
-        ("1e-6\n1e-7\n0\n-1e-6\n-75.2\n39.95\n", "turned"),
-    ):
-        world.write_text(text)
-        with pytest.raises(UsageError, match=why):
-            Backdrop.of(picture, None)
-    with pytest.raises(UsageError, match="PNG"):
-        Backdrop.of(tmp_path / "site.svg", None)
-    with pytest.raises(UsageError, match="no picture"):
-        Backdrop.of(tmp_path / "none.png", None)
 
 
 def test_a_taken_port_is_said(path):
@@ -471,7 +430,8 @@ def test_only_this_machine_is_loopback():
 
 
 def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
-    assert main(["edit", str(path), "--image-bounds", "1,2,3,4"]) == ExitCode.USAGE
+    assert main(["edit", str(path), "--image", str(path)]) == ExitCode.USAGE
+    assert "is not an MBTiles file" in capsys.readouterr().err
     assert main(["edit", str(path), "--port", "70000"]) == ExitCode.USAGE
     path.write_text("home: [1,\n")
     assert main(["edit", str(path), "--port", "0"]) == ExitCode.INVALID_FILE

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import json
 import os
 import signal
 import threading
@@ -17,12 +18,11 @@ from air_router.live.joint import JointPage
 from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.live.relay import MOST_BYTES
-from air_router.web.assets import Assets
-from air_router.web.backdrop import Backdrop
 from air_router.web.browsers import Browsers
-from air_router.web.guard import Guard
 from air_router.web.serving import Web, shown_beside
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site
+from air_router.web.tile_file import TileFile
+from tests.air_router.tile_maker import around, write_tiles
 
 LIMIT_S = 60
 
@@ -45,9 +45,9 @@ class FlightPage:
 
     @contextlib.asynccontextmanager
     async def serving(self, port=0):
-        site = Site(Guard("127.0.0.1", self._token), Assets(), "/")
+        site = Site(Web(port=port, token=self._token))
         site.add_socket("/socket", self.audience.converse)
-        async with site.serving(Web(port=port)) as address:
+        async with site.serving() as address:
             yield PageAddress.of(address)
 
 
@@ -267,19 +267,20 @@ def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
 
 
 def test_the_picture_under_the_map_is_the_joint_page_s_own(tmp_path):
-    (tmp_path / "site.png").write_bytes(b"a picture")
-    picture = Backdrop.of(tmp_path / "site.png", "1,2,3,4")
+    tiles = TileFile.read(write_tiles(tmp_path / "site.mbtiles", around(17, 39.942, -75.2)))
+
+    told = json.loads(json.dumps(tiles.view()))
 
     async def look(page):
-        async with page.serving(lambda _: None) as address, aiohttp.ClientSession() as session:
-            async with session.get(f"{address}flights") as answer:
-                told = (await answer.json())["backdrop"]
-            async with session.get(f"{address}backdrop") as answer:
-                return told, answer.status
+        async with (
+            page.serving(lambda _: None) as address,
+            aiohttp.ClientSession() as session,
+            session.get(f"{address}flights") as answer,
+        ):
+            return (await answer.json())["backdrop"]
 
-    told, status = asyncio.run(look(JointPage(["titan"], Web(backdrop=picture))))
-    assert (told["bounds"], status) == ([1.0, 2.0, 3.0, 4.0], 200)
-    assert asyncio.run(look(JointPage(["titan"]))) == (None, 404)
+    assert asyncio.run(look(JointPage(["titan"], Web(tiles=tiles)))) == told
+    assert asyncio.run(look(JointPage(["titan"]))) is None
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,11 @@ from air_router.live.map_feed import MapFeed
 from air_router.live.page import add_web
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage
-from air_router.web.serving import Web, web_of
+from air_router.web.serving import HERE, web_of
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from tests.air_router.tile_maker import around, write_tiles
 
 ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
 
@@ -31,7 +32,7 @@ ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": 
 class Shown:
     """A pretended flight that tells its page everything, as the flight shell does."""
 
-    def __init__(self, flight, port=0):
+    def __init__(self, flight, web=HERE):
         self.flight = flight
         self.commands = CommandService(flight.mission.frame, flight.controller, self.deliver)
         self.mapper = Mapper(flight.mission)
@@ -41,7 +42,7 @@ class Shown:
             self.commands,
             self.links,
             mapper=self.mapper,
-            web=Web(port=port),
+            web=web,
         )
         self._told = [len(flight.events), len(flight.actions)]
 
@@ -171,40 +172,31 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     assert scene.vehicle()["what"] == State.HOLD.value
 
 
-def test_a_picture_lies_under_the_map(flight, tmp_path):
-    (tmp_path / "site.png").write_bytes(b"a picture")
+def test_tiles_lie_under_the_map(flight, tmp_path):
+    path = write_tiles(tmp_path / "site.mbtiles", around(17, 39.942, -75.2))
     arguments = argparse.ArgumentParser()
     add_web(arguments)
-    options = ["--web", "0", "--web-image", str(tmp_path / "site.png")]
-    with pytest.raises(UsageError, match="where does site"):
-        web_of(arguments.parse_args(options))
+    options = ["--web", "0", "--web-image", str(path)]
     with pytest.raises(UsageError, match="add --web"):
         web_of(arguments.parse_args(options[2:]))
-    with pytest.raises(UsageError, match="no picture; add one"):
-        web_of(arguments.parse_args([*options[:2], "--web-image-bounds", "1,2,3,4"]))
-    web = web_of(arguments.parse_args([*options, "--web-image-bounds", "1,2,3,4"]))
-    shown = Shown(flight)
-    page = LivePage(
-        flight.mission,
-        flight.controller,
-        shown.commands,
-        shown.links,
-        mapper=shown.mapper,
-        web=web,
-    )
+    web = web_of(arguments.parse_args(options))
+    shown = Shown(flight, web)
 
     async def look():
-        async with page.serving(lambda _: None) as address, aiohttp.ClientSession() as browser:
-            async with browser.get(f"{address}backdrop") as answer:
-                assert await answer.read() == b"a picture"
+        async with (
+            shown.page.serving(lambda _: None) as address,
+            aiohttp.ClientSession() as browser,
+        ):
             async with browser.get(f"{address}flights") as answer:
                 (own,) = (await answer.json())["flights"]
                 assert own == {"name": flight.mission.uav or "UAV", "socket": "/socket"}
             async with browser.ws_connect(f"{address}socket") as socket:
                 return json.loads((await socket.receive(30)).data)
 
-    welcome = asyncio.run(look())
-    assert (welcome["type"], welcome["backdrop"]["bounds"]) == ("welcome", [1.0, 2.0, 3.0, 4.0])
+    assert asyncio.run(look()) == {
+        "type": "welcome",
+        "backdrop": json.loads(json.dumps(web.backdrop)),
+    }
 
 
 def test_zones_that_change_in_flight_are_drawn_anew(flight):

@@ -7,8 +7,16 @@ import pytest
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
-from air_router.web.backdrop import Backdrop
-from air_router.web.tile_fetch import FetchError, TileArea, TileFetcher, TileKey, fetch, zooms_of
+from air_router.web.fetch_command import (
+    FetchError,
+    TileArea,
+    TileFetcher,
+    TileKey,
+    bounds_of,
+    fetch,
+    zooms_of,
+)
+from air_router.web.tile_file import TileFile
 from tests.air_router.tile_maker import picture, tile_at
 
 BOUNDS = (39.939, -75.204, 39.945, -75.196)
@@ -77,7 +85,7 @@ def test_what_is_fetched_lies_under_the_map_and_a_broken_fetch_goes_on(server, t
     (agent,) = server.agents
     assert agent.startswith("air-router/")
     assert "field@example.org" in agent
-    tiles = Backdrop.of(path, None).tiles
+    tiles = TileFile.read(path)
     assert (tiles.lowest, tiles.highest, tiles.attribution) == (15, 17, "© City")
     assert tiles.bounds == BOUNDS
     column, row = tile_at(17, 39.942, -75.2)
@@ -120,3 +128,7 @@ def test_absurd_numbers_of_tiles_and_what_is_no_server_are_refused(server, tmp_p
         with pytest.raises(UsageError, match="not the address of tiles"):
             TileFetcher(address, 1.0)
     assert zooms_of("15") == range(15, 16)
+    assert bounds_of("39,-76,40.5,-75") == (39.0, -76.0, 40.5, -75.0)
+    for bounds in ("1,2,3", "1,2,3,4,5", "a,b,c,d", "2,0,1,1", "0,0,91,1"):
+        with pytest.raises(UsageError, match="S,W,N,E"):
+            bounds_of(bounds)

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import UsageError
-from air_router.web.backdrop import Backdrop
 from air_router.web.tile_file import MOST_TILE_BYTES, TileError, TileFile, plain, read_bounds
 from tests.air_router.tile_maker import around, picture, tile_at, write_tiles
 
@@ -30,7 +29,7 @@ def path(tmp_path):
 
 def refused(path):
     with pytest.raises(UsageError) as told:
-        Backdrop.of(path, None)
+        TileFile.read(path)
     assert str(path) in str(told.value)
     return str(told.value)
 
@@ -50,8 +49,6 @@ def test_tiles_are_found_by_row_from_the_north_whatever_kind_they_are(path):
         tiles.tile(18, 2 * column, 2 * row + 1)
     for nowhere in ((17, column + 2, row), (17, 2**17, 0), (16, 0, 0), (10**9, 10**9, 10**9)):
         assert tiles.tile(*nowhere) is None
-    with pytest.raises(UsageError, match="says itself where its tiles lie: leave out its bounds"):
-        Backdrop.of(path, "39,-76,40,-75")
 
 
 def test_a_view_of_other_tables_is_as_good(path):
@@ -96,7 +93,7 @@ def test_files_whose_tiles_are_not_pictures_are_refused(path, tiles, facts, why)
 
 
 def test_files_that_are_something_else_are_refused(path, tmp_path):
-    assert "there is no picture" in refused(path)
+    assert "cannot be read: No such file" in refused(path)
     for content in (b"", b"PK\x03\x04" * 50, b"SQLite format 3\0"):
         path.write_bytes(content)
         assert "no SQLite database" in refused(path)
