@@ -20,16 +20,15 @@ from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
-from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.mavlink.udp_link import Address
+from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
 from sitl.process.stop_signal import stop_signal
 from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
-from sitl.px4sim.motion.wind import WindSettings
-from sitl.px4sim.state.parameters import DEFAULTS
-from sitl.px4sim.state.px4_modes import VERSIONS
-from sitl.px4sim.state.situation import Place
+from sitl.px4sim.motion.disturbances import WindSettings
+from sitl.px4sim.parameters import DEFAULTS
+from sitl.px4sim.state import Place
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts by default."""
@@ -87,9 +86,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=WindSettings(),
         metavar="SPEED,FROM[,GUSTS]",
         help="m/s, degrees that it comes from, and the gusts' spread in m/s (default 0.3 of it)",
-    )
-    parser.add_argument(
-        "--px4-version", choices=VERSIONS, default=VERSIONS[0], help="that it behaves as"
     )
     parser.add_argument(
         "--api-to",
@@ -174,7 +170,6 @@ def _simulate(arguments: argparse.Namespace) -> None:
         parameters=parameters_of(arguments),
         wind=arguments.wind,
         ground_link=not arguments.no_gcs,
-        px4_version=arguments.px4_version,
     )
     ports = _ports(arguments)
     with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:

@@ -17,7 +17,7 @@ from sitl.conformance.session import (
     event_id,
     mode_name,
 )
-from sitl.mavlink.mavlink_codec import command_number
+from sitl.mavlink.codec import command_number
 
 Fields = dict[str, Any]
 _ARMED: Final = 128

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Final, Protocol
 
-from sitl.mavlink.mavlink_codec import Frame, frames
-from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.codec import Frame, frames
 from sitl.mavlink.udp_link import PortInUseError
+from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 
 
 class Link(Enum):
@@ -35,9 +35,6 @@ class Line(Protocol):
 
     links: frozenset[Link]
     """The links that there are."""
-
-    fresh: bool
-    """Whether the vehicle was started for this conversation alone."""
 
     @property
     def now_s(self) -> float:
@@ -63,8 +60,6 @@ class LocalLine:
     Args:
         settings: What vehicle.
     """
-
-    fresh = True
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.vehicle = MavlinkVehicle(settings)
@@ -112,15 +107,13 @@ class UdpLine:
 
     Args:
         ports: Where the vehicle sends each link to.
-        fresh: See `Line`.
 
     Raises:
         PortInUseError: a port is taken.
     """
 
-    def __init__(self, ports: Mapping[Link, int], *, fresh: bool) -> None:
+    def __init__(self, ports: Mapping[Link, int]) -> None:
         self.links = frozenset(ports)
-        self.fresh = fresh
         self.now_s = 0.0  # 0: not heard yet
         self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
         self._partners: dict[Link, tuple[str, int]] = {}  # whence it sent last

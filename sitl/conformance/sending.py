@@ -8,15 +8,14 @@ from typing import Any, Final
 
 from sitl.conformance.line import Link
 from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Session, Stream
-from sitl.mavlink.mavlink_codec import command_number
+from sitl.mavlink.codec import command_number
 from sitl.px4sim.commands import CommandResult
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.state import FlightMode
 
 _EXTRA_S: Final = 0.3
 _NO_POSITION: Final = 2**31 - 1
 _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "silent": None}
-_IGNORED: Final = {"position": 0x0FF8, "velocity": 0x0DC7, "nothing": 0x0FFF}  # by what is given
-_ABOVE_SEA: Final = (0, 5)  # MAV_FRAME
+_STICKS_S: Final = 0.05
 
 
 def send(session: Session, name: str, fields: dict[str, Any] | None = None) -> None:
@@ -57,8 +56,7 @@ def set_mode(
     PX4 1.17 answers ACCEPTED first, and the result when it has decided.
     """
     main, sub = FlightMode[mode].value[:2] if isinstance(mode, str) else mode
-    answers = ("ACCEPTED", result) if session.two_answers else (result,)
-    command(session, "DO_SET_MODE", (base_mode, main, sub), answers)
+    command(session, "DO_SET_MODE", (base_mode, main, sub), ("ACCEPTED", result))
 
 
 def take_off(session: Session, up_m: float) -> None:
@@ -99,47 +97,9 @@ def goto(
     _check_answers(session, "DO_REPOSITION", (answer,), 1.0)
 
 
-def setpoints(
-    session: Session,
-    values: Sequence[float],
-    given: str = "position",
-    frame: int = 1,
-    rate_hz: float = 10.0,
-) -> None:
-    """Stream SET_POSITION_TARGET_LOCAL_NED: metres or m/s north, east and up."""
-    north, east, up = values
-    fields: dict[str, Any] = {
-        "time_boot_ms": 0,
-        "coordinate_frame": frame,
-        "type_mask": _IGNORED[given],
-        "x": north,
-        "y": east,
-        "z": -up,
-        "vx": north,
-        "vy": east,
-        "vz": -up,
-    }
-    _repeat(session, "SET_POSITION_TARGET_LOCAL_NED", fields, rate_hz)
-
-
-def global_setpoints(session: Session, place: Sequence[float], frame: int) -> None:
-    """Stream SET_POSITION_TARGET_GLOBAL_INT: metres north, east and above home."""
-    north_m, east_m, up_m = place
-    latitude, longitude = session.degrees(north_m, east_m)
-    fields: dict[str, Any] = {
-        "time_boot_ms": 0,
-        "coordinate_frame": frame,
-        "type_mask": _IGNORED["position"],
-        "lat_int": round(latitude * 1e7),
-        "lon_int": round(longitude * 1e7),
-        "alt": up_m + (session.ground_amsl_m if frame in _ABOVE_SEA else 0.0),
-    }
-    _repeat(session, "SET_POSITION_TARGET_GLOBAL_INT", fields, 10.0)
-
-
 def sticks(session: Session, moved: dict[str, int]) -> None:
     """Stream MANUAL_CONTROL: x (pitch), y, r -1000 to 1000, z (throttle) 0 to 1000."""
-    _repeat(session, "MANUAL_CONTROL", {"z": 500} | moved, 20.0)
+    session.streams[:] = [Stream("MANUAL_CONTROL", {"z": 500} | moved, _STICKS_S)]
 
 
 def stop(session: Session, _: None) -> None:
@@ -166,10 +126,6 @@ def wait(session: Session, seconds: float) -> None:
 def mark(session: Session, _: None) -> None:
     """What is expected next has to come from now on."""
     session.mark()
-
-
-def _repeat(session: Session, name: str, fields: dict[str, Any], rate_hz: float) -> None:
-    session.streams[:] = [Stream(name, fields, 1.0 / rate_hz)]
 
 
 def _check_answers(

@@ -11,9 +11,8 @@ from functools import cached_property
 from typing import Any, Final
 
 from sitl.conformance.line import Line, Link
-from sitl.mavlink.mavlink_codec import Frame, MessagePacker
-from sitl.px4sim.state.notice import Notice, Severity
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.mavlink.codec import Frame, MessagePacker
+from sitl.px4sim.state import FlightMode, Notice, Severity
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)
@@ -70,7 +69,7 @@ class PositionEstimate:
 
 @dataclass(slots=True)
 class Stream:
-    """Something said again and again: setpoints, sticks."""
+    """Something said again and again: a pilot's sticks."""
 
     name: str
     fields: dict[str, Any]
@@ -90,7 +89,6 @@ class Session:
         notes: What was seen, for the report.
         track: Every position heard.
         counts: How many messages came in, by link and name.
-        two_answers: Whether DO_SET_MODE is answered twice, as PX4 1.17 does.
         vehicle_id: The vehicle's system id, as it was heard.
     """
 
@@ -104,7 +102,6 @@ class Session:
         self.notes: list[str] = []
         self.track: list[PositionEstimate] = []
         self.counts: Counter[tuple[Link, str]] = Counter()
-        self.two_answers = True
         self.vehicle_id = 1
         self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
         self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
@@ -210,10 +207,7 @@ class Session:
                 stream.due_s = (
                     now_s + stream.interval_s if late else stream.due_s + stream.interval_s
                 )
-                fields = dict(stream.fields)
-                if "time_boot_ms" in fields:
-                    fields["time_boot_ms"] = round(now_s * 1e3)
-                self.say(stream.name, **fields)
+                self.say(stream.name, **stream.fields)
 
     def _hear(self, link: Link, frame: Frame) -> None:
         if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":

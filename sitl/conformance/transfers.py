@@ -10,7 +10,7 @@ from typing import Any, Final
 from sitl.conformance.expecting import Fields, same, shorten
 from sitl.conformance.sending import send
 from sitl.conformance.session import DepartureError, Heard, Session
-from sitl.px4sim.plan.mission_items import MissionResult
+from sitl.px4sim.plan_store import UploadResult
 
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _QUIET_S: Final = 1.0
@@ -26,6 +26,20 @@ def set_parameter(session: Session, name: str, value: float, answers: int = 2) -
         answers: How many PARAM_VALUEs come: two (on a busy machine sometimes three) for a change,
             one for none, none if refused.
     """
+    values = _changed(session, name, value, answers)
+    enough = len(values) >= 2 if answers == 2 else len(values) == answers
+    if not enough:
+        raise DepartureError(f"expected {answers} PARAM_VALUEs, heard {values}")
+
+
+def ensure_parameter(session: Session, name: str, value: float) -> None:
+    """Send PARAM_SET; whether that is a change does not matter."""
+    if not _changed(session, name, value, 2):
+        raise DepartureError(f"expected a PARAM_VALUE of {name}, heard none")
+
+
+def _changed(session: Session, name: str, value: float, answers: int) -> list[float]:
+    """Send PARAM_SET; the values that were answered, which have to be the one that was sent."""
     whole = isinstance(value, int)
     sent = struct.unpack("<f", struct.pack("<i", value))[0] if whole else value
     kind = _INT32 if whole else _REAL32
@@ -33,29 +47,18 @@ def set_parameter(session: Session, name: str, value: float, answers: int = 2) -
     values = _values(session, name, answers)
     session.notes.append(f"{name}: {len(values)} answers {values}")
     wanted = struct.unpack("<f", struct.pack("<f", value))[0]
-    enough = len(values) >= 2 if answers == 2 else len(values) == answers
-    if not enough or any(abs(got - wanted) > 1e-6 for got in values):
-        raise DepartureError(f"expected {answers} PARAM_VALUEs, heard {values}")
+    if any(abs(got - wanted) > 1e-6 for got in values):
+        raise DepartureError(f"expected {value}, heard {values}")
+    return values
 
 
 def parameter(session: Session, name: str, value: float | None) -> None:
     """Ask for a parameter by name; None: silence is expected."""
     wanted = [] if value is None else [value]
-    values = _read(session, name, len(wanted))
+    send(session, "PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
+    values = _values(session, name, len(wanted))
     if len(values) != len(wanted) or not all(map(math.isclose, values, wanted)):
         raise DepartureError(f"expected {value}, heard {values or 'silence'}")
-
-
-def read_parameter(session: Session, name: str) -> float:
-    """The value of a parameter: an int where PX4 has one.
-
-    Raises:
-        DepartureError: no answer.
-    """
-    values = _read(session, name, 1)
-    if not values:
-        raise DepartureError(f"expected the parameter {name}, heard silence")
-    return values[0]
 
 
 def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s: float) -> None:
@@ -82,11 +85,6 @@ def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s
         )
 
 
-def _read(session: Session, name: str, answers: int) -> list[float]:
-    send(session, "PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
-    return _values(session, name, answers)
-
-
 def _values(session: Session, name: str, wanted: int) -> list[float]:
     def values() -> list[float]:
         return [
@@ -109,8 +107,8 @@ def _value(fields: dict[str, Any]) -> float:
 
 
 _PATIENCE_S: Final = 3.0
-_ANSWERS: Final = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
-KINDS: Final = {"mission": 0, "fence": 1, "rally": 2}  # MAV_MISSION_TYPE
+_ANSWERS: Final = ("MISSION_REQUEST_INT", "MISSION_ACK")
+_KINDS: Final = {"mission": 0, "fence": 1, "rally": 2}  # MAV_MISSION_TYPE
 _BOX: Final = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 
 
@@ -132,7 +130,7 @@ def upload(
     """
     items = _items(plan)
     expected = len(items) if refused_at is None else refused_at + 1
-    send(session, "MISSION_COUNT", {"mission_type": KINDS[kind], "count": len(items)})
+    send(session, "MISSION_COUNT", {"mission_type": _KINDS[kind], "count": len(items)})
     sent = 0
     while True:
         answer = _next_answer(session, _ANSWERS)
@@ -146,9 +144,9 @@ def upload(
         send(
             session,
             "MISSION_ITEM_INT",
-            item | {"seq": fields["seq"], "mission_type": KINDS[kind]},
+            item | {"seq": fields["seq"], "mission_type": _KINDS[kind]},
         )
-    got = MissionResult(fields["type"]).name
+    got = UploadResult(fields["type"]).name
     session.notes.append(f"upload of {len(items)}: {got} after {sent}")
     if (got, sent) != (result, expected):
         raise DepartureError(
@@ -162,7 +160,6 @@ def download(
     kind: str = "mission",
     *,
     finished: bool = True,
-    as_float: bool = False,
 ) -> None:
     """Send MISSION_REQUEST_LIST and ask for every item.
 
@@ -171,31 +168,29 @@ def download(
         items: Fields that each item is to have, in order.
         kind: Mission, fence or rally.
         finished: Whether the last MISSION_ACK is sent: without it PX4 waits for five seconds.
-        as_float: Ask with MISSION_REQUEST.
     """
-    of_kind = {"mission_type": KINDS[kind]}
+    of_kind = {"mission_type": _KINDS[kind]}
     send(session, "MISSION_REQUEST_LIST", of_kind)
     total = _next_answer(session, ("MISSION_COUNT",))
     if total is None or total.fields["count"] != len(items):
         heard = None if total is None else total.fields["count"]
         raise DepartureError(f"expected MISSION_COUNT {len(items)}, heard {heard}")
-    suffix = "" if as_float else "_INT"
-    request, reply = f"MISSION_REQUEST{suffix}", f"MISSION_ITEM{suffix}"
+    reply = "MISSION_ITEM_INT"
     for sequence, wanted in enumerate(items):
-        send(session, request, of_kind | {"seq": sequence})
+        send(session, "MISSION_REQUEST_INT", of_kind | {"seq": sequence})
         item = _next_answer(session, (reply, "MISSION_ACK"))
         if item is None or item.frame.name != reply or not same(item.fields, wanted):
             got = None if item is None else shorten(item.fields, wanted)
             raise DepartureError(f"expected item {sequence} {wanted}, heard {got}")
     if finished:
-        session.say("MISSION_ACK", mission_type=KINDS[kind], type=0)
+        session.say("MISSION_ACK", mission_type=_KINDS[kind], type=0)
 
 
 def clear(session: Session, kind: str) -> None:
     """Send MISSION_CLEAR_ALL; MISSION_ACK has to come."""
-    send(session, "MISSION_CLEAR_ALL", {"mission_type": KINDS[kind]})
+    send(session, "MISSION_CLEAR_ALL", {"mission_type": _KINDS[kind]})
     answer = _next_answer(session, ("MISSION_ACK",))
-    if answer is None or answer.fields["type"] != MissionResult.ACCEPTED:
+    if answer is None or answer.fields["type"] != UploadResult.ACCEPTED:
         heard = None if answer is None else answer.fields["type"]
         raise DepartureError(f"expected MISSION_ACK ACCEPTED, heard {heard}")
 

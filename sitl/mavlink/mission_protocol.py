@@ -1,7 +1,8 @@
 """PX4's side of the MAVLink mission microservice: upload, download, clear, set current.
 
 A pure state machine, one per link; the plan is shared. Time comes in as an argument. The
-behaviour is that of PX4 1.17's mission manager, its answers, silences and time-outs included.
+behaviour is that of PX4 1.17's mission manager, its answers, silences and time-outs included; the
+old messages with coordinates in floating point are not taken.
 """
 
 from __future__ import annotations
@@ -10,25 +11,22 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
-from sitl.px4sim.plan.mission_items import (
+from sitl.mavlink.codec import Outgoing
+from sitl.px4sim.plan_store import (
+    CAPACITY,
     MissionItem,
-    MissionResult,
     MissionType,
+    PlanStore,
     RefusedItemError,
+    UploadResult,
     checksum,
     stored_item,
 )
-from sitl.px4sim.plan.plan_store import CAPACITY, PlanStore
-from sitl.px4sim.state.notice import Notice, Outgoing, Severity
+from sitl.px4sim.state import Notice, Severity
 
-RETRY_S: Final = 0.25
-TIMEOUT_S: Final = 5.0
-_MISSION_PLANNER: Final = 190
-
-_AS_FLOAT: Final = {  # which of the two kinds of items a message speaks of
-    **dict.fromkeys(("MISSION_REQUEST", "MISSION_ITEM"), True),
-    **dict.fromkeys(("MISSION_REQUEST_INT", "MISSION_ITEM_INT"), False),
-}
+_RETRY_S: Final = 0.25
+_TIMEOUT_S: Final = 5.0
+_COMPONENTS: Final = (1, 190, 0)  # as target_component for us: autopilot, mission planner, all
 
 Reply = Outgoing | Notice
 
@@ -45,13 +43,11 @@ class MissionProtocol:
     Args:
         plan: The plan on board.
         system_id: The vehicle's.
-        component_id: The autopilot's.
     """
 
-    def __init__(self, plan: PlanStore, system_id: int, component_id: int = 1) -> None:
+    def __init__(self, plan: PlanStore, system_id: int) -> None:
         self._plan = plan
         self._system_id = system_id
-        self._components = (component_id, _MISSION_PLANNER, 0)  # as target_component: for us
         self._state = _State.IDLE  # while receiving, `plan.transferring` keeps other links out
         self._type = 0  # MAV_MISSION_TYPE of the transfer, or of the last one
         self._partner = (0, 0)  # system and component, of the transfer or of the last one
@@ -60,7 +56,6 @@ class MissionProtocol:
         self._items: list[MissionItem] = []  # received so far; stored when all are there
         self._checksum = 0  # of these; the plan's opaque_id
         self._marked: int | None = None  # the one that says it is current
-        self._as_float = False  # MISSION_ITEM, not MISSION_ITEM_INT: as the partner does
         self._sent_s = 0.0  # time of the last MISSION_REQUEST, on the wall's clock
         self._received_s = 0.0  # time of the partner's last message, on the wall's clock
         # By message name; called with the message, its sender and the time.
@@ -68,22 +63,16 @@ class MissionProtocol:
             "MISSION_ACK": self._on_ack,
             "MISSION_SET_CURRENT": self._on_set_current,
             "MISSION_REQUEST_LIST": self._on_request_list,
-            "MISSION_REQUEST": self._on_request,
             "MISSION_REQUEST_INT": self._on_request,
             "MISSION_COUNT": self._on_count,
-            "MISSION_ITEM": self._on_item,
             "MISSION_ITEM_INT": self._on_item,
             "MISSION_CLEAR_ALL": self._on_clear_all,
         }
 
     @property
-    def idle(self) -> bool:
-        """Whether no transfer is under way on this link."""
-        return self._state is _State.IDLE
-
-    def handles(self, name: str) -> bool:
-        """Whether a message belongs to this microservice."""
-        return name in self._handlers
+    def messages(self) -> tuple[str, ...]:
+        """The names of the messages that belong to this microservice."""
+        return tuple(self._handlers)
 
     def handle(self, message: Any, now_s: float) -> list[Reply]:
         """Take a message in; messages for others are ignored.
@@ -93,20 +82,18 @@ class MissionProtocol:
             now_s: Seconds, ever rising.
         """
         mine = message.target_system == self._system_id
-        if not mine or message.target_component not in self._components:
+        if not mine or message.target_component not in _COMPONENTS:
             return []
-        sender, name = (message.get_srcSystem(), message.get_srcComponent()), message.get_type()
-        if name in _AS_FLOAT:
-            self._as_float = _AS_FLOAT[name]
-        return self._handlers[name](message, sender, now_s)
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        return self._handlers[message.get_type()](message, sender, now_s)
 
     def tick(self, now_s: float) -> list[Reply]:
         """Repeat a request that was not answered, or give up; call it every step."""
         if self._state is _State.IDLE:
             return []
-        if self._state is _State.RECEIVING and now_s - self._sent_s > RETRY_S:
+        if self._state is _State.RECEIVING and now_s - self._sent_s > _RETRY_S:
             return [self._request(now_s)]
-        if now_s - self._received_s > TIMEOUT_S:
+        if now_s - self._received_s > _TIMEOUT_S:
             self._finish()
             return [_say("Operation timeout", "mavlink_mission_op_timeout")]
         return []
@@ -146,31 +133,24 @@ class MissionProtocol:
             return self._unexpected_request("mavlink_mission_wp_unexpected")
         if message.seq >= len(items):
             return self._unexpected_request("mavlink_mission_wp_unexpected2")
-        name = "MISSION_ITEM" if self._as_float else "MISSION_ITEM_INT"
         current = self._type == MissionType.MISSION and message.seq == self._plan.active
-        fields = items[message.seq].fields(as_float=self._as_float)
-        return [
-            self._outgoing(name, sender, seq=message.seq, current=int(current), **fields),
-        ]
+        fields = items[message.seq].fields() | {"seq": message.seq, "current": int(current)}
+        return [self._outgoing("MISSION_ITEM_INT", sender, **fields)]
 
     def _unexpected_request(self, event: str) -> list[Reply]:
         self._state = _State.IDLE
         return [
-            self._ack(MissionResult.ERROR),
+            self._ack(UploadResult.ERROR),
             _say("WPM: REJ. CMD: Req. WP was unexpected", event),
         ]
 
-    def _on_ack(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+    def _on_ack(self, message: Any, sender: tuple[int, int], _: float) -> list[Reply]:
         if sender != self._partner:
             return [_say("REJ. WP CMD: partner id mismatch", "mavlink_mission_partner_id_mismatch")]
         if self._state is _State.SENDING and message.mission_type == self._type:
             self._state = _State.IDLE
-        elif self._state is _State.RECEIVING:
-            if message.type == MissionResult.UNSUPPORTED:
-                self._as_float = not self._as_float
-                return [self._request(now_s)]
-            if message.type == MissionResult.OPERATION_CANCELLED:
-                self._finish()
+        elif (self._state, message.type) == (_State.RECEIVING, UploadResult.OPERATION_CANCELLED):
+            self._finish()
         return []
 
     # Uploads
@@ -179,7 +159,7 @@ class MissionProtocol:
         if self._state is _State.SENDING:
             return [
                 _say("WPM: IGN MISSION_COUNT: Busy", "mavlink_mission_ignore_mis_count"),
-                self._ack(MissionResult.ERROR, sender),
+                self._ack(UploadResult.ERROR, sender),
             ]
         self._received_s = now_s
         if self._state is _State.IDLE:
@@ -187,25 +167,25 @@ class MissionProtocol:
             if answer:
                 return answer
         elif sender != self._partner:
-            return [self._ack(MissionResult.ERROR, sender)]
+            return [self._ack(UploadResult.ERROR, sender)]
         elif self._sequence > 0:
             return [
                 _say("WPM: REJ. CMD: Busy", "mavlink_mission_getlist_busy"),
-                self._ack(MissionResult.ERROR),
+                self._ack(UploadResult.ERROR),
             ]
         return [self._request(now_s)]
 
     def _begin_upload(self, message: Any, sender: tuple[int, int]) -> list[Reply]:
         if self._plan.transferring:  # by another link
-            return [self._ack(MissionResult.ERROR, sender)]
+            return [self._ack(UploadResult.ERROR, sender)]
         self._partner, self._type = sender, message.mission_type
         self._checksum = 0
         if message.count > (CAPACITY[MissionType(self._type)] if self._type in CAPACITY else 0):
-            return [self._ack(MissionResult.NO_SPACE)]
+            return [self._ack(UploadResult.NO_SPACE)]
         if message.count == 0:
             if self._type in CAPACITY:
                 self._plan.store(MissionType(self._type), (), 0, 0)
-            return [self._ack(MissionResult.ACCEPTED)]
+            return [self._ack(UploadResult.ACCEPTED)]
         self._plan.transferring = True
         self._state = _State.RECEIVING
         self._sequence, self._count = 0, message.count
@@ -217,7 +197,7 @@ class MissionProtocol:
             event = "mavlink_mission_item_partner_id_mismatch"
             return [_say("REJ. MIS ITEM: partner id mismatch", event)]
         if message.mission_type != self._type:
-            return [self._ack(MissionResult.ERROR)]
+            return [self._ack(UploadResult.ERROR)]
         if self._state is not _State.RECEIVING:
             return self._on_stray_item(message.seq)
         self._received_s = now_s
@@ -227,19 +207,19 @@ class MissionProtocol:
         if self._state is _State.SENDING:
             words = _say("IGN MISSION_ITEM: Busy", "mavlink_mission_mis_item_busy")
         elif sequence + 1 == self._sequence:  # our last MISSION_ACK was lost, presumably
-            return [self._ack(MissionResult.ACCEPTED, identifier=self._checksum)]
+            return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
         else:
             words = _say("IGN MISSION_ITEM: No transfer", "mavlink_mission_no_transfer")
-        return [words, self._ack(MissionResult.ERROR)]
+        return [words, self._ack(UploadResult.ERROR)]
 
     def _take(self, message: Any, now_s: float) -> list[Reply]:
         try:
-            item = stored_item(message, self._type, as_float=self._as_float)
+            item = stored_item(message, self._type)
         except RefusedItemError as refusal:
             self._finish()
             words = _say("IGN MISSION_ITEM: Invalid item", "mavlink_mission_mis_item_invalid")
             return [words] * refusal.said + [self._ack(refusal.result)]
-        self._checksum = checksum(message, self._checksum, as_float=self._as_float)
+        self._checksum = checksum(message, self._checksum)
         self._items.append(item)
         if message.current:
             self._marked = message.seq
@@ -249,7 +229,7 @@ class MissionProtocol:
         kind = MissionType(self._type)
         self._plan.store(kind, tuple(self._items), self._checksum, self._marked)
         self._finish()
-        return [self._ack(MissionResult.ACCEPTED, identifier=self._checksum)]
+        return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
 
     # The rest
 
@@ -261,10 +241,9 @@ class MissionProtocol:
         for kind in CAPACITY:
             if message.mission_type in (kind, MissionType.ALL):
                 self._plan.store(kind, (), 0, 0)
-        return [self._ack(MissionResult.ACCEPTED, sender)]
+        return [self._ack(UploadResult.ACCEPTED, sender)]
 
-    def _on_set_current(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        del sender
+    def _on_set_current(self, message: Any, _: tuple[int, int], now_s: float) -> list[Reply]:
         if self._state is not _State.IDLE:
             return [_say("WPM: IGN WP CURR CMD: Busy", "mavlink_mission_state_busy")]
         self._received_s = now_s
@@ -280,12 +259,11 @@ class MissionProtocol:
 
     def _request(self, now_s: float) -> Outgoing:
         self._sent_s = now_s
-        name = "MISSION_REQUEST" if self._as_float else "MISSION_REQUEST_INT"
-        return self._outgoing(name, self._partner, seq=self._sequence)
+        return self._outgoing("MISSION_REQUEST_INT", self._partner, seq=self._sequence)
 
     def _ack(
         self,
-        result: MissionResult,
+        result: UploadResult,
         receiver: tuple[int, int] | None = None,
         identifier: int = 0,
     ) -> Outgoing:

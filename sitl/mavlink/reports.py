@@ -14,10 +14,10 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+from sitl.mavlink.codec import Outgoing
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.plan.mission_items import MissionType
-from sitl.px4sim.state.notice import Notice, Outgoing, Severity
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.plan_store import MissionType
+from sitl.px4sim.state import FlightMode, Notice, Severity
 
 _WINDOW_S: Final = 2.5
 _AGE_S: Final = 5.0
@@ -63,29 +63,16 @@ class TextChannel:
         chunks = [data[start : start + _CHUNK] for start in range(0, len(data), _CHUNK)]
         if len(data) % _CHUNK == 0:
             chunks.append(b"")  # a text ends with the first chunk that is not full
-        identifier = self._identifier
-        self._identifier = (identifier + 1) & 0xFFFF
+        text = {"severity": notice.severity, "id": self._identifier}
+        self._identifier = (self._identifier + 1) & 0xFFFF
         return [
-            Outgoing(
-                "STATUSTEXT",
-                {
-                    "severity": notice.severity,
-                    "text": chunk,
-                    "id": identifier,
-                    "chunk_seq": number,
-                },
-            )
+            Outgoing("STATUSTEXT", text | {"text": chunk, "chunk_seq": number})
             for number, chunk in enumerate(chunks)
         ]
 
 
-_NO_MISSION: Final = 1  # MISSION_STATE
-_NOT_STARTED: Final = 2
-_ACTIVE: Final = 3
-_PAUSED: Final = 4
-_COMPLETE: Final = 5
-_MODE_ACTIVE: Final = 1
-_MODE_SUSPENDED: Final = 2
+_NO_MISSION, _NOT_STARTED, _ACTIVE, _PAUSED, _COMPLETE = range(1, 6)  # MISSION_STATE
+_MODE_ACTIVE, _MODE_SUSPENDED = 1, 2
 _ACTIVE_MODES: Final = frozenset(
     {FlightMode.AUTO_MISSION, FlightMode.AUTO_TAKEOFF, FlightMode.AUTO_LAND}
 )
@@ -176,9 +163,10 @@ _STICKS: Final = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 10 | 1 << 15
 _WITHOUT_POSITION: Final = _USUAL_MODES & 0x80003A80 | 0x00010000
 
 # health_component_t
-_SYSTEM: Final = 1 << 20
+_SYSTEM: Final = 1 << 20  # PX4's simulator has an error in it, without a check that says why
 _REMOTE_CONTROL: Final = 1 << 7
 _PRESENT: Final = 0x38021C0A
+_MODES: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,8 +182,8 @@ class _Check:
 _NO_ATTITUDE: Final = _Check("check_modes_attitude", Severity.CRITICAL, 0x007ED17E, 16)
 _NO_LOCAL: Final = _Check("check_modes_local_pos", Severity.ERROR, 0x007E007C, 17)
 _NO_GLOBAL: Final = _Check("check_modes_global_pos", Severity.ERROR, 0x00000038, 24)
-_MISSION_UNFIT: Final = _Check("check_modes_mission", Severity.INFO, _MISSION, 20)
-_NO_SETPOINTS: Final = _Check("check_modes_offboard_signal", Severity.ERROR, _OFFBOARD, 20)
+_MISSION_UNFIT: Final = _Check("check_modes_mission", Severity.INFO, _MISSION, _MODES)
+_NO_SETPOINTS: Final = _Check("check_modes_offboard_signal", Severity.ERROR, _OFFBOARD, _MODES)
 _NO_STICKS: Final = _Check("check_modes_manual_control", Severity.WARNING, _ALL_MODES, 7)
 _NO_STATION: Final = _Check("check_rc_dl_no_dllink", Severity.INFO, _ALL_MODES, 12)
 
@@ -205,7 +193,7 @@ class HealthReport:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._told: tuple[tuple[_Check, ...], int] | None = None  # checks, modes
+        self._told: tuple[list[_Check], int] | None = None  # checks, modes
         self._next_s = _EVERY_S  # simulated time of the next look
 
     def step(self) -> list[Notice]:
@@ -220,62 +208,53 @@ class HealthReport:
             self._next_s = now_s + _LOOK_S
             return []
         self._told, self._next_s = (checks, modes), now_s + _EVERY_S
-        errors = _SYSTEM  # PX4's simulator has it so, without a check that says why
-        for check in checks:
-            if check.severity <= Severity.ERROR and check.component != _MISSION_COMPONENT:
-                errors |= 1 << check.component
-        warnings = _REMOTE_CONTROL if _NO_STICKS in checks else 0
-        summary = struct.pack("<BIIII", 0, errors, warnings, self._can_arm(modes), modes)
-        return [
-            _notice("commander_arming_check_summary", _FOR_PROGRAMS, summary),
-            *(
-                _notice(
-                    check.event,
-                    check.severity,
-                    struct.pack("<IB", check.modes, check.component),
-                )
-                for check in checks
-            ),
-            _notice(
-                "commander_health_summary", _FOR_PROGRAMS, struct.pack("<BIII", 0, _PRESENT, 0, 0)
-            ),
-        ]
+        return _report(checks, modes, self._can_arm(modes))
 
-    def _checks(self, now_s: float) -> tuple[_Check, ...]:
-        autopilot = self._autopilot
-        can_fly, situation = autopilot.modes.can_fly, autopilot.situation
+    def _checks(self, now_s: float) -> list[_Check]:
+        autopilot, situation = self._autopilot, self._autopilot.situation
+        can_fly = autopilot.modes.can_fly
         lost = now_s < _POSITION_AFTER_S or not situation.position_valid
-        open_checks = {
+        checks = {
             _NO_ATTITUDE: now_s < _ATTITUDE_AFTER_S,
             _NO_LOCAL: lost,
             _NO_GLOBAL: lost,
             _MISSION_UNFIT: not can_fly(FlightMode.AUTO_MISSION, situation),
-            _NO_SETPOINTS: not can_fly(FlightMode.OFFBOARD, situation),
+            _NO_SETPOINTS: True,
             _NO_STICKS: not can_fly(FlightMode.POSCTL, situation),
             _NO_STATION: autopilot.watchdog.ground_station_lost,
         }
-        return tuple(check for check, is_open in open_checks.items() if is_open)
+        return [check for check, is_open in checks.items() if is_open]
 
     def _can_arm(self, modes: int) -> int:
         """The modes in which it may be armed; what forbids it forbids it in all of them."""
         autopilot = self._autopilot
-        wanted = autopilot.parameters["NAV_DLL_ACT"] > 0
-        alone = wanted and autopilot.watchdog.ground_station_lost
-        return 0 if autopilot.guard.violated or autopilot.terminated or alone else modes
+        alone = autopilot.watchdog.misses_ground_station(autopilot.situation)
+        return 0 if autopilot.fence.violated or autopilot.terminated or alone else modes
 
-    def _modes(self, checks: tuple[_Check, ...]) -> int:
+    def _modes(self, checks: list[_Check]) -> int:
+        """Those that can be flown."""
         modes = _WITHOUT_POSITION if _NO_LOCAL in checks else _USUAL_MODES
         if _MISSION_UNFIT not in checks and _NO_LOCAL not in checks:
             modes |= _MISSION
-        if _NO_SETPOINTS not in checks:
-            modes |= _OFFBOARD
         if _NO_STICKS not in checks:
             modes |= _STICKS
         return modes
 
 
-_MISSION_COMPONENT: Final = 20
-
-
-def _notice(event: str, level: int, arguments: bytes) -> Notice:
-    return Notice(Severity.INFO, "", event, level, arguments)
+def _report(checks: list[_Check], modes: int, can_arm: int) -> list[Notice]:
+    errors = _SYSTEM
+    for check in checks:
+        if check.severity <= Severity.ERROR and check.component != _MODES:
+            errors |= 1 << check.component
+    warnings = _REMOTE_CONTROL if _NO_STICKS in checks else 0
+    summary = struct.pack("<BIIII", 0, errors, warnings, can_arm, modes)
+    health = struct.pack("<BIII", 0, _PRESENT, 0, 0)
+    said = (
+        ("commander_arming_check_summary", _FOR_PROGRAMS, summary),
+        *(
+            (check.event, check.severity, struct.pack("<IB", check.modes, check.component))
+            for check in checks
+        ),
+        ("commander_health_summary", _FOR_PROGRAMS, health),
+    )
+    return [Notice(Severity.INFO, "", event, level, arguments) for event, level, arguments in said]

@@ -1,21 +1,101 @@
 """The messages that the autopilot streams: which ones, how often, and what is in them.
 
-Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100) and
-those that are left out because no pilot flies by them: SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR,
-GNSS_INTEGRITY, Remote ID and the like.
+Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100). Those
+are left out that neither a companion nor a ground station flies by: raw sensors, odometry, servos,
+SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR, Remote ID and the like.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
-from sitl.mavlink.control_messages import ControlMessages
-from sitl.mavlink.position_messages import PositionMessages
-from sitl.mavlink.status_messages import StatusMessages
+from sitl.mavlink import motion_messages as motion
+from sitl.mavlink import status_messages as status
+from sitl.mavlink.codec import Outgoing
+from sitl.mavlink.motion_messages import Fields, boot_ms, boot_us
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.state.notice import Outgoing
-from sitl.px4sim.state.px4_modes import Px4Version
+
+
+@dataclass(slots=True)
+class Telemetry:
+    """All messages that can be streamed or asked for.
+
+    Attributes:
+        autopilot: Whose.
+        start_unix_s: Unix time of the simulation's start; SYSTEM_TIME goes on from it.
+        events_sent: How many EVENTs there were, for their sequence numbers.
+    """
+
+    autopilot: Autopilot
+    start_unix_s: float
+    events_sent: int = 0
+
+    @staticmethod
+    def knows(name: str) -> bool:
+        """Whether a message can be streamed or asked for."""
+        return name in _MESSAGES
+
+    def message(self, name: str) -> Outgoing | None:
+        """The message as it is now; None if there is nothing to say yet."""
+        fields = _MESSAGES[name].fields(self)
+        return None if fields is None else Outgoing(name, fields)
+
+    def system_time(self) -> Fields:
+        """Unix time of the simulation."""
+        unix_s = self.start_unix_s + self.autopilot.time_s
+        return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": boot_ms(self.autopilot)}
+
+    def timesync(self) -> Fields:
+        """A question for the time of the other side."""
+        return {"ts1": boot_us(self.autopilot) * 1000}
+
+    def current_event_sequence(self) -> Fields:
+        """The number of the last EVENT."""
+        return {"sequence": (self.events_sent - 1) & 0xFFFF, "flags": 0}
+
+
+@dataclass(frozen=True, slots=True)
+class _Message:
+    """A message: what is in it, and how often it comes on PX4's links, 0: only when asked for."""
+
+    fields: Callable[[Telemetry], Fields | None]
+    onboard_hz: float = 0.0
+    ground_hz: float = 0.0
+    truth_hz: float = 0.0
+
+
+def _of(build: Callable[[Autopilot], Fields | None]) -> Callable[[Telemetry], Fields | None]:
+    return lambda telemetry: build(telemetry.autopilot)
+
+
+_MESSAGES: Final[Mapping[str, _Message]] = {
+    "HEARTBEAT": _Message(_of(status.heartbeat), 1.0, 1.0, 1.0),
+    "SYS_STATUS": _Message(_of(status.sys_status), 5.0, 1.0),
+    "SYSTEM_TIME": _Message(Telemetry.system_time, 1.0),
+    "GPS_RAW_INT": _Message(_of(motion.gps_raw_int), 8.0, 5.0),
+    "ATTITUDE": _Message(_of(motion.attitude), 50.0, 50.0),
+    "LOCAL_POSITION_NED": _Message(_of(motion.local_position_ned), 30.0, 50.0),
+    "GLOBAL_POSITION_INT": _Message(_of(motion.global_position_int), 50.0, 50.0),
+    "VFR_HUD": _Message(_of(motion.vfr_hud), 10.0, 4.0),
+    "TIMESYNC": _Message(Telemetry.timesync, 10.0),
+    "ALTITUDE": _Message(_of(motion.altitude), 10.0, 1.0),
+    "BATTERY_STATUS": _Message(_of(status.battery_status), 0.5, 0.5),
+    "ESTIMATOR_STATUS": _Message(_of(status.estimator_status), 1.0, 1.0),
+    "HOME_POSITION": _Message(_of(motion.home_position), 0.5, 0.5),
+    "EXTENDED_SYS_STATE": _Message(_of(status.extended_sys_state), 5.0, 1.0),
+    "CURRENT_EVENT_SEQUENCE": _Message(Telemetry.current_event_sequence, 1.0 / 3.0, 1.0 / 3.0),
+    "CURRENT_MODE": _Message(_of(status.current_mode), 0.5, 0.5),
+    "POSITION_TARGET_GLOBAL_INT": _Message(_of(motion.position_target_global_int), 10.0, 10.0),
+    "WIND_COV": _Message(_of(motion.wind_cov), 10.0, 0.5),
+    "HIL_STATE_QUATERNION": _Message(_of(motion.hil_state_quaternion), truth_hz=25.0),
+    "FLIGHT_INFORMATION": _Message(_of(status.flight_information)),
+    "AUTOPILOT_VERSION": _Message(_of(status.autopilot_version)),
+}
+ONBOARD_RATES_HZ: Final = {n: m.onboard_hz for n, m in _MESSAGES.items() if m.onboard_hz}
+GROUND_RATES_HZ: Final = {n: m.ground_hz for n, m in _MESSAGES.items() if m.ground_hz}
+TRUTH_RATES_HZ: Final = {n: m.truth_hz for n, m in _MESSAGES.items() if m.truth_hz}
 
 
 class StreamSchedule:
@@ -42,11 +122,6 @@ class StreamSchedule:
             return
         self._due_s[name] = 0.0
 
-    def interval_us(self, name: str) -> int:
-        """The present interval; -1 if it is not sent."""
-        interval_s = self._intervals_s.get(name)
-        return -1 if interval_s is None else round(min(interval_s * 1e6, 2e9))
-
     def due(self, now_s: float) -> list[str]:
         """The messages to be sent now, each once however late."""
         names = [name for name, due_s in self._due_s.items() if due_s <= now_s + 1e-9]
@@ -56,72 +131,3 @@ class StreamSchedule:
                 following_s = now_s + self._intervals_s[name]
             self._due_s[name] = following_s
         return names
-
-
-ONBOARD_RATES_HZ: Final[dict[str, float]] = {
-    "HEARTBEAT": 1.0,
-    "SYS_STATUS": 5.0,
-    "SYSTEM_TIME": 1.0,
-    "GPS_RAW_INT": 8.0,
-    "ATTITUDE": 50.0,
-    "ATTITUDE_QUATERNION": 50.0,
-    "LOCAL_POSITION_NED": 30.0,
-    "GLOBAL_POSITION_INT": 50.0,
-    "VFR_HUD": 10.0,
-    "TIMESYNC": 10.0,
-    "ALTITUDE": 10.0,
-    "BATTERY_STATUS": 0.5,
-    "ESTIMATOR_STATUS": 1.0,
-    "HOME_POSITION": 0.5,
-    "EXTENDED_SYS_STATE": 5.0,
-    "CURRENT_EVENT_SEQUENCE": 1.0 / 3.0,
-    "CURRENT_MODE": 0.5,
-    "POSITION_TARGET_LOCAL_NED": 10.0,
-    "POSITION_TARGET_GLOBAL_INT": 10.0,
-    "SERVO_OUTPUT_RAW": 10.0,
-    "ODOMETRY": 30.0,
-    "HIGHRES_IMU": 50.0,
-    "WIND_COV": 10.0,
-}
-_ONBOARD_ONLY: Final = {"ODOMETRY", "HIGHRES_IMU", "TIMESYNC", "SYSTEM_TIME"}
-GROUND_RATES_HZ: Final[dict[str, float]] = {
-    name: rate for name, rate in ONBOARD_RATES_HZ.items() if name not in _ONBOARD_ONLY
-} | {
-    "SYS_STATUS": 1.0,
-    "GPS_RAW_INT": 5.0,
-    "LOCAL_POSITION_NED": 50.0,
-    "VFR_HUD": 4.0,
-    "ALTITUDE": 1.0,
-    "EXTENDED_SYS_STATE": 1.0,
-    "POSITION_TARGET_LOCAL_NED": 50.0,
-    "SERVO_OUTPUT_RAW": 50.0,
-    "WIND_COV": 0.5,
-}
-TRUTH_RATES_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "HIL_STATE_QUATERNION": 25.0}
-
-
-class Telemetry:
-    """All messages that can be streamed or asked for.
-
-    Attributes:
-        status: Builder of the status messages, which also knows the time.
-        version: What PX4 it is.
-    """
-
-    def __init__(self, autopilot: Autopilot, start_unix_s: float, version: Px4Version) -> None:
-        self.version = version
-        self.status = StatusMessages(autopilot, start_unix_s, version.number)
-        self._builders = (  # by message name
-            self.status.builders()
-            | PositionMessages(autopilot).builders()
-            | ControlMessages(autopilot).builders()
-        )
-
-    def knows(self, name: str) -> bool:
-        """Whether a message can be streamed or asked for."""
-        return name in self._builders
-
-    def message(self, name: str) -> Outgoing | None:
-        """The message as it is now; None if there is nothing to say yet."""
-        fields = self._builders[name]()
-        return None if fields is None else Outgoing(name, fields)

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.errors import AirRouterError
-from sitl.mavlink.mavlink_codec import frames
+from sitl.mavlink.codec import frames
 
 _LARGEST_DATAGRAM: Final = 65535
 

@@ -22,7 +22,7 @@ from air_router.errors import AirRouterError, NoVehicleError
 from mocha_link.errors import needs_extra
 from mocha_link.node.lifetime import Closeable
 from sitl.process.px4_install import Px4Install
-from sitl.px4sim.state.situation import Place
+from sitl.px4sim.state import Place
 
 with needs_extra("the simulator", "sim", "air-router"):
     from pymavlink.dialects.v20 import common as mavlink

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mocha_link.node.lifetime import Closeable
-from sitl.mavlink.mavlink_link import MavlinkLink
-from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.udp_link import Address, UdpLink
+from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.process.pace import Pace
 
 _log = logging.getLogger(__name__)

@@ -9,27 +9,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from sitl.px4sim.ground_contact import GroundContact
-from sitl.px4sim.modes.auto_modes import go_to
-from sitl.px4sim.modes.direct_modes import Sticks
-from sitl.px4sim.modes.flight_modes import FlightModes
-from sitl.px4sim.modes.mission_flight import MissionFlight
-from sitl.px4sim.motion.battery import Battery
+from sitl.px4sim.auto_modes import go_to
+from sitl.px4sim.failsafe import Action, Cause, Failsafe
+from sitl.px4sim.fence import Fence
+from sitl.px4sim.flight_modes import FlightModes, Sticks
+from sitl.px4sim.ground_contact import ArmingReason, GroundContact
+from sitl.px4sim.mission_flight import MissionFlight
+from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
-from sitl.px4sim.motion.estimator import EstimateErrors
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
-from sitl.px4sim.motion.projection import MapProjection
-from sitl.px4sim.motion.wind import Wind, WindSettings
-from sitl.px4sim.plan.plan_store import PlanStore
+from sitl.px4sim.parameters import Parameters
 from sitl.px4sim.plan_intake import PlanIntake
+from sitl.px4sim.plan_store import PlanStore
 from sitl.px4sim.positioning import Positioning
-from sitl.px4sim.safety.failsafe import Action, ArmingReason, Cause, Failsafe, disarm_due
-from sitl.px4sim.safety.fence_guard import FenceGuard
-from sitl.px4sim.safety.watchdog import Watchdog
-from sitl.px4sim.state.notice import Notice, Severity
-from sitl.px4sim.state.parameters import Parameters
-from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.px4sim.state.situation import Place, Situation
+from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation
+from sitl.px4sim.watchdog import Watchdog
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
@@ -38,6 +32,9 @@ _DRAG_LEAVES: Final = 0.9
 
 class Autopilot:
     """A multirotor and its autopilot.
+
+    Its parts are public to be read; `situation` is what they share. `report_asked` is set by
+    RUN_PREARM_CHECKS, and taken back when the report is made.
 
     Args:
         place: Where it stands.
@@ -62,12 +59,11 @@ class Autopilot:
         self.airframe = Multirotor()
         self.errors = EstimateErrors(seed)
         self.wind = Wind(wind or WindSettings(), seed)
-        self.battery = Battery()
         self.plan = PlanStore()
         self.positioning = Positioning()
         self.failsafe = Failsafe()
         self.watchdog = Watchdog(time_scale)
-        self.guard = FenceGuard(self.plan)
+        self.fence = Fence(self.plan)
         self.mission = MissionFlight()
         self.modes = FlightModes(self.mission)
         self.situation = Situation(
@@ -82,8 +78,8 @@ class Autopilot:
         self.mode = self.intended = self._after_disarming = FlightMode.AUTO_LOITER
         self.flying_mode: FlightMode | None = None  # in the last step; None: it was disarmed
         self.terminated = False  # for good: it never arms again (flight termination)
-        self.report_asked = False  # by RUN_PREARM_CHECKS; `HealthReport` takes it back
-        self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
+        self.report_asked = False
+        self._intake = PlanIntake(self.plan, self.fence, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m  # home's AMSL before the wandering error is added
         self._ground = GroundContact()
         self._ever_asked = False  # sticks choose Position only before any mode command
@@ -104,7 +100,7 @@ class Autopilot:
     def can_arm(self) -> bool:
         """Whether PX4's health and arming checks pass in the present mode."""
         blocked = self.modes.blocks_arming(self.mode, self.situation)
-        ready = self.time_s >= ARMABLE_AFTER_S and not self.guard.violated
+        ready = self.time_s >= ARMABLE_AFTER_S and not self.fence.violated
         return ready and not blocked and not self.terminated
 
     @property
@@ -153,8 +149,7 @@ class Autopilot:
         if not self.armed:
             return
         situation = self.situation
-        goal = point or (situation.north_m, situation.east_m)
-        if self.guard.allows(*goal, situation):
+        if self.fence.allows(*(point or situation.here), situation):
             self.modes.hold.move_to(point, altitude_m, yaw_rad, speed_m_s, situation)
         else:
             situation.say(
@@ -172,8 +167,7 @@ class Autopilot:
             if not self._ever_asked:
                 self.request_mode(FlightMode.POSCTL)
             return
-        override = int(self.parameters["COM_RC_OVERRIDE"])
-        overridden = (2 if self.mode is FlightMode.OFFBOARD else 1) & override
+        overridden = int(self.parameters["COM_RC_OVERRIDE"]) & 1  # in automatic modes
         if self.mode.needs_pilot or not overridden or not pilot.takes_over(situation):
             return
         acting = self.failsafe.acting
@@ -187,21 +181,25 @@ class Autopilot:
 
     def arm(self, reason: ArmingReason = ArmingReason.COMMAND) -> bool:
         """Start the motors if PX4's checks allow it."""
+        situation = self.situation
         if self.armed:
             return True
-        if not self.can_arm or self.watchdog.refuses_arming(self.situation):
-            self.situation.say(
+        alone = self.can_arm and self.watchdog.misses_ground_station(situation)
+        if alone:
+            text = "Preflight Fail: No connection to the GCS"
+            situation.say(text, severity=Severity.WARNING)
+        if alone or not self.can_arm:
+            situation.say(
                 "Arming denied: Resolve system health failures first",
                 "commander_arm_denied_resolve_failures",
                 Severity.CRITICAL,
             )
             return False
-        situation = self.situation
         situation.armed, situation.took_off_s = True, None
         self._ground.armed(self.time_s)
         self.watchdog.armed()
         self._set_home_here()
-        situation.say(f"Armed by {reason.words}", "commander_armed_by", arguments=bytes((reason,)))
+        situation.say(f"Armed by {reason.words}", "commander_armed_by", arguments=reason.argument)
         return True
 
     def disarm(self, reason: ArmingReason = ArmingReason.COMMAND, *, forced: bool = False) -> bool:
@@ -219,10 +217,10 @@ class Autopilot:
         situation.armed = False
         self.intended = self._after_disarming
         self.mission.disarmed()
-        self.failsafe.disarmed()
+        self.failsafe.reset()
         self.modes.hold.forget()
         situation.say(
-            f"Disarmed by {reason.words}", "commander_disarmed_by", arguments=bytes((reason,))
+            f"Disarmed by {reason.words}", "commander_disarmed_by", arguments=reason.argument
         )
         return True
 
@@ -256,16 +254,14 @@ class Autopilot:
 
     def _watch(self, step_s: float) -> None:
         situation = self.situation
-        self.battery.follow(step_s, self.parameters.__getitem__, armed=self.armed)
         sticks = self.modes.pilot.present(situation)
-        causes = self.watchdog.sticks(self.intended, situation, present=sticks)
-        for action, cause in (*causes, *self.watchdog.step(self.battery, situation)):
+        for action, cause in self.watchdog.step(step_s, self.intended, situation, sticks=sticks):
             self.failsafe.trigger(action, cause, self.intended, situation)
-        action = self.guard.breach(situation)
+        action = self.fence.breach(situation)
         if action is Action.HOLD:
             # It holds where the breach was seen: it overshoots and comes back to that point.
-            here = (situation.north_m, situation.east_m, situation.altitude_m)
-            self.modes.hold.reposition(go_to(*here, situation))
+            here = go_to(*situation.here, situation.altitude_m, situation)
+            self.modes.hold.reposition(here)
         self.failsafe.trigger(action, Cause.GENERIC, self.intended, situation)
         self.failsafe.fall_back(
             self.modes.fallback(self.intended, situation), self.intended, situation
@@ -312,7 +308,7 @@ class Autopilot:
             return
         wanted = self._ground.hold_down(situation) or wanted_velocity(
             situation.setpoint,
-            (situation.north_m, situation.east_m, situation.altitude_m),
+            (*situation.here, situation.altitude_m),
             situation.ground_altitude_m,
             situation.cruise_m_s,
             situation.pace(),
@@ -331,17 +327,12 @@ class Autopilot:
             self._set_home_here()
         if not self.armed or not situation.landed:
             return
-        landed_s = self._ground.landed_s
-        reason = disarm_due(
-            self.parameters,
-            armed_for_s=self.time_s - self._ground.armed_s,
-            landed_for_s=None if landed_s is None else self.time_s - landed_s,
-            in_mission=self.mode is FlightMode.AUTO_MISSION and not self.mission.result.finished,
-        )
+        in_mission = self.mode is FlightMode.AUTO_MISSION and not self.mission.result.finished
+        reason = self._ground.disarm_due(situation, in_mission=in_mission)
         if reason is not None:
             self.disarm(reason)
 
     def _set_home_here(self) -> None:
         situation = self.situation
-        self.set_home((situation.north_m, situation.east_m), situation.altitude_m)
+        self.set_home(situation.here, situation.altitude_m)
         situation.home_altitude_m = situation.altitude_m

@@ -10,14 +10,9 @@ from enum import IntEnum
 from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.safety.failsafe import ArmingReason
-from sitl.px4sim.state.notice import Severity
-from sitl.px4sim.state.px4_modes import (
-    FlightMode,
-    Px4Version,
-    UnsupportedAutoModeError,
-    requested_mode,
-)
+from sitl.px4sim.ground_contact import ArmingReason
+from sitl.px4sim.plan_store import positive
+from sitl.px4sim.state import FlightMode, Severity, UnsupportedAutoModeError, requested_mode
 
 _log = logging.getLogger(__name__)
 
@@ -53,13 +48,12 @@ class CommandRequest:
 class Commands:
     """Carries out what concerns the vehicle, not the link."""
 
-    def __init__(self, autopilot: Autopilot, version: Px4Version) -> None:
+    def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
         self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {  # by MAV_CMD
             20: self._return,
             21: self._land,
             22: self._take_off,
-            34: self._orbit,
             176: self._set_mode,
             178: self._change_speed,
             179: self._set_home,
@@ -70,8 +64,6 @@ class Commands:
             400: self._arm,
             401: self._report_checks,
         }
-        if version.sets_item_by_command:
-            self._handlers[224] = self._set_item
 
     def execute(self, request: CommandRequest) -> CommandResult:
         """Do it, and say what COMMAND_ACK is to say."""
@@ -126,30 +118,15 @@ class Commands:
         self._autopilot.modes.takeoff.request(request.params[6])
         return self._mode(FlightMode.AUTO_TAKEOFF)
 
-    def _orbit(self, request: CommandRequest) -> CommandResult:
-        radius_m, speed_m_s, _, _, latitude, longitude, altitude = request.params
-        situation = self._autopilot.situation
-        place = math.isfinite(latitude) and math.isfinite(longitude)
-        self._autopilot.modes.orbit.request(
-            situation.projection.to_local(latitude, longitude) if place else None,
-            altitude if math.isfinite(altitude) else None,
-            radius_m,
-            speed_m_s,
-        )
-        return self._mode(FlightMode.ORBIT)
-
     def _change_speed(self, request: CommandRequest) -> CommandResult:
-        speed = request.params[1]
-        wanted = speed if math.isfinite(speed) and speed > 0 else None
-        self._autopilot.situation.speed_m_s = wanted
+        self._autopilot.situation.speed_m_s = positive(request.params[1])
         return CommandResult.ACCEPTED
 
     def _set_home(self, request: CommandRequest) -> CommandResult:
         autopilot, situation = self._autopilot, self._autopilot.situation
         latitude, longitude, altitude = request.params[4:]
         if request.params[0] > 0.5:
-            here = (situation.north_m, situation.east_m)
-            autopilot.set_home(here, situation.altitude_m)
+            autopilot.set_home(situation.here, situation.altitude_m)
         elif all(map(math.isfinite, (latitude, longitude, altitude))):
             autopilot.set_home(situation.projection.to_local(latitude, longitude), altitude)
         else:
@@ -166,16 +143,15 @@ class Commands:
         if request.params[1] != 1:
             return CommandResult.UNSUPPORTED
         speed, _, _, yaw_rad, latitude, longitude, altitude = request.params
-        place = math.isfinite(latitude) and math.isfinite(longitude)
         result = self._mode(FlightMode.AUTO_LOITER)
         if result is CommandResult.ACCEPTED:
+            placed = math.isfinite(latitude) and math.isfinite(longitude)
+            projection = self._autopilot.situation.projection
             self._autopilot.reposition(
-                self._autopilot.situation.projection.to_local(latitude, longitude)
-                if place
-                else None,
+                projection.to_local(latitude, longitude) if placed else None,
                 altitude if math.isfinite(altitude) else None,
                 yaw_rad if math.isfinite(yaw_rad) else None,
-                speed if math.isfinite(speed) and speed > 0 else None,
+                positive(speed),
             )
         return result
 
@@ -197,14 +173,6 @@ class Commands:
         started = autopilot.request_mode(FlightMode.AUTO_MISSION)
         started = started and autopilot.arm(ArmingReason.MISSION_START)
         return CommandResult.ACCEPTED if started else CommandResult.TEMPORARILY_REJECTED
-
-    def _set_item(self, request: CommandRequest) -> CommandResult:
-        number = request.params[0]
-        total = self._autopilot.mission.result.total
-        if not math.isfinite(number) or not 0 <= number < total:
-            return CommandResult.DENIED
-        self._autopilot.plan.set_current(int(number))
-        return CommandResult.ACCEPTED
 
     def _arm(self, request: CommandRequest) -> CommandResult:
         action, forced = request.params[0], request.params[1] == _FORCE

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from sitl.px4sim.motion.disturbances import EstimateErrors
 from sitl.px4sim.motion.dynamics import Multirotor
-from sitl.px4sim.motion.estimator import EstimateErrors
-from sitl.px4sim.state.situation import Situation
+from sitl.px4sim.state import Situation
 
 FEWEST_SATELLITES: Final = 4
 _STOPPED_S: Final = 7.0

@@ -10,7 +10,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from sitl.px4sim.motion.wind import WindSettings
+from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.rehearsal.courses import (
     BATTERY,
     ITEM,

@@ -14,10 +14,10 @@ from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from geo.frame import Point
-from sitl.mavlink.mavlink_codec import MessagePacker
-from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.codec import MessagePacker
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
-from sitl.px4sim.state.situation import Place
+from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
+from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
 from sitl.rehearsal.ending import Ending

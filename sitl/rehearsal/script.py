@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
-from sitl.px4sim.plan.mission_items import MissionType
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.plan_store import MissionType
+from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.adversarial_operator import AdversarialOperator
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink.mavlink_codec import MessagePacker
-from sitl.mavlink.mavlink_link import MavlinkLink
-from sitl.mavlink.mavlink_vehicle import MavlinkVehicle
-from sitl.px4sim.plan.mission_items import Command, MissionItem, MissionType
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.mavlink.codec import MessagePacker
+from sitl.mavlink.link import MavlinkLink
+from sitl.mavlink.vehicle import MavlinkVehicle
+from sitl.px4sim.plan_store import Command, MissionItem, MissionType
+from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.stand_ins.station import Send, Station
 
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE

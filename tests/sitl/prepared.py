@@ -5,13 +5,12 @@ import copyreg
 import struct
 from functools import cache
 
-from sitl.conformance import conversation
-from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.conversation import Conversation, Start, prepare
 from sitl.conformance.line import Link, LocalLine
 from sitl.conformance.session import Session
-from sitl.mavlink.mavlink_vehicle import STEP_S, VehicleSettings
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
-from sitl.px4sim.state.situation import Place
+from sitl.mavlink.vehicle import STEP_S, VehicleSettings
+from sitl.px4sim.state import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
 SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.items()}
@@ -19,21 +18,17 @@ SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.item
 copyreg.pickle(struct.Struct, lambda one: (struct.Struct, (one.format,)))  # also to copy it
 
 
-def local_line(version="1.17", links=frozenset({Link.API}), *, px4s_own=False, speed=1.0):
+def local_line(links=frozenset({Link.API}), *, px4s_own=False, speed=1.0):
     """To a vehicle in half as many steps and with fewer messages, unless it matters."""
     quick = {} if px4s_own else {"step_s": 2 * STEP_S, "onboard_rates_hz": SLOWER_HZ}
     ground = Link.GROUND in links
-    settings = VehicleSettings(
-        *(HOME, 1, 1, speed, 1.7e9), px4_version=version, ground_link=ground, **quick
-    )
-    return LocalLine(settings)
+    return LocalLine(VehicleSettings(*(HOME, 1, 1, speed, 1.7e9), ground_link=ground, **quick))
 
 
 @cache
 def _ready(start, parameters, links, px4s_own):
-    session = Session(local_line(links=links, px4s_own=px4s_own))
-    wanted = Conversation("test", "a fact", "here", (), start, dict(parameters), links)
-    assert conversation._prepare(wanted, session, {}) == ""
+    session = Session(local_line(links, px4s_own=px4s_own))
+    prepare(Conversation("test", "a fact", "here", (), start, dict(parameters), links), session)
     return session
 
 

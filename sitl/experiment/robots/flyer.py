@@ -16,6 +16,7 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.px4sim.motion.battery import Battery
+from sitl.px4sim.motion.disturbances import Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.guidance import (
     Pace,
@@ -24,7 +25,6 @@ from sitl.px4sim.motion.guidance import (
     braking_distance,
     wanted_velocity,
 )
-from sitl.px4sim.motion.wind import Wind, WindSettings
 
 STEP_S: Final = 0.1
 _AIRFRAME_STEPS: Final = 5  # of the simulated autopilot in one of `STEP_S`

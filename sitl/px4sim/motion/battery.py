@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
@@ -56,20 +55,6 @@ class Battery:
         self.remaining = max(drained, min(max(least, 0.0), self.remaining))
         level = BatteryWarning(sum(self.remaining < threshold for threshold in thresholds))
         self.warning = max(self.warning, level)
-
-    def follow(self, step_s: float, parameter: Callable[[str], float], *, armed: bool) -> None:
-        """The same by the vehicle's parameters, which are asked for by name."""
-        self.step(
-            step_s,
-            armed=armed,
-            drain_s=parameter("SIM_BAT_DRAIN"),
-            least=parameter("SIM_BAT_MIN_PCT") / 100.0,
-            thresholds=(
-                parameter("BAT_LOW_THR"),
-                parameter("BAT_CRIT_THR"),
-                parameter("BAT_EMERGEN_THR"),
-            ),
-        )
 
     @property
     def voltage_v(self) -> float:

@@ -27,7 +27,6 @@ class Limits:
         climb_acceleration_m_s2: Up.
         sink_acceleration_m_s2: Down.
         vertical_jerk_m_s3: Up and down.
-        yaw_rate_rad_s: Turning.
     """
 
     acceleration_m_s2: float = 3.0
@@ -35,10 +34,10 @@ class Limits:
     climb_acceleration_m_s2: float = 4.0
     sink_acceleration_m_s2: float = 3.0
     vertical_jerk_m_s3: float = 8.0
-    yaw_rate_rad_s: float = math.radians(60.0)
 
 
 _OWN: Final = Limits()
+_YAW_RATE_RAD_S: Final = math.radians(60.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +184,7 @@ class Multirotor:
             self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_rad_s * step_s, math.tau)
             return
         missing = math.remainder(wanted.yaw_rad - self.yaw_rad, math.tau)
-        most = _OWN.yaw_rate_rad_s * step_s
+        most = _YAW_RATE_RAD_S * step_s
         turn = max(-most, min(most, missing * min(1.0, 3.0 * step_s)))
         self.yaw_rate_rad_s = turn / step_s
         self.yaw_rad = math.remainder(self.yaw_rad + turn, math.tau)

@@ -1,19 +1,18 @@
-"""From where the vehicle is to go, or what is asked for directly, to the velocity to have now.
+"""From where the vehicle is to go, or what sticks ask for, to the velocity to have now.
 
 The speed profile is PX4's (position smoothing of its multicopter tasks): as fast as allowed, but
 never faster than lets it stop, with its acceleration and jerk limits, at the target. Between two
 mission waypoints it follows their connecting line, and it does not stop at a waypoint that it
 only passes.
 
-Offboard setpoints and sticks are flown without a smooth path: PX4's position controller makes a
-velocity of a position error in proportion (MPC_XY_P, MPC_Z_P), up to the vehicle's greatest speed:
-faster than its automatic modes fly, and with more overshoot.
+Sticks are flown without a smooth path: PX4's position controller makes a velocity of a position
+error in proportion (MPC_XY_P, MPC_Z_P), up to the vehicle's greatest speed.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
@@ -28,77 +27,27 @@ _AGILE: Final = Limits(
     sink_acceleration_m_s2=5.0,
     vertical_jerk_m_s3=20.0,
 )
-
-Pair = tuple[float, float]
+_LOOK_AHEAD_M: Final = 5.0
+_HEADING_DISTANCE_M: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Direct:
-    """What is asked for; None leaves an axis to the others, or at rest.
+    """What sticks ask for; None leaves an axis to the others, or at rest.
 
     Attributes:
         position: North, east in metres.
         altitude_m: AMSL.
-        velocity: North, east in m/s; with a position it is added.
+        velocity_m_s: North, east; with a position it is added.
         up_m_s: With an altitude it is added.
-        yaw_rad: Heading.
-        yaw_rate_rad_s: Turning, where there is no heading.
+        yaw_rate_rad_s: Turning.
     """
 
-    position: Pair | None = None
+    position: tuple[float, float] | None = None
     altitude_m: float | None = None
-    velocity: Pair | None = None
-    up_m_s: float | None = None
-    yaw_rad: float | None = None
+    velocity_m_s: tuple[float, float] = (0.0, 0.0)
+    up_m_s: float = 0.0
     yaw_rate_rad_s: float = 0.0
-
-    @property
-    def lifts(self) -> bool:
-        """Whether a vehicle on the ground would take off for it."""
-        return self.altitude_m is not None or (self.up_m_s or 0.0) > 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class MaxSpeeds:
-    """The greatest speeds: MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN, in m/s."""
-
-    horizontal_m_s: float = 12.0
-    up_m_s: float = 3.0
-    down_m_s: float = 1.5
-
-
-def direct_velocity(
-    direct: Direct, position: tuple[float, float, float], reach: MaxSpeeds
-) -> MotionDemand:
-    """The velocity to have now, at a position north, east in metres and altitude AMSL."""
-    north_m, east_m, altitude_m = position
-    north, east = direct.velocity or (0.0, 0.0)
-    if direct.position is not None:
-        north += _finite(direct.position[0] - north_m) * _XY_GAIN
-        east += _finite(direct.position[1] - east_m) * _XY_GAIN
-    speed = math.hypot(north, east)
-    if speed > reach.horizontal_m_s:
-        north, east = (part * reach.horizontal_m_s / speed for part in (north, east))
-    up = direct.up_m_s or 0.0
-    if direct.altitude_m is not None:
-        up += _finite(direct.altitude_m - altitude_m) * _Z_GAIN
-    return MotionDemand(
-        north,
-        east,
-        max(-reach.down_m_s, min(reach.up_m_s, up)),
-        direct.yaw_rad,
-        direct.yaw_rate_rad_s,
-        _AGILE,
-    )
-
-
-def _finite(value: float) -> float:
-    """A position that is no number is taken as "here": the vehicle stays."""
-    return value if math.isfinite(value) else 0.0
-
-
-_LOOK_AHEAD_M: Final = 5.0
-_HEADING_DISTANCE_M: Final = 2.0
 
 
 class SetpointKind(Enum):
@@ -149,7 +98,9 @@ class Pace:
         land_m_s: MPC_LAND_SPEED.
         acceleration_m_s2: MPC_ACC_HOR.
         jerk_m_s3: MPC_JERK_AUTO.
-        reach: Greatest speeds, for what is flown directly.
+        most_m_s: MPC_XY_VEL_MAX; this and the next two limit what sticks ask for.
+        most_up_m_s: MPC_Z_VEL_MAX_UP.
+        most_down_m_s: MPC_Z_VEL_MAX_DN.
     """
 
     up_m_s: float = 3.0
@@ -158,7 +109,9 @@ class Pace:
     land_m_s: float = 0.7
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
-    reach: MaxSpeeds = field(default_factory=MaxSpeeds)
+    most_m_s: float = 12.0
+    most_up_m_s: float = 3.0
+    most_down_m_s: float = 1.5
 
 
 def approach_speed(
@@ -198,7 +151,7 @@ def wanted_velocity(
     if setpoint.kind is SetpointKind.IDLE:
         return MotionDemand()
     if setpoint.direct is not None:
-        return direct_velocity(setpoint.direct, position, pace.reach)
+        return direct_velocity(setpoint.direct, position, pace)
     to_north, to_east = setpoint.north_m - north_m, setpoint.east_m - east_m
     distance_m = math.hypot(to_north, to_east)
     speed = approach_speed(distance_m, pace, _corner_speed(setpoint, pace))
@@ -214,6 +167,25 @@ def wanted_velocity(
         _vertical(setpoint, altitude_m, ground_altitude_m, distance_m / max(speed, 0.3), pace),
         yaw_rad,
     )
+
+
+def direct_velocity(
+    direct: Direct, position: tuple[float, float, float], pace: Pace
+) -> MotionDemand:
+    """The velocity for sticks, at a position north, east in metres and altitude AMSL."""
+    north_m, east_m, altitude_m = position
+    north, east = direct.velocity_m_s
+    if direct.position is not None:
+        north += (direct.position[0] - north_m) * _XY_GAIN
+        east += (direct.position[1] - east_m) * _XY_GAIN
+    speed = math.hypot(north, east)
+    if speed > pace.most_m_s:
+        north, east = (part * pace.most_m_s / speed for part in (north, east))
+    up = direct.up_m_s
+    if direct.altitude_m is not None:
+        up += (direct.altitude_m - altitude_m) * _Z_GAIN
+    up = max(-pace.most_down_m_s, min(pace.most_up_m_s, up))
+    return MotionDemand(north, east, up, None, direct.yaw_rate_rad_s, _AGILE)
 
 
 def _line_point(

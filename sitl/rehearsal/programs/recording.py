@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.mavlink.mavlink_codec import Frame, frames
+from sitl.mavlink.codec import Frame, frames
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
 from sitl.rehearsal.judge.flight_record import FlightRecord
 

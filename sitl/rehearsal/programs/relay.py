@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
-from sitl.mavlink.mavlink_codec import frames
+from sitl.mavlink.codec import frames
 from sitl.process.pace_link import PaceServer
 from sitl.rehearsal.judge.evidence import WireMessage
 from sitl.rehearsal.programs.recording import MISSION, Recording

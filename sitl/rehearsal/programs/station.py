@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.stand_ins.station import Station

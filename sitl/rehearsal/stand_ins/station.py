@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from sitl.mavlink.mavlink_codec import MessagePacker
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.mavlink.codec import MessagePacker
+from sitl.px4sim.state import FlightMode
 
 GROUND_CONTROL: Final = 190
 _SET_MODE, _CHANGE_SPEED, _SET_HOME, _ARM_DISARM = 176, 178, 179, 400  # MAV_CMD

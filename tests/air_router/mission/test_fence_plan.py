@@ -9,9 +9,9 @@ from air_router.mission.fence_plan import FENCE_POINTS, fence_plan
 from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.px4sim.motion.projection import MapProjection
-from sitl.px4sim.plan.fence import fence_areas
-from sitl.px4sim.plan.mission_items import MissionItem
+from sitl.px4sim.fence import fence_areas
+from sitl.px4sim.plan_store import MissionItem
+from sitl.px4sim.state import MapProjection
 
 BASE = """\
 coordinates: local

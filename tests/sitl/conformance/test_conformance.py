@@ -1,33 +1,20 @@
 """Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
 
 import json
-import socket
 import threading
 
 import pytest
 
 from air_router.errors import ExitCode
 from sitl.cli import cli
-from sitl.conformance.conversation import (
-    Conversation,
-    Outcome,
-    Start,
-    beside,
-    conversations,
-    converse,
-)
-from sitl.conformance.interpreter import VERBS, run_steps
-from sitl.conformance.line import Link, SilentVehicleError, UdpLine
-from sitl.mavlink.mavlink_vehicle import VehicleSettings
+from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
+from sitl.conformance.line import Link, UdpLine
 from sitl.mavlink.udp_link import PortInUseError
+from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
 
 CONVERSATIONS = conversations()
-
-
-def held(*steps, version="1.17", **options):
-    return converse(Conversation("test", "a fact", "here", steps, **options), local_line(version))
 
 
 @pytest.mark.parametrize("one", CONVERSATIONS, ids=lambda one: one.name)
@@ -36,7 +23,7 @@ def test_our_autopilot_holds_to(one):
 
 
 def test_every_one_says_where_its_fact_is_from():
-    assert len(CONVERSATIONS) == 157
+    assert len(CONVERSATIONS) == 132
     assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
 
 
@@ -83,78 +70,39 @@ class TestDepartures:
         ids=lambda step: "-".join(map(str, next(iter(step.items())))).replace(" ", "-"),
     )
     def test_is_noticed(self, step):
-        outcome = held(step)
+        outcome = converse(Conversation("test", "a fact", "here", (step,)), local_line())
         assert not outcome.held
         assert outcome.departure.startswith(next(iter(step)))
         assert "expected" in outcome.departure or "got stuck" in outcome.departure
 
-    def test_a_link_that_is_not_there_is_left_out(self):
-        wanted = Conversation("test", "a fact", "here", (), links=frozenset(Link))
-        outcome = converse(wanted, local_line())
-        assert outcome.left_out
-        assert "GCS" in outcome.departure
-
     def test_no_answer(self, monkeypatch):
         monkeypatch.setattr("sitl.conformance.line._SILENCE_S", 0.05)
-        silent = UdpLine({Link.API: 0}, fresh=True)
+        silent = UdpLine({Link.API: 0})
         try:
             outcome = converse(Conversation("test", "a fact", "here", ()), silent)
         finally:
             silent.close()
         assert "no vehicle sends" in outcome.departure
-        assert isinstance(SilentVehicleError("x"), Exception)
 
 
-class TestOverUdp:
-    @pytest.fixture
-    def vehicle(self):
-        """One vehicle as a process would run it, for several conversations."""
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        ports = Ports(("", 0), ("127.0.0.1", port), ("", 0), None, ("", 0), ("127.0.0.1", 9))
-        settings = VehicleSettings(HOME, speed=10.0, system_id=7, ground_link=False)
-        stop = threading.Event()
-        with VehicleProcess(settings, ports) as process:
-            runner = threading.Thread(target=process.run, args=(stop.is_set,))
-            runner.start()
-            yield port
+def test_a_conversation_is_held_over_udp():
+    """With a vehicle as a process would run it."""
+    line = UdpLine({Link.API: 0})
+    here = line._sockets[Link.API].getsockname()
+    ports = Ports(("", 0), here, ("", 0), None, ("", 0), ("127.0.0.1", 9))
+    settings = VehicleSettings(HOME, speed=20.0, system_id=7, ground_link=False)
+    stop = threading.Event()
+    with VehicleProcess(settings, ports) as process:
+        runner = threading.Thread(target=process.run, args=(stop.is_set,))
+        runner.start()
+        try:
+            (one,) = (one for one in CONVERSATIONS if one.name == "arm-twice")
+            outcome = converse(one, line)
+        finally:
             stop.set()
             runner.join()
-
-    def test_conversations_follow_each_other_on_one_vehicle(self, vehicle, capsys):
-        names = ("fence-around-home", "arm-twice", "goto-into-a-zone")
-        code = cli.main(["conform", *names, "--connect", f"udpin://127.0.0.1:{vehicle}", "--json"])
-        said = capsys.readouterr()
-        rows = json.loads(said.out)
-        assert code == 0, said.err
-        assert {row["name"]: row["held"] for row in rows} == dict.fromkeys(names, True)
-
-    def test_one_that_needs_a_fresh_vehicle_is_left_out(self, vehicle, capsys):
-        url = f"udpin://127.0.0.1:{vehicle}"
-        assert cli.main(["conform", "arming-before", "--connect", url, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)[0]["left_out"]
-
-
-class TestVersions:
-    def test_1_18_answers_a_mode_change_once(self):
-        assert held({"set mode": "AUTO_LAND"}, version="1.18").held
-        assert held({"command": "DO_SET_MODE", "params": (1, 4, 6)}, version="1.18").held
-
-    def test_1_18_knows_do_set_mission_current(self):
-        steps = (
-            {"upload": [{"at": (10, 0)}, {"at": (20, 0)}]},
-            {"mission": {"mission_state": 2}},
-            {"command": "DO_SET_MISSION_CURRENT", "params": (1,)},
-            {"mission": {"seq": 1}},
-            {"command": "DO_SET_MISSION_CURRENT", "params": (9,), "answers": ("DENIED",)},
-        )
-        outcome = held(*steps, version="1.18")
-        assert outcome.held, outcome.departure
-
-    def test_what_only_1_17_does_is_left_out(self):
-        assert held({"wait": 1}, version="1.18", until=[1, 17]).left_out
-        assert held({"wait": 1}, since=[1, 18]).left_out
+            line.close()
+    assert outcome.held, outcome.departure
 
 
 class TestCommandLine:
@@ -172,46 +120,19 @@ class TestCommandLine:
         assert cli.main(["conform", "--list"]) == 0
         assert len(capsys.readouterr().out.splitlines()) == len(CONVERSATIONS)
 
-    def test_beside_another_run(self, tmp_path, capsys):
-        other = tmp_path / "other.json"
-        cli.main(["conform", "arm-twice", "--json"])
-        other.write_text(capsys.readouterr().out)
-        assert cli.main(["conform", "arm-twice", "--beside", str(other)]) == 0
-        assert "| arm-twice |" in capsys.readouterr().out
-
     def test_nothing_of_that_name(self, capsys):
         assert cli.main(["conform", "no-such-conversation"]) == 2
         assert "sitl conform --list" in capsys.readouterr().err
 
-    @pytest.mark.parametrize("text", ["{}", "[1]", "nonsense"])
-    def test_a_file_that_is_no_run(self, tmp_path, capsys, text):
-        other = tmp_path / "other.json"
-        other.write_text(text)
-        code = cli.main(["conform", "arm-twice", "--beside", str(other)])
-        assert code == 2 or text == "{}"
-
-    @pytest.mark.parametrize("url", ["tcp://1.2.3.4:5", "udpin://0.0.0.0", "udpin://0.0.0.0:x"])
-    def test_a_wrong_address(self, capsys, url):
-        assert cli.main(["conform", "--connect", url]) == 2
-        assert "udpin://127.0.0.1:14540" in capsys.readouterr().err
-
-    def test_the_table_shows_departures(self):
-        conversation = Conversation("one", "a fact", "here", (), start=Start.GROUND)
-        ours = [Outcome("one", held=True, notes=("a|b",))]
-        theirs = [Outcome("one", held=False, departure="it did not")]
-        table = beside((conversation,), ours, theirs)
-        assert "**departs**: it did not" in table
-        assert "a\\|b" in table
-
 
 def test_a_port_that_is_taken_is_one_error_and_no_departure():
-    first = UdpLine({Link.API: 0, Link.GROUND: 0}, fresh=True)
+    first = UdpLine({Link.API: 0, Link.GROUND: 0})
     try:
         port = first._sockets[Link.GROUND].getsockname()[1]
         with pytest.raises(
             PortInUseError, match=f"UDP port {port}, .*; end the ground station"
         ) as e:
-            UdpLine({Link.API: 0, Link.GROUND: port}, fresh=True)
+            UdpLine({Link.API: 0, Link.GROUND: port})
     finally:
         first.close()
     assert e.value.exit_code is ExitCode.NO_VEHICLE

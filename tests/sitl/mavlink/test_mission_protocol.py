@@ -1,6 +1,6 @@
 """The mission microservice beyond the conversations: two links, and the wall's clock."""
 
-from sitl.conformance.interpreter import run_steps
+from sitl.conformance.conversation import run_steps
 from sitl.conformance.line import Link
 from sitl.conformance.session import Session
 from tests.sitl.prepared import local_line, ready_for

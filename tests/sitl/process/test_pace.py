@@ -9,12 +9,12 @@ from air_router.vehicle.clock import ALLOWANCE_S
 from air_router.vehicle.pace import PaceClient, PaceSource, line
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
-from sitl.mavlink.mavlink_vehicle import STEP_S, VehicleSettings
+from sitl.mavlink.vehicle import STEP_S, VehicleSettings
 from sitl.process import pace as pace_rules
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
 from sitl.process.vehicle import Ports, VehicleProcess
-from sitl.px4sim.state.situation import Place
+from sitl.px4sim.state import Place
 
 HOME = Place(39.94, -75.2, 6.7)
 FAST = 100.0

@@ -19,7 +19,7 @@ from sitl.process.px4_process import (
     Px4Settings,
     environment,
 )
-from sitl.px4sim.state.situation import Place
+from sitl.px4sim.state import Place
 
 HOME = Place(40.4406, -79.9959, 280.0)
 LISTING = "image ls --format {{.Tag}} px4io/px4-sitl"
@@ -294,7 +294,7 @@ def real_px4():
 class TestRealPx4:
     @pytest.mark.timeout(240)
     def test_it_holds_to_the_recorded_conversations(self, real_px4, capsys):
-        names = ("arm-twice", "mission-upload-and-download", "goto-into-a-zone", "orbit")
+        names = ("arm-twice", "mission-upload-and-download", "goto-into-a-zone", "landing")
         code = cli.main(["conform", *names, "--px4", "--speed", "5", "--json"])
         said = capsys.readouterr()
         assert code == 0, said.err

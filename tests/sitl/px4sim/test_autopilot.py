@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from sitl.conformance.conversation import Start, cases_of
-from sitl.conformance.interpreter import run_steps
-from sitl.px4sim.motion.estimator import EstimateErrors
+from sitl.conformance.conversation import Start, cases_of, run_steps
+from sitl.px4sim.flight_modes import Sticks, shaped
+from sitl.px4sim.motion.disturbances import EstimateErrors
 from tests.sitl.prepared import ready_for
 
 CASES = tuple(cases_of(Path(__file__).with_name("cases.yaml").read_text("utf-8")))
@@ -16,6 +16,16 @@ CASES = tuple(cases_of(Path(__file__).with_name("cases.yaml").read_text("utf-8")
 @pytest.mark.parametrize("one", CASES, ids=lambda one: one.name)
 def test_our_autopilot(one):
     run_steps(ready_for(one.start, one.parameters, one.links, steps=one.steps), one.steps)
+
+
+def test_sticks_are_shaped_with_a_dead_zone_and_out_of_range_in_the_middle():
+    assert shaped(0.09) == shaped(-0.05) == 0.0
+    assert shaped(1.0) == pytest.approx(1.0)
+    assert shaped(-1.0) == pytest.approx(-1.0)
+    assert 0 < shaped(0.5) < 0.5
+    session = ready_for()
+    session.say("MANUAL_CONTROL", x=2000, y=-500, z=1000, r=500)
+    assert session.line.vehicle.autopilot.modes.pilot.sticks == Sticks(0.0, -0.5, 1.0, 0.5)
 
 
 def test_home_is_where_it_was_armed():

@@ -6,14 +6,16 @@ from hypothesis import strategies as st
 
 from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
 from sitl.px4sim.motion.guidance import (
+    Direct,
     Pace,
     Setpoint,
     SetpointKind,
     approach_speed,
     braking_distance,
+    direct_velocity,
     wanted_velocity,
 )
-from sitl.px4sim.motion.projection import MapProjection
+from sitl.px4sim.state import MapProjection
 
 STEP_S = 0.02
 
@@ -79,6 +81,15 @@ def test_a_waypoint_that_is_only_passed_is_passed_in_flight():
     turning = next(state[3] for state in fly(corner, 20) if state[0] > 38)
     assert straight == pytest.approx(5, abs=0.1)
     assert 1.0 < turning < 3.0
+
+
+def test_what_sticks_ask_for_goes_with_the_distance_up_to_the_greatest_speed():
+    pace = Pace(most_m_s=12.0, most_up_m_s=3.0, most_down_m_s=1.5)
+    near = direct_velocity(Direct((2.0, 0.0), 101.0), (0.0, 0.0, 100.0), pace)
+    assert (near.north_m_s, near.up_m_s) == pytest.approx((1.9, 1.0))
+    far = direct_velocity(Direct((300.0, 400.0), 0.0), (0.0, 0.0, 100.0), pace)
+    assert math.hypot(far.north_m_s, far.east_m_s) == pytest.approx(12.0)
+    assert far.up_m_s == -1.5
 
 
 def test_landing_slows_down_near_the_ground():

@@ -6,10 +6,9 @@ import math
 import pytest
 
 from sitl.cli.vehicle_command import _wind
-from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
-from sitl.px4sim.motion.wind import Wind, WindSettings
-from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.px4sim.state.situation import Place
+from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.px4sim.motion.disturbances import Wind, WindSettings
+from sitl.px4sim.state import FlightMode, Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
 

@@ -7,7 +7,7 @@ from queue import SimpleQueue
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.processes import ProcessPause

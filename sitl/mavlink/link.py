@@ -7,46 +7,36 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any, Final
 
-from sitl.mavlink.mavlink_codec import Receiver, Sender, message_name
+from sitl.mavlink.codec import Outgoing, Receiver, Sender, message_name
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
 from sitl.mavlink.reports import MissionReporter, TextChannel
-from sitl.mavlink.setpoint_messages import (
-    RefusedSetpointError,
-    global_setpoint,
-    local_setpoint,
-    sticks,
-)
 from sitl.mavlink.telemetry import StreamSchedule, Telemetry
-from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.commands import CommandRequest, CommandResult, Commands
-from sitl.px4sim.motion.guidance import Direct
-from sitl.px4sim.safety.watchdog import GROUND_STATION
-from sitl.px4sim.state.notice import Notice, Outgoing
-from sitl.px4sim.state.parameters import DEFAULTS
-from sitl.px4sim.state.situation import Situation
+from sitl.px4sim.flight_modes import Sticks
+from sitl.px4sim.state import Notice
+from sitl.px4sim.watchdog import GROUND_STATION
 
 _log = logging.getLogger(__name__)
 
 _AUTOPILOT: Final = 1
-_DO_SET_MODE: Final = 176
-_REQUEST_MESSAGE: Final = 512
-_SET_MESSAGE_INTERVAL: Final = 511
-_GET_MESSAGE_INTERVAL: Final = 510
+_DO_SET_MODE: Final = 176  # MAV_CMD
 _INJECT_FAILURE: Final = 420
+_SET_MESSAGE_INTERVAL: Final = 511
+_REQUEST_MESSAGE: Final = 512
 _REQUESTS: Final = {410: 242, 520: 148}  # GET_HOME_POSITION, REQUEST_AUTOPILOT_CAPABILITIES
 _NOTHING: Final = 2**31 - 1
 _FIRST_WORD_S: Final = 1.4  # PX4 is silent for so long after its start
 _SECOND_ACK_S: Final = 0.008
+
+_Params = tuple[float, float, float, float, float, float, float]
 
 
 class MavlinkLink:
     """A link with its own streams, mission transfers and partner.
 
     Args:
-        autopilot: The vehicle.
         telemetry: What can be streamed.
         rates_hz: What is streamed from the start.
         time_scale: Simulated seconds per wall-clock second. Time-outs that wait for a partner
@@ -56,21 +46,20 @@ class MavlinkLink:
 
     def __init__(
         self,
-        autopilot: Autopilot,
         telemetry: Telemetry,
         rates_hz: Mapping[str, float],
         *,
         time_scale: float = 1.0,
         reports_mission: bool = True,
     ) -> None:
-        self._autopilot = autopilot
+        autopilot = self._autopilot = telemetry.autopilot
         self._telemetry = telemetry
         self._time_scale = time_scale
-        self.system_id = int(autopilot.parameters["MAV_SYS_ID"])
-        self._sender = Sender(self.system_id)
+        self._system_id = int(autopilot.parameters["MAV_SYS_ID"])
+        self._sender = Sender(self._system_id)
         self._receiver = Receiver()
-        self._commands = Commands(autopilot, telemetry.version)
-        self._protocol = MissionProtocol(autopilot.plan, self.system_id)
+        self._commands = Commands(autopilot)
+        self._protocol = MissionProtocol(autopilot.plan, self._system_id)
         self._reporter = MissionReporter(autopilot) if reports_mission else None  # truth: none
         self._streams = StreamSchedule(rates_hz)
         self._queue: list[Outgoing | bytes] = []  # to be taken; bytes: passed on
@@ -89,9 +78,8 @@ class MavlinkLink:
             "PARAM_REQUEST_LIST": self._on_param_list,
             "PARAM_SET": self._on_param_set,
             "STATUSTEXT": self._on_text,
-            "SET_POSITION_TARGET_LOCAL_NED": partial(self._on_setpoint, local_setpoint),
-            "SET_POSITION_TARGET_GLOBAL_INT": partial(self._on_setpoint, global_setpoint),
             "MANUAL_CONTROL": self._on_manual_control,
+            **dict.fromkeys(self._protocol.messages, self._on_mission),
         }
 
     # In
@@ -100,15 +88,14 @@ class MavlinkLink:
         """Act on a datagram; returns the frames in it that the other links are to pass on."""
         passed_on: list[bytes] = []
         for message in self._receiver.parse(datagram):
-            own = message.get_srcSystem() == self.system_id
-            if own and message.get_srcComponent() == _AUTOPILOT:
+            if _sender(message) == (self._system_id, _AUTOPILOT):
                 continue
-            if not self._only_for_us(message):
+            target = getattr(message, "target_system", 0)
+            component = getattr(message, "target_component", _AUTOPILOT)
+            if (target, component) != (self._system_id, _AUTOPILOT):
                 passed_on.append(bytes(message.get_msgbuf()))
             name = message.get_type()
-            if self._protocol.handles(name):
-                self._reply(self._protocol.handle(message, self._wall_s))
-            elif name in self._handlers:
+            if name in self._handlers:
                 self._handlers[name](message)
             elif name not in self._passed_over:
                 self._passed_over.add(name)
@@ -119,29 +106,23 @@ class MavlinkLink:
         """Send a frame that came in on another link."""
         self._queue.append(frame)
 
-    def _only_for_us(self, message: Any) -> bool:
-        target = getattr(message, "target_system", 0)
-        component = getattr(message, "target_component", _AUTOPILOT)
-        return bool(target == self.system_id and component == _AUTOPILOT)
-
     def _is_for_us(self, message: Any) -> bool:
-        return message.target_system == self.system_id and message.target_component in (
-            0,
-            _AUTOPILOT,
-        )
+        ours = message.target_component in (0, _AUTOPILOT)
+        return bool(message.target_system == self._system_id and ours)
 
     def _on_heartbeat(self, message: Any) -> None:
-        if message.type != GROUND_STATION and message.get_srcSystem() != self.system_id:
-            return
         if message.type == GROUND_STATION:
             self._texts.heard_ground_station(self._autopilot.time_s)
+        elif message.get_srcSystem() != self._system_id:
+            return
         self._autopilot.watchdog.heard(message.type, self._autopilot.situation)
 
+    def _on_mission(self, message: Any) -> None:
+        self._reply(self._protocol.handle(message, self._wall_s))
+
     def _on_command_long(self, message: Any) -> None:
-        params = (
-            *(message.param1, message.param2, message.param3, message.param4),
-            *(message.param5, message.param6, message.param7),
-        )
+        place = (message.param5, message.param6, message.param7)
+        params = (message.param1, message.param2, message.param3, message.param4, *place)
         self._on_command(message, params)
 
     def _on_command_int(self, message: Any) -> None:
@@ -149,82 +130,63 @@ class MavlinkLink:
         params = (message.param1, message.param2, message.param3, message.param4, x, y, message.z)
         self._on_command(message, params)
 
-    def _on_command(
-        self, message: Any, params: tuple[float, float, float, float, float, float, float]
-    ) -> None:
+    def _on_command(self, message: Any, params: _Params) -> None:
+        command, sender = message.command, _sender(message)
         if not self._is_for_us(message):
-            _log.info("command %d is for another: not answered", message.command)
+            _log.info("command %d is for another: not answered", command)
             return
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        if message.command == _INJECT_FAILURE:
+        if command == _INJECT_FAILURE:
             return
-        result = self._link_command(message.command, params)
+        result = self._message_command(command, params)
         if result is not None:
-            self._acknowledge(message.command, result, sender)
+            self._acknowledge(command, result, sender)
             return
-        twice = message.command == _DO_SET_MODE and self._telemetry.version.answers_modes_twice
-        if twice:  # PX4 1.16 and 1.17 say yes first and decide later
-            self._acknowledge(_DO_SET_MODE, CommandResult.ACCEPTED, sender)
-        request = CommandRequest(message.command, params, sender[1])
-        result = self._commands.execute(request)
-        delay_s = _SECOND_ACK_S if twice else 0.0
-        self._acknowledge(message.command, result, sender, delay_s)
+        if command == _DO_SET_MODE:  # PX4 1.16 and 1.17 say yes first and decide later
+            self._acknowledge(command, CommandResult.ACCEPTED, sender)
+        result = self._commands.execute(CommandRequest(command, params, sender[1]))
+        delay_s = _SECOND_ACK_S if command == _DO_SET_MODE else 0.0
+        self._acknowledge(command, result, sender, delay_s)
 
-    def _link_command(self, command: int, params: tuple[float, ...]) -> CommandResult | None:
+    def _message_command(self, command: int, params: _Params) -> CommandResult | None:
         """Commands about messages; None for all others."""
-        if command in (_REQUEST_MESSAGE, *_REQUESTS):
-            wanted = _whole(params[0]) if command == _REQUEST_MESSAGE else _REQUESTS[command]
-            return self._send_once(wanted)
+        number = _REQUESTS.get(command, _whole(params[0]))
+        name = message_name(number) or ""
+        known = self._telemetry.knows(name)
         if command == _SET_MESSAGE_INTERVAL:
-            name = message_name(_whole(params[0]))
-            if name is None or not self._telemetry.knows(name) or not math.isfinite(params[1]):
+            if not known or not math.isfinite(params[1]):
                 return CommandResult.FAILED
             self._streams.set_interval(name, params[1])
             return CommandResult.ACCEPTED
-        if command == _GET_MESSAGE_INTERVAL:
-            number = _whole(params[0])
-            interval = self._streams.interval_us(message_name(number) or "")
-            fields = {"message_id": max(0, min(number, 65535)), "interval_us": interval}
-            self._send(Outgoing("MESSAGE_INTERVAL", fields))
-            return CommandResult.ACCEPTED
-        return None
-
-    def _send_once(self, number: int) -> CommandResult:
-        name = message_name(number)
-        message = self._telemetry.message(name) if name and self._telemetry.knows(name) else None
+        if command not in (_REQUEST_MESSAGE, *_REQUESTS):
+            return None
+        message = self._telemetry.message(name) if known else None
         if message is None:
             return CommandResult.DENIED
-        self._send(message)
+        self._queue.append(message)
         return CommandResult.ACCEPTED
 
     def _on_set_mode(self, message: Any) -> None:
-        if message.target_system != self.system_id:
+        if message.target_system != self._system_id:
             return
         main, sub = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
         params = (message.base_mode, main, sub, *(math.nan,) * 4)
-        sender = (message.get_srcSystem(), message.get_srcComponent())
+        sender = _sender(message)
         result = self._commands.execute(CommandRequest(_DO_SET_MODE, params, sender[1]))
         self._acknowledge(_DO_SET_MODE, result, sender)
 
     def _on_ping(self, message: Any) -> None:
         if (message.target_system, message.target_component) == (0, 0):
-            answer = {
-                "time_usec": message.time_usec,
-                "seq": message.seq,
-                "target_system": message.get_srcSystem(),
-                "target_component": message.get_srcComponent(),
-            }
-            self._send(Outgoing("PING", answer))
+            answer = {"time_usec": message.time_usec, "seq": message.seq}
+            self._queue.append(Outgoing("PING", answer | _target(_sender(message))))
 
     def _on_timesync(self, message: Any) -> None:
         if message.tc1 == 0:
-            now_ns = self._telemetry.status.boot_us * 1000
-            self._send(Outgoing("TIMESYNC", {"tc1": now_ns, "ts1": message.ts1}))
+            now_ns = round(self._autopilot.time_s * 1e6) * 1000
+            self._queue.append(Outgoing("TIMESYNC", {"tc1": now_ns, "ts1": message.ts1}))
 
     def _on_param_read(self, message: Any) -> None:
         if self._is_for_us(message):
-            values = self._autopilot.parameters.read(message.param_id, message.param_index)
-            self._send_all(Outgoing("PARAM_VALUE", value.fields()) for value in values)
+            self._tell(self._autopilot.parameters.read(message.param_id, message.param_index))
 
     def _on_param_list(self, message: Any) -> None:
         if self._is_for_us(message):
@@ -232,32 +194,21 @@ class MavlinkLink:
 
     def _on_param_set(self, message: Any) -> None:
         if self._is_for_us(message):
-            if message.param_id == "_HASH_CHECK":  # the ground station has them all already
-                self._listing = None
-                return
-            values = self._autopilot.parameters.set(
-                message.param_id, message.param_value, message.param_type
-            )
-            self._send_all(Outgoing("PARAM_VALUE", value.fields()) for value in values)
+            asked = (message.param_id, message.param_value, message.param_type)
+            self._tell(self._autopilot.parameters.set(*asked))
 
     def _on_text(self, message: Any) -> None:
-        _log.info(
-            "%d/%d says: %s", message.get_srcSystem(), message.get_srcComponent(), message.text
-        )
-
-    def _on_setpoint(self, read: Callable[[Any, Situation], Direct], message: Any) -> None:
-        targets = (message.target_system, message.target_component)
-        if targets[0] not in (0, self.system_id) or targets[1] not in (0, _AUTOPILOT):
-            return
-        situation = self._autopilot.situation
-        try:
-            self._autopilot.modes.offboard.hear(read(message, situation), situation)
-        except RefusedSetpointError as refusal:
-            self._reply([refusal.notice])
+        _log.info("%d/%d says: %s", *_sender(message), message.text)
 
     def _on_manual_control(self, message: Any) -> None:
-        if message.target in (0, self.system_id):
-            self._autopilot.move_sticks(sticks(message))
+        """Axes out of range are in the middle."""
+        if message.target in (0, self._system_id):
+            throttle = message.z / 500.0 - 1.0 if 0 <= message.z <= 1000 else 0.0
+            pitch, roll, yaw = (
+                value / 1000.0 if -1000 <= value <= 1000 else 0.0
+                for value in (message.x, message.y, message.r)
+            )
+            self._autopilot.move_sticks(Sticks(pitch, roll, throttle, yaw))
 
     # Out
 
@@ -274,17 +225,20 @@ class MavlinkLink:
         if now_s < _FIRST_WORD_S:
             return
         while self._delayed and self._delayed[0][0] <= now_s:
-            self._send(self._delayed.popleft()[1])
-        self._send_all(self._texts.take(now_s))
-        self._send_all(events)
+            self._queue.append(self._delayed.popleft()[1])
+        self._queue += self._texts.take(now_s)
+        self._queue += events
         self._reply(self._protocol.tick(self._wall_s))
         if self._reporter is not None:
-            self._send_all(self._reporter.step(now_s))
-        self._list_parameters()
+            self._queue += self._reporter.step(now_s)
+        if self._listing is not None:
+            values = self._autopilot.parameters.listed(self._listing)
+            self._tell(values)
+            self._listing = self._listing + len(values) if values else None
         for name in self._streams.due(now_s):
             message = self._telemetry.message(name)
             if message is not None:
-                self._send(message)
+                self._queue.append(message)
 
     def take_frames(self) -> list[bytes]:
         """The frames to be sent since the last call."""
@@ -302,19 +256,14 @@ class MavlinkLink:
     def _wall_s(self) -> float:
         return self._autopilot.time_s / self._time_scale
 
-    def _list_parameters(self) -> None:
-        if self._listing is None:
-            return
-        values = self._autopilot.parameters.listed(self._listing)
-        self._send_all(Outgoing("PARAM_VALUE", value.fields()) for value in values)
-        numbered = [value.index for value in values if value.index < len(DEFAULTS)]
-        self._listing = numbered[-1] + 1 if numbered else None
+    def _tell(self, values: Iterable[dict[str, Any]]) -> None:
+        self._queue += [Outgoing("PARAM_VALUE", fields) for fields in values]
 
     def _reply(self, replies: list[Reply]) -> None:
         """Send answers; words go out on this link only, their events on all."""
         for reply in replies:
             if isinstance(reply, Outgoing):
-                self._send(reply)
+                self._queue.append(reply)
             else:
                 self._texts.add(reply, self._autopilot.time_s)
                 self._autopilot.situation.notices.append(replace(reply, text=""))
@@ -322,25 +271,20 @@ class MavlinkLink:
     def _acknowledge(
         self, command: int, result: CommandResult, receiver: tuple[int, int], delay_s: float = 0.0
     ) -> None:
-        fields = {
-            "command": command,
-            "result": result,
-            "target_system": receiver[0],
-            "target_component": receiver[1],
-        }
+        fields = {"command": command, "result": result} | _target(receiver)
+        message = Outgoing("COMMAND_ACK", fields)
         if delay_s > 0:
-            self._delayed.append(
-                (self._autopilot.time_s + delay_s, Outgoing("COMMAND_ACK", fields))
-            )
+            self._delayed.append((self._autopilot.time_s + delay_s, message))
         else:
-            self._send(Outgoing("COMMAND_ACK", fields))
+            self._queue.append(message)
 
-    def _send_all(self, messages: Iterable[Outgoing]) -> None:
-        for message in messages:
-            self._send(message)
 
-    def _send(self, message: Outgoing) -> None:
-        self._queue.append(message)
+def _sender(message: Any) -> tuple[int, int]:
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def _target(receiver: tuple[int, int]) -> dict[str, int]:
+    return {"target_system": receiver[0], "target_component": receiver[1]}
 
 
 def _whole(value: float) -> int:

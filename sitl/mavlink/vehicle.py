@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from sitl.mavlink.mavlink_link import MavlinkLink
+from sitl.mavlink.codec import Outgoing
+from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.reports import HealthReport
 from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ, Telemetry
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.motion.wind import WindSettings
-from sitl.px4sim.own_commands import OwnCommands
-from sitl.px4sim.state.notice import Notice, Outgoing
-from sitl.px4sim.state.parameters import DEFAULTS, Parameters
-from sitl.px4sim.state.px4_modes import VERSIONS, px4_version
-from sitl.px4sim.state.situation import Place
+from sitl.px4sim.motion.disturbances import WindSettings
+from sitl.px4sim.parameters import DEFAULTS, Parameters
+from sitl.px4sim.state import FlightMode, Notice, Place
 
 STEP_S: Final = 0.02
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
@@ -39,7 +38,6 @@ class VehicleSettings:
         truth_link: Whether there is one that says where it really is.
         onboard_rates_hz: What is streamed on the onboard link.
         step_s: Simulated seconds of one step.
-        px4_version: One of `px4_version.VERSIONS`: what it behaves as where they differ.
     """
 
     place: Place
@@ -53,7 +51,67 @@ class VehicleSettings:
     truth_link: bool = True
     onboard_rates_hz: Mapping[str, float] = field(default_factory=lambda: ONBOARD_RATES_HZ)
     step_s: float = STEP_S
-    px4_version: str = VERSIONS[0]
+
+
+_GIMBAL_S: Final = 0.25
+_REPEAT_S: Final = 0.5
+_REPEATS: Final = 3
+_CHANGE_SPEED: Final = 178  # MAV_CMD
+_GIMBAL_CONTROL: Final = 1000
+_GIMBAL_CONFIGURE: Final = 1001
+_STOP_VIDEO: Final = 2003
+_TAKE_GIMBAL: Final = (1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0)
+_RELEASE_GIMBAL: Final = (-3.0, -3.0, -1.0, -1.0, 0.0, 0.0, 0.0)
+_LOOK_AHEAD: Final = (*(math.nan,) * 4, 2.0, 0.0, 0.0)
+_STOP: Final = (-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+_CALM: Final = frozenset({FlightMode.AUTO_LAND, FlightMode.AUTO_RTL})
+
+_Params = tuple[float, ...]
+
+
+class OwnCommands:
+    """The commands that PX4 itself sends to gimbals and cameras, whether there are any or not.
+
+    No answer comes, so each is repeated three times. A companion has to pass over them.
+    """
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._mode: FlightMode | None = None  # flown at the last step
+        self._speed_m_s: float | None = None  # the mission's DO_CHANGE_SPEED that was told last
+        self._due: list[tuple[float, int, int, _Params]] = []  # when, MAV_CMD, confirmation
+
+    def step(self) -> list[Outgoing]:
+        """The COMMAND_LONGs that are due now; to be called after every step."""
+        autopilot = self._autopilot
+        now_s, mode = autopilot.time_s, autopilot.flying_mode
+        if mode is not self._mode:
+            if self._mode is FlightMode.AUTO_MISSION:
+                self._plan(now_s, _STOP_VIDEO, _STOP)
+            if self._mode is FlightMode.AUTO_MISSION or mode in _CALM:
+                gimbal_s = now_s + _GIMBAL_S
+                self._plan(gimbal_s, _GIMBAL_CONFIGURE, _TAKE_GIMBAL)
+                self._plan(gimbal_s, _GIMBAL_CONTROL, _LOOK_AHEAD, repeats=0)
+                self._plan(gimbal_s, _GIMBAL_CONFIGURE, _RELEASE_GIMBAL, repeats=0)
+            self._mode = mode
+        speed_m_s = autopilot.situation.speed_m_s if mode is FlightMode.AUTO_MISSION else None
+        if speed_m_s != self._speed_m_s:
+            self._speed_m_s = speed_m_s
+            if speed_m_s is not None:
+                self._plan(now_s, _CHANGE_SPEED, (1.0, speed_m_s, -1.0, 0.0, 0.0, 0.0, math.nan))
+        due = [entry for entry in self._due if entry[0] <= now_s]
+        self._due = [entry for entry in self._due if entry[0] > now_s]
+        return [_command(number, attempt, params) for _, number, attempt, params in due]
+
+    def _plan(self, at_s: float, number: int, params: _Params, repeats: int = _REPEATS) -> None:
+        for attempt in range(repeats + 1):
+            self._due.append((at_s + attempt * _REPEAT_S, number, attempt, params))
+
+
+def _command(number: int, attempt: int, params: _Params) -> Outgoing:
+    fields: dict[str, float] = {f"param{index}": value for index, value in enumerate(params, 1)}
+    fields |= {"target_system": 1, "target_component": 0}
+    return Outgoing("COMMAND_LONG", fields | {"command": number, "confirmation": attempt})
 
 
 class MavlinkVehicle:
@@ -79,7 +137,6 @@ class MavlinkVehicle:
             | dict(settings.parameters)
         )
         scale, self._step_s = settings.speed, settings.step_s
-        version = px4_version(settings.px4_version)
         self.autopilot = Autopilot(
             place,
             parameters,
@@ -89,19 +146,13 @@ class MavlinkVehicle:
         )
         self._own_commands = OwnCommands(self.autopilot)
         self._health = HealthReport(self.autopilot)
-        self._telemetry = Telemetry(self.autopilot, settings.start_unix_s, version)
-        self.onboard = MavlinkLink(
-            self.autopilot, self._telemetry, settings.onboard_rates_hz, time_scale=scale
-        )
-        self.ground = MavlinkLink(
-            self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
-        )
+        telemetry = self._telemetry = Telemetry(self.autopilot, settings.start_unix_s)
+        self.onboard = MavlinkLink(telemetry, settings.onboard_rates_hz, time_scale=scale)
+        self.ground = MavlinkLink(telemetry, GROUND_RATES_HZ, time_scale=scale)
         # What comes in on one of these goes out on the other; a truth link only sends.
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
         self._tells_truth = settings.truth_link  # else `truth` queues nothing
-        self.truth = MavlinkLink(
-            self.autopilot, self._telemetry, TRUTH_RATES_HZ, reports_mission=False
-        )
+        self.truth = MavlinkLink(telemetry, TRUTH_RATES_HZ, reports_mission=False)
 
     def receive(self, link: MavlinkLink, datagram: bytes) -> None:
         """A datagram came in on one of the two links; what is not for us goes to the other."""
@@ -123,14 +174,13 @@ class MavlinkVehicle:
             self.truth.step([], [])
 
     def _event(self, notice: Notice) -> Outgoing:
-        status = self._telemetry.status
-        sequence = status.events_sent
-        status.events_sent += 1
+        sequence = self._telemetry.events_sent
+        self._telemetry.events_sent += 1
         return Outgoing(
             "EVENT",
             {
                 "id": notice.event_id,
-                "event_time_boot_ms": status.boot_ms,
+                "event_time_boot_ms": round(self.autopilot.time_s * 1e3),
                 "sequence": sequence & 0xFFFF,
                 "log_levels": notice.log_levels,
                 "arguments": notice.arguments[:_ARGUMENTS],

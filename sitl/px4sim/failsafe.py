@@ -1,23 +1,16 @@
-"""PX4's failsafes, arming and disarming.
+"""PX4's failsafes: what forces another mode on the vehicle, and how the pilot gets out of it.
 
-What forces another mode on the vehicle, and how the pilot gets out of it; the reasons that PX4
-names, and when it disarms by itself. Pure. A failsafe acts when its condition appears, not while
-it lasts; a mode command ends it ("the pilot took over"), and then the same condition does nothing
-until it appears anew.
+A failsafe acts when its condition appears, not while it lasts; a mode command ends it ("the pilot
+took over"), and then the same condition does nothing until it appears anew.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from sitl.px4sim.state.notice import Severity
-from sitl.px4sim.state.parameters import Parameters
-from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.px4sim.state.situation import Situation
+from sitl.px4sim.state import FlightMode, Severity, Situation
 
 
 class Action(IntEnum):
@@ -25,7 +18,6 @@ class Action(IntEnum):
 
     NONE = 0
     WARN = 1
-    FALLBACK_POSITION = 2
     FALLBACK_ALTITUDE = 3
     HOLD = 5
     RTL = 6
@@ -33,16 +25,6 @@ class Action(IntEnum):
     DESCEND = 8
     DISARM = 9
     TERMINATE = 10
-
-
-# By NAV_RCL_ACT, which also stands in for COM_OBL_RC_ACT's stick modes where there are no sticks.
-STICK_LOSS_ACTIONS: Final[Mapping[int, Action]] = {
-    1: Action.HOLD,
-    2: Action.RTL,
-    3: Action.LAND,
-    5: Action.TERMINATE,
-    6: Action.DISARM,
-}
 
 
 class Cause(IntEnum):
@@ -57,7 +39,6 @@ class Cause(IntEnum):
 
 
 _MODES: Final = {
-    Action.FALLBACK_POSITION: FlightMode.POSCTL,
     Action.FALLBACK_ALTITUDE: FlightMode.ALTCTL,
     Action.HOLD: FlightMode.AUTO_LOITER,
     Action.RTL: FlightMode.AUTO_RTL,
@@ -73,30 +54,25 @@ _WARNINGS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Active:
-    action: Action
-    cause: Cause
-
-
 class Failsafe:
     """Which failsafe acts."""
 
     def __init__(self) -> None:
-        self._active: list[_Active] = []  # until a mode command or disarming, even if it is over
+        # Until a mode command or disarming, even if it is over.
+        self._active: list[tuple[Action, Cause]] = []
         self._fallback = Action.NONE  # of an intended mode that cannot be flown now
         self._delayed_until_s: float | None = None  # end of COM_FAIL_ACT_T's Hold
 
     @property
     def acting(self) -> bool:
         """Whether the vehicle flies in a mode that was not chosen."""
-        return self._worst().action > Action.WARN
+        return self._worst()[0] > Action.WARN
 
     def mode(self, intended: FlightMode) -> FlightMode:
         """The mode to fly in, given the one that the user chose last."""
         if self._delayed_until_s is not None:
             return FlightMode.AUTO_LOITER
-        return _MODES.get(self._worst().action, intended)
+        return _MODES.get(self._worst()[0], intended)
 
     def trigger(
         self, action: Action, cause: Cause, intended: FlightMode, situation: Situation
@@ -106,7 +82,6 @@ class Failsafe:
         Return and Land are preceded by COM_FAIL_ACT_T seconds of Hold, unless a failsafe acts
         already, so that the pilot can take over.
         """
-        before = self._worst()
         if action is Action.NONE or not situation.armed:
             return
         if action is Action.WARN:
@@ -114,9 +89,9 @@ class Failsafe:
                 event, severity = _WARNINGS[cause]
                 situation.say("", event, severity)
             return
-        was_acting = self.acting
-        self._active.append(_Active(action, cause))
-        if action <= before.action:
+        before, was_acting = self._worst()[0], self.acting
+        self._active.append((action, cause))
+        if action <= before:
             return
         delay_s = situation.parameters.limited("COM_FAIL_ACT_T", 0.0, 25.0)
         if action in (Action.RTL, Action.LAND) and not was_acting and delay_s > 0:
@@ -127,15 +102,14 @@ class Failsafe:
                 Severity.CRITICAL,
                 arguments=struct.pack("<IBHB", intended.custom_mode, action, round(delay_s), cause),
             )
-            return
-        if self._delayed_until_s is None:
+        elif self._delayed_until_s is None:
             self._announce(intended, situation)
 
     def fall_back(self, action: Action, intended: FlightMode, situation: Situation) -> None:
         """What the mode itself wants, which cannot be flown any more; ends as soon as it can."""
         if not situation.armed:
             action = Action.NONE
-        before, self._fallback = self._worst().action, action
+        before, self._fallback = self._worst()[0], action
         if action > max(before, Action.WARN) and self._delayed_until_s is None:
             self._announce(intended, situation)
 
@@ -147,75 +121,26 @@ class Failsafe:
 
     def taken_over(self, situation: Situation) -> None:
         """The user commanded a mode: whatever acts ends, except a termination."""
-        if not self.acting or self._worst().action is Action.TERMINATE:
-            return
-        self._active.clear()
-        self._fallback = Action.NONE
-        self._delayed_until_s = None
-        situation.say("", "failsafe_rc_override")
+        if self.acting and self._worst()[0] is not Action.TERMINATE:
+            self.reset()
+            situation.say("", "failsafe_rc_override")
 
-    def disarmed(self) -> None:
-        """The motors stopped: nothing acts any more."""
+    def reset(self) -> None:
+        """Nothing acts any more: the motors stopped, or the pilot took over."""
         self._active.clear()
         self._fallback = Action.NONE
         self._delayed_until_s = None
 
-    def _worst(self) -> _Active:
-        fallback = _Active(self._fallback, Cause.GENERIC)
-        if not self._active:
-            return fallback
-        return max((fallback, *self._active), key=lambda active: active.action)
+    def _worst(self) -> tuple[Action, Cause]:
+        fallback = (self._fallback, Cause.GENERIC)
+        return max((fallback, *self._active), key=lambda active: active[0])
 
     def _announce(self, intended: FlightMode, situation: Situation) -> None:
-        worst = self._worst()
-        if worst.action is Action.DESCEND:
+        action, cause = self._worst()
+        event = "commander_failsafe_enter"
+        arguments = struct.pack("<IBB", intended.custom_mode, action, cause)
+        if action is Action.DESCEND:
             event = "commander_failsafe_enter_autopilot_disengaged"
-            arguments = struct.pack("<IBB", intended.custom_mode, worst.action, worst.cause)
-        elif worst.cause is Cause.GENERIC:
-            event = "commander_failsafe_enter_generic"
-            arguments = struct.pack("<IB", intended.custom_mode, worst.action)
-        else:
-            event = "commander_failsafe_enter"
-            arguments = struct.pack("<IBB", intended.custom_mode, worst.action, worst.cause)
+        elif cause is Cause.GENERIC:
+            event, arguments = "commander_failsafe_enter_generic", arguments[:-1]
         situation.say("Failsafe activated", event, Severity.CRITICAL, arguments=arguments)
-
-
-class ArmingReason(IntEnum):
-    """Why the motors were started or stopped; numbers are those of PX4's events."""
-
-    COMMAND = 4
-    MISSION_START = 5
-    LANDED = 6
-    NO_TAKEOFF = 7
-
-    @property
-    def words(self) -> str:
-        """As in "Armed by ..."."""
-        return _WORDS[self]
-
-
-_WORDS = {
-    ArmingReason.COMMAND: "external command",
-    ArmingReason.MISSION_START: "mission start",
-    ArmingReason.LANDED: "landing",
-    ArmingReason.NO_TAKEOFF: "auto preflight disarming",
-}
-
-
-def disarm_due(
-    parameters: Parameters, *, armed_for_s: float, landed_for_s: float | None, in_mission: bool
-) -> ArmingReason | None:
-    """Whether an armed vehicle on the ground is to be disarmed now.
-
-    Args:
-        parameters: On board.
-        armed_for_s: Seconds since arming.
-        landed_for_s: Seconds since the landing; None if it has not flown since it was armed.
-        in_mission: Whether a mission is under way, which may take off again.
-    """
-    if landed_for_s is not None:
-        limit_s = parameters.limited("COM_DISARM_LAND", -1.0, 3600.0)
-        return ArmingReason.LANDED if 0 < limit_s <= landed_for_s and not in_mission else None
-    limit_s = parameters.limited("COM_DISARM_PRFLT", -1.0, 3600.0)
-    spool_up_s = parameters.limited("COM_SPOOLUP_TIME", 0.0, 30.0)
-    return ArmingReason.NO_TAKEOFF if 0 < limit_s <= armed_for_s - spool_up_s else None

@@ -10,8 +10,7 @@ from enum import Enum
 from typing import Final
 
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, braking_distance
-from sitl.px4sim.state.notice import Severity
-from sitl.px4sim.state.situation import Situation
+from sitl.px4sim.state import Severity, Situation
 
 _SLOW_M_S: Final = 0.05
 
@@ -52,9 +51,14 @@ class HoldFlight(Flight):
         Without a point it goes on to where it was going, at the altitude and heading that are
         given; without anything it stops.
         """
-        if point is None:
-            nothing = altitude_m is None and yaw_rad is None
-            point = _stop(situation) if nothing else _kept(situation)
+        setpoint = situation.setpoint
+        if point is None and altitude_m is None and yaw_rad is None:
+            stop = stop_ahead(situation)
+            takes_off = setpoint.kind is SetpointKind.TAKEOFF
+            point = situation.here if takes_off else (stop.north_m, stop.east_m)
+        elif point is None:
+            flies = setpoint.kind is SetpointKind.POSITION
+            point = (setpoint.north_m, setpoint.east_m) if flies else situation.here
         target_m = situation.altitude_m if altitude_m is None else altitude_m
         target = replace(go_to(*point, target_m, situation), yaw_rad=yaw_rad)
         self.reposition(target, speed_m_s)
@@ -100,14 +104,10 @@ class TakeoffFlight(Flight):
         self._wanted_m = altitude_amsl_m if math.isfinite(altitude_amsl_m) else None
         self._requested = True
 
-    def activate(self, situation: Situation) -> None:
-        """See `Flight`."""
-        self._begin(situation)
-
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
         if self._requested:
-            self._begin(situation)
+            self.activate(situation)
         acceptance_m = situation.altitude_acceptance_m
         climb_m = self._target.altitude_m - situation.home_altitude_m
         if 0 < climb_m < acceptance_m:
@@ -116,7 +116,8 @@ class TakeoffFlight(Flight):
             self.done = True
         return self._target
 
-    def _begin(self, situation: Situation) -> None:
+    def activate(self, situation: Situation) -> None:
+        """See `Flight`."""
         altitude_m = self._wanted_m
         if altitude_m is None:
             climb_m = situation.parameters.limited("MIS_TAKEOFF_ALT", 0.0, 1000.0)
@@ -134,9 +135,7 @@ class TakeoffFlight(Flight):
                 Severity.CRITICAL,
                 Severity.ERROR,
             )
-        self._target = Setpoint(
-            SetpointKind.TAKEOFF, situation.north_m, situation.east_m, altitude_m
-        )
+        self._target = Setpoint(SetpointKind.TAKEOFF, *situation.here, altitude_m)
         self._wanted_m, self._requested, self.done = None, False, False
 
 
@@ -166,16 +165,16 @@ class ReturnFlight(Flight):
     """AUTO.RTL: climb, go home (or to a nearer rally point), land there."""
 
     def __init__(self) -> None:
+        self.rally_points: tuple[tuple[float, float], ...] = ()  # north, east, of the plan
         # Chosen anew on entering; `_phase` goes on by height and distance.
         self._phase = _ReturnPhase.CLIMB
         self._start = (0.0, 0.0)  # north, east: where it was entered and climbs
         self._goal = (0.0, 0.0)  # home or rally point (north, east)
         self._altitude_m = 0.0  # to return at, AMSL
-        self.rally_points: tuple[tuple[float, float], ...] = ()  # north, east, of the plan
 
     def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        here = (situation.north_m, situation.east_m)
+        here = situation.here
         home = situation.home or here
         self._goal = min((home, *self.rally_points), key=lambda point: math.dist(point, here))
         self._start = here
@@ -194,7 +193,7 @@ class ReturnFlight(Flight):
             return Setpoint()
         low_m = self._altitude_m - situation.altitude_m
         north, east = self._goal
-        distance_m = math.hypot(north - situation.north_m, east - situation.east_m)
+        distance_m = math.dist(self._goal, situation.here)
         if self._phase is _ReturnPhase.CLIMB and low_m < situation.altitude_acceptance_m:
             self._phase = _ReturnPhase.RETURN
         if self._phase is _ReturnPhase.RETURN and distance_m <= situation.acceptance_m:
@@ -241,22 +240,6 @@ def go_to(north_m: float, east_m: float, altitude_m: float, situation: Situation
         yaw_rad=situation.heading_rad,
         acceptance_m=situation.acceptance_m,
     )
-
-
-def _stop(situation: Situation) -> tuple[float, float]:
-    """Where it comes to a stop, north and east; in a take-off that is here."""
-    if situation.setpoint.kind is SetpointKind.TAKEOFF:
-        return situation.north_m, situation.east_m
-    ahead = stop_ahead(situation)
-    return ahead.north_m, ahead.east_m
-
-
-def _kept(situation: Situation) -> tuple[float, float]:
-    """Where it is going, north and east; here if that is no place."""
-    setpoint = situation.setpoint
-    if setpoint.kind is SetpointKind.POSITION:
-        return setpoint.north_m, setpoint.east_m
-    return situation.north_m, situation.east_m
 
 
 def stop_ahead(situation: Situation) -> Setpoint:

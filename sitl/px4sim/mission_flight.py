@@ -12,18 +12,12 @@ import struct
 from dataclasses import dataclass, replace
 from typing import Final
 
-from sitl.px4sim.modes.auto_modes import Flight, go_to
+from sitl.px4sim.auto_modes import Flight, go_to
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
-from sitl.px4sim.plan.mission_items import FRAME_RELATIVE, Command, ItemOrder, MissionItem, positive
-from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.px4sim.state.situation import Situation
+from sitl.px4sim.plan_store import FRAME_RELATIVE, Command, MissionItem, positive
+from sitl.px4sim.state import FlightMode, Situation
 
 _HOME_MOVED_M: Final = 0.05
-_INSTANT: Final = frozenset(
-    {20, 178, 179, 187, 189, 195, 196, 197, 200, 201, 203, 204, 205, 206, 214, 260, 400}
-    | {530, 532, 534, 1001, 2000, 2001, 2003, 2500, 2501}
-)
-_TIMED: Final = {1000: 2.0, 211: 2.0, 42600: 2.0}  # gimbal, gripper, winch: done after a while
 
 
 @dataclass(slots=True)
@@ -51,10 +45,12 @@ class MissionFlight(Flight):
     Attributes:
         result: What is published of it.
         under_way: Whether items are being flown: the mode is active and not at the mission's end.
+        index: The current item; kept within the list.
     """
 
     def __init__(self) -> None:
-        self._order = ItemOrder((), 0)
+        self._items: tuple[MissionItem, ...] = ()
+        self.index = 0
         self.result = MissionResult()
         self.under_way = False
         self._activated = False  # Mission mode was entered with this mission
@@ -64,12 +60,6 @@ class MissionFlight(Flight):
         self._moving_to_land = False  # NAV_LAND: on the way to where it lands
         self._target = Setpoint()
         self._reached_s: float | None = None  # within the acceptance since then
-        self._begun_s = 0.0  # simulated time at which the item became current
-
-    @property
-    def index(self) -> int:
-        """The current item."""
-        return self._order.index
 
     @property
     def climbing(self) -> bool:
@@ -78,7 +68,7 @@ class MissionFlight(Flight):
 
     def load(self, items: tuple[MissionItem, ...], index: int, *, valid: bool) -> None:
         """Take over a newly stored mission, to begin at `index`."""
-        self._order = ItemOrder(items, index)
+        self._items, self.index = items, max(0, min(index, len(items) - 1))
         self._activated = self.under_way
         self.judge(valid=valid)
         self.result.finished = False
@@ -86,33 +76,29 @@ class MissionFlight(Flight):
     def judge(self, *, valid: bool) -> None:
         """Renew the verdict on the stored mission."""
         self.result.valid = valid
-        self.result.total = len(self._order.items)
+        self.result.total = len(self._items)
         self.result.reached = -1
         self.result.current = self.index
 
     def jump(self, index: int, situation: Situation) -> None:
         """MISSION_SET_CURRENT: fly there at once if a mission is being flown."""
-        self._order.index = index
-        self.result.current = index
+        self.index = self.result.current = index
         self.result.reached = -1
         if self.under_way:
             self.result.finished = False
             self._set_item(situation, previous=None)
 
-    def restart(self, situation: Situation) -> None:
-        """Fly the current item anew: the plan was replaced in flight."""
-        self._begin(situation)
-
     def activate(self, situation: Situation) -> None:
         """See `Flight`."""
-        if self._disarmed_since and self._activated and self._order.at_last:
-            self._order.index = 0
+        at_last = self.index + 1 == len(self._items)
+        if self._disarmed_since and self._activated and at_last:
+            self.index = 0
         self._activated, self._disarmed_since = True, False
-        for item in self._order.items[: self.index]:  # what earlier items set is in force again
+        for item in self._items[: self.index]:  # what earlier items set is in force again
             if item.command == Command.DO_CHANGE_SPEED:
                 situation.speed_m_s = positive(item.params[1])
         self._prepare_climb(situation)
-        self._begin(situation)
+        self.begin(situation)
 
     def deactivate(self) -> None:
         """Leave Mission mode; what was published stays so, PX4 says nothing then."""
@@ -131,8 +117,9 @@ class MissionFlight(Flight):
             self._follow_home(situation)
         return self._target
 
-    def _begin(self, situation: Situation) -> None:
-        if not self._order.items or not self.result.valid:
+    def begin(self, situation: Situation) -> None:
+        """Fly the current item, also anew after the plan was replaced in flight."""
+        if not self._items or not self.result.valid:
             words = "refusing takeoff" if situation.landed else "loitering"
             event = "mission_not_valid_refuse" if situation.landed else "mission_not_valid_loiter"
             situation.say(f"No valid mission available, {words}", event)
@@ -147,14 +134,12 @@ class MissionFlight(Flight):
     def _prepare_climb(self, situation: Situation) -> None:
         """Before the first item the vehicle climbs to its height where it is."""
         self._climb = None
-        item = self._order.position_from(self.index)
+        item = self._position_from(self.index)
         if item is None:
             return
         altitude_m = item.altitude_amsl_m(situation.home_altitude_m, situation.altitude_m)
         if altitude_m - situation.altitude_m > situation.altitude_acceptance_m:
-            self._climb = Setpoint(
-                SetpointKind.TAKEOFF, situation.north_m, situation.east_m, altitude_m
-            )
+            self._climb = Setpoint(SetpointKind.TAKEOFF, *situation.here, altitude_m)
 
     def _follow_home(self, situation: Situation) -> None:
         """Home's altitude moves in flight; heights above home move with it."""
@@ -168,10 +153,9 @@ class MissionFlight(Flight):
     def _set_item(self, situation: Situation, previous: tuple[float, float] | None) -> None:
         """Make the current item the one that is flown."""
         self.result.current = self.index
-        item = self._order.items[self.index]
+        item = self._items[self.index]
         self._item = item
         self._reached_s = None
-        self._begun_s = situation.time_s
         self._moving_to_land = False
         if item.command == Command.NAV_RETURN_TO_LAUNCH:
             situation.say("Returning to launch", "commander_rtl")
@@ -180,9 +164,7 @@ class MissionFlight(Flight):
             situation.speed_m_s = positive(item.params[1])
         if not item.has_position:
             if self._target.kind is SetpointKind.IDLE and not situation.landed:
-                self._target = go_to(
-                    situation.north_m, situation.east_m, situation.altitude_m, situation
-                )
+                self._target = go_to(*situation.here, situation.altitude_m, situation)
             return
         if self._climb is not None:
             above_m = self._climb.altitude_m - situation.home_altitude_m
@@ -198,14 +180,14 @@ class MissionFlight(Flight):
     def _position_target(
         self, item: MissionItem, situation: Situation, previous: tuple[float, float] | None
     ) -> Setpoint:
-        north, east = situation.projection.to_local(item.latitude_deg, item.longitude_deg)
+        north, east = situation.projection.to_local(*item.degrees)
         radius_m = item.params[1] if item.command == Command.NAV_WAYPOINT else math.nan
         acceptance_m = radius_m if radius_m > 1e-6 else situation.acceptance_m
         altitude_m = item.altitude_amsl_m(situation.home_altitude_m, situation.altitude_m)
         kind = SetpointKind.POSITION
         if item.command == Command.NAV_LAND and not situation.landed:
             altitude_m = situation.altitude_m
-            away_m = math.hypot(north - situation.north_m, east - situation.east_m)
+            away_m = math.dist((north, east), situation.here)
             self._moving_to_land = away_m > situation.acceptance_m
             kind = SetpointKind.POSITION if self._moving_to_land else SetpointKind.LAND
         yaw_deg = item.params[3] if item.command == Command.NAV_WAYPOINT else math.nan
@@ -221,17 +203,23 @@ class MissionFlight(Flight):
         )
 
     def _following(self, item: MissionItem, situation: Situation) -> tuple[float, float] | None:
-        following = self._order.position_from(self.index + 1)
+        following = self._position_from(self.index + 1)
         if following is None or not item.autocontinue or item.time_inside_s > 0:
             return None
-        return situation.projection.to_local(following.latitude_deg, following.longitude_deg)
+        return situation.projection.to_local(*following.degrees)
+
+    def _position_from(self, index: int) -> MissionItem | None:
+        """The first item with a position at or after an index."""
+        return next((item for item in self._items[index:] if item.has_position), None)
 
     def _is_reached(self, situation: Situation) -> bool:
         item = self._item
         if item is None:
             return False
-        if not item.has_position or item.command == Command.NAV_LOITER_UNLIM:
-            return self._is_done(item, situation)
+        if not item.has_position:
+            return True
+        if item.command == Command.NAV_LOITER_UNLIM:
+            return False
         if self._climb is not None:
             enough_m = self._climb.altitude_m - situation.altitude_acceptance_m
             return not situation.landed and situation.altitude_m > enough_m
@@ -239,21 +227,10 @@ class MissionFlight(Flight):
             return situation.landed
         return self._is_there(item, situation)
 
-    def _is_done(self, item: MissionItem, situation: Situation) -> bool:
-        """Whether an item is over that is not about being somewhere."""
-        waited_s = situation.time_s - self._begun_s
-        if item.command in _TIMED:
-            return waited_s > _TIMED[item.command]
-        if item.command == Command.NAV_DELAY:
-            return waited_s >= (positive(item.params[0]) or 0.0)
-        return item.command in _INSTANT
-
     def _is_there(self, item: MissionItem, situation: Situation) -> bool:
         target = self._target
         if self._reached_s is None:
-            distance_m = math.hypot(
-                target.north_m - situation.north_m, target.east_m - situation.east_m
-            )
+            distance_m = math.dist((target.north_m, target.east_m), situation.here)
             height_m = abs(target.altitude_m - situation.altitude_m)
             near = distance_m <= target.acceptance_m and height_m <= situation.altitude_acceptance_m
             if situation.landed or not near:
@@ -279,12 +256,13 @@ class MissionFlight(Flight):
             self._advance(situation)
 
     def _advance(self, situation: Situation) -> None:
-        if not self._order.advance():
+        if self.index + 1 >= len(self._items):
             words = "landed" if situation.landed else "loitering"
             event = "mission_finished" if situation.landed else "mission_finished_loiter"
             situation.say(f"Mission finished, {words}", event)
             self._end(situation)
             return
+        self.index += 1
         self._set_item(situation, previous=(self._target.north_m, self._target.east_m))
 
     def _end(self, situation: Situation) -> None:
@@ -294,6 +272,4 @@ class MissionFlight(Flight):
         if situation.landed:
             self._target = Setpoint()
         elif self._target.kind is not SetpointKind.POSITION:
-            self._target = go_to(
-                situation.north_m, situation.east_m, situation.altitude_m, situation
-            )
+            self._target = go_to(*situation.here, situation.altitude_m, situation)

@@ -1,0 +1,199 @@
+"""The vehicle's flight modes together: which can be flown now, and those that fly by sticks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from sitl.px4sim.auto_modes import Flight, HoldFlight, LandFlight, ReturnFlight, TakeoffFlight
+from sitl.px4sim.failsafe import Action
+from sitl.px4sim.mission_flight import MissionFlight
+from sitl.px4sim.motion.guidance import Direct, Setpoint, SetpointKind
+from sitl.px4sim.state import FlightMode, Situation
+
+_DEAD_ZONE: Final = 0.1
+_EXPONENT: Final = 0.6
+_SLOW_M_S: Final = 0.3
+_TILT_SPEED_M_S: Final = 12.0
+_YAW_RATE_RAD_S: Final = math.radians(150.0)
+_TAKE_OFF: Final = 0.6
+_NO_STICKS: Final = 4  # COM_RC_IN_MODE
+
+
+@dataclass(frozen=True, slots=True)
+class Sticks:
+    """Where the sticks are: -1 to 1, throttle too (0 is its middle); pitch forward is positive."""
+
+    pitch: float = 0.0
+    roll: float = 0.0
+    throttle: float = 0.0
+    yaw: float = 0.0
+
+
+class Pilot:
+    """What is known of the pilot's sticks.
+
+    Attributes:
+        sticks: As heard last.
+    """
+
+    def __init__(self) -> None:
+        self.sticks = Sticks()
+        self._heard_s = -math.inf  # simulated time of the last MANUAL_CONTROL
+        self._rest = Sticks()  # what was heard first: sticks that are moved have left it
+
+    def hear(self, sticks: Sticks, situation: Situation) -> None:
+        """MANUAL_CONTROL came in."""
+        if not self.present(situation):
+            self._rest = sticks
+        self.sticks, self._heard_s = sticks, situation.time_s
+
+    def present(self, situation: Situation) -> bool:
+        """Whether sticks are heard: COM_RC_IN_MODE lets joysticks in, COM_RC_LOSS_T is patience."""
+        if int(situation.parameters["COM_RC_IN_MODE"]) == _NO_STICKS:
+            return False
+        patience_s = situation.parameters.limited("COM_RC_LOSS_T", 0.0, 60.0)
+        return situation.time_s - self._heard_s <= patience_s
+
+    def takes_over(self, situation: Situation) -> bool:
+        """Whether the sticks are moved so far that a pilot means it (COM_RC_STICK_OV)."""
+        if not self.present(situation):
+            return False
+        threshold = situation.parameters.limited("COM_RC_STICK_OV", 5.0, 80.0) / 100.0
+        now, rest = self.sticks, self._rest
+        moved = max(abs(now.pitch - rest.pitch), abs(now.roll - rest.roll), abs(now.yaw - rest.yaw))
+        return moved > threshold
+
+
+class StickFlight(Flight):
+    """Position mode, or Altitude mode, which does not hold a place.
+
+    Args:
+        pilot: Whose sticks.
+        holds_place: Whether it stays where it is while the sticks rest.
+    """
+
+    def __init__(self, pilot: Pilot, *, holds_place: bool) -> None:
+        self._pilot = pilot
+        self._holds_place = holds_place
+        self._place: tuple[float, float] | None = None  # north, east, held while the sticks rest
+        self._altitude_m: float | None = None  # AMSL, held while the throttle rests
+
+    def activate(self, situation: Situation) -> None:  # noqa: ARG002 - see `Flight`
+        """See `Flight`."""
+        self._place = self._altitude_m = None
+
+    def update(self, situation: Situation) -> Setpoint:
+        """See `Flight`."""
+        sticks = self._pilot.sticks if self._pilot.present(situation) else Sticks()
+        if situation.landed and sticks.throttle < _TAKE_OFF:
+            return Setpoint()
+        velocity_m_s = self._horizontal(sticks, situation)
+        up_m_s = self._vertical(sticks, situation)
+        turn = shaped(sticks.yaw) * _YAW_RATE_RAD_S
+        direct = Direct(self._place, self._altitude_m, velocity_m_s, up_m_s, turn)
+        return Setpoint(SetpointKind.DIRECT, direct=direct)
+
+    def _horizontal(self, sticks: Sticks, situation: Situation) -> tuple[float, float]:
+        """The velocity that is asked for; renews the place that is held."""
+        most_m_s = situation.parameters.limited("MPC_VEL_MANUAL", 3.0, 20.0)
+        speed_m_s = most_m_s if self._holds_place else _TILT_SPEED_M_S
+        forward, right = shaped(sticks.pitch) * speed_m_s, shaped(sticks.roll) * speed_m_s
+        if self._holds_place and forward == right == 0.0:
+            north, east, _ = situation.velocity_m_s
+            if self._place is None and math.hypot(north, east) < _SLOW_M_S:
+                self._place = situation.here
+            return 0.0, 0.0
+        self._place = None
+        cosine, sine = math.cos(situation.heading_rad), math.sin(situation.heading_rad)
+        return forward * cosine - right * sine, forward * sine + right * cosine
+
+    def _vertical(self, sticks: Sticks, situation: Situation) -> float:
+        """The climb that is asked for; renews the altitude that is held."""
+        up = shaped(sticks.throttle)
+        if up == 0.0:
+            if self._altitude_m is None and abs(situation.velocity_m_s[2]) < _SLOW_M_S:
+                self._altitude_m = situation.altitude_m
+            return 0.0
+        self._altitude_m = None
+        name = "MPC_Z_VEL_MAX_UP" if up > 0 else "MPC_Z_VEL_MAX_DN"
+        return up * situation.parameters.limited(name, 0.5, 8.0)
+
+
+def shaped(value: float) -> float:
+    """A stick as PX4 shapes it: a dead zone in the middle, then finer there than at the end."""
+    sign = math.copysign(1.0, value)
+    part = (min(abs(value), 1.0) - _DEAD_ZONE) / (1.0 - _DEAD_ZONE)
+    if part <= 0.0:
+        return 0.0
+    return sign * ((1.0 - _EXPONENT) * part + _EXPONENT * part**3)
+
+
+_WITHOUT_POSITION: Final = frozenset(
+    {FlightMode.ALTCTL, FlightMode.AUTO_LAND, FlightMode.TERMINATION}
+)
+
+
+class FlightModes:
+    """How each mode flies.
+
+    Args:
+        mission: Of Mission mode; others know it as well.
+
+    Attributes:
+        hold: Of Hold.
+        takeoff: Of Takeoff.
+        returning: Of Return.
+        pilot: Whose sticks the stick modes fly by.
+    """
+
+    def __init__(self, mission: MissionFlight) -> None:
+        self._mission = mission
+        self.hold = HoldFlight()
+        self.takeoff = TakeoffFlight()
+        self.returning = ReturnFlight()
+        self.pilot = Pilot()
+        self._flights: dict[FlightMode, Flight] = {  # without an entry: not to be flown
+            FlightMode.AUTO_LOITER: self.hold,
+            FlightMode.AUTO_TAKEOFF: self.takeoff,
+            FlightMode.AUTO_MISSION: mission,
+            FlightMode.AUTO_RTL: self.returning,
+            FlightMode.AUTO_LAND: LandFlight(),
+            FlightMode.POSCTL: StickFlight(self.pilot, holds_place=True),
+            FlightMode.ALTCTL: StickFlight(self.pilot, holds_place=False),
+        }
+
+    def flight(self, mode: FlightMode) -> Flight | None:
+        """How a mode flies; None: not at all."""
+        return self._flights.get(mode)
+
+    def can_fly(self, mode: FlightMode, situation: Situation) -> bool:
+        """Whether a mode can be flown now, in the air."""
+        if mode not in self._flights or self._lacks_position(mode, situation):
+            return False
+        if mode is FlightMode.AUTO_MISSION:
+            return self._mission.result.valid
+        if mode is FlightMode.AUTO_RTL:
+            return situation.home is not None
+        return not mode.needs_pilot or self.pilot.present(situation)
+
+    def blocks_arming(self, mode: FlightMode, situation: Situation) -> bool:
+        """Whether PX4 refuses to arm in a mode, as it is now."""
+        if mode.prevents_arming or self._lacks_position(mode, situation):
+            return True
+        asks_more = mode in (FlightMode.AUTO_MISSION, FlightMode.OFFBOARD) or mode.needs_pilot
+        return asks_more and not self.can_fly(mode, situation)
+
+    def fallback(self, mode: FlightMode, situation: Situation) -> Action:
+        """What the vehicle does instead of a mode that it was flying and cannot fly any more."""
+        lands = mode is FlightMode.AUTO_LAND and not situation.position_valid  # it knows no place
+        if lands or self._lacks_position(mode, situation):
+            piloted = mode is FlightMode.POSCTL and self.pilot.present(situation)
+            return Action.FALLBACK_ALTITUDE if piloted else Action.DESCEND
+        lost = mode.needs_pilot and not self.pilot.present(situation)
+        return Action.RTL if lost else Action.NONE
+
+    @staticmethod
+    def _lacks_position(mode: FlightMode, situation: Situation) -> bool:
+        return mode not in _WITHOUT_POSITION and not situation.position_valid

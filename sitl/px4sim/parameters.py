@@ -1,0 +1,117 @@
+"""PX4's parameters and its parameter microservice.
+
+Names, types and defaults are those of a PX4 1.17 SITL quadrotor, all 887 that are in use there; a
+few dozen mean something to this simulation. PX4 answers neither a name that it does not know nor a
+value of the wrong type, and it stores values out of range.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any, Final
+
+_log = logging.getLogger(__name__)
+
+_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
+_PER_STEP: Final = 20  # PX4 sends 887 parameters in 0.87 s
+_FILE: Final = "px4_1_17_sihsim_quadx.params"
+
+
+def _recorded() -> dict[str, int | float]:
+    """The defaults, in PX4's order: that of the names."""
+    text = resources.files("sitl").joinpath(_FILE).read_text()
+    values: dict[str, int | float] = {}
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            _, _, name, value, kind = line.split("\t")
+            values[name] = int(value) if int(kind) == _INT32 else float(value)
+    return values
+
+
+DEFAULTS: Final[Mapping[str, int | float]] = _recorded()
+_NAMES: Final = tuple(DEFAULTS)  # by param_index
+_INDICES: Final = {name: index for index, name in enumerate(_NAMES)}
+
+
+class UnknownParameterError(Exception):
+    """No such parameter here; the message names it."""
+
+
+class Parameters:
+    """The values on board; what is read and set over MAVLink are fields of PARAM_VALUE.
+
+    Args:
+        changes: Values that differ from PX4's defaults.
+
+    Raises:
+        UnknownParameterError: one of `changes` is not known.
+    """
+
+    def __init__(self, changes: Mapping[str, int | float] | None = None) -> None:
+        self._values: dict[str, int | float] = dict(DEFAULTS)  # with PX4's types
+        for name, value in (changes or {}).items():
+            if name not in DEFAULTS:
+                raise UnknownParameterError(f"{name}: not a parameter of this simulation")
+            self._values[name] = type(DEFAULTS[name])(value)
+        self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
+
+    def __getitem__(self, name: str) -> float:
+        """The value as a number to calculate with; the default where a NaN was stored."""
+        value = self._values[name]
+        return value if math.isfinite(value) else DEFAULTS[name]
+
+    def limited(self, name: str, least: float, most: float) -> float:
+        """The value, kept within limits that the simulation can fly with."""
+        asked = (name, least, most)
+        value = self._limited.get(asked)
+        if value is None:
+            value = self._limited[asked] = max(least, min(most, self[name]))
+        return value
+
+    def change(self, name: str, value: float) -> None:
+        """Store a value by no message, in the parameter's own type."""
+        self._values[name] = type(DEFAULTS[name])(value)
+        self._limited.clear()
+
+    def read(self, name: str, index: int) -> list[dict[str, Any]]:
+        """Answer to PARAM_REQUEST_READ: by index if that is not negative. Unknown: silence."""
+        if 0 <= index < len(_NAMES):
+            return [self._message(_NAMES[index])]
+        if index < 0 and name in self._values:
+            return [self._message(name)]
+        _log.warning("parameter %s (%d) was asked for: unknown, not answered", name, index)
+        return []
+
+    def set(self, name: str, value: float, param_type: int) -> list[dict[str, Any]]:
+        """Answer to PARAM_SET: one PARAM_VALUE, a second if it changed; else silence."""
+        if name not in self._values:
+            _log.warning("parameter %s was to be set: unknown, not answered", name)
+            return []
+        whole = isinstance(DEFAULTS[name], int)
+        if param_type != (_INT32 if whole else _REAL32):
+            _log.warning("parameter %s was to be set as type %d: not answered", name, param_type)
+            return []
+        number = struct.unpack("<i", struct.pack("<f", value))[0] if whole else value
+        changed = self._values[name] != number
+        self.change(name, number)
+        return [self._message(name)] * (2 if changed else 1)
+
+    def listed(self, first: int) -> list[dict[str, Any]]:
+        """The parameters from an index on, as many as go out in one step of a listing."""
+        return [self._message(name) for name in _NAMES[first : first + _PER_STEP]]
+
+    def _message(self, name: str) -> dict[str, Any]:
+        """Fields of PARAM_VALUE; integers travel bytewise in the float field, as PX4 has it."""
+        value = self._values[name]
+        whole = isinstance(value, int)
+        return {
+            "param_id": name.encode(),
+            "param_value": struct.unpack("<f", struct.pack("<i", value))[0] if whole else value,
+            "param_type": _INT32 if whole else _REAL32,
+            "param_count": len(_NAMES),
+            "param_index": _INDICES[name],
+        }

@@ -1,1 +1,0 @@
-"""Missions, fences and rally points on board: stored, checked, ordered."""

@@ -1,1 +1,0 @@
-"""What the autopilot does by itself: arming checks, failsafes, its fence."""
