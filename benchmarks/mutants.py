@@ -77,7 +77,7 @@ MUTANTS = (
          "near = known and any(",
          "controller control_authority return_planner"),
     _row("no charge left", "air_router.return_planner", "LANDING_MARGIN: Final = 0.10",
-         "LANDING_MARGIN: Final = 0.0", "return_planner energy controller triggers"),
+         "LANDING_MARGIN: Final = 0.0", "return_planner preflight controller triggers"),
     _row("carried pose", "air_router.search_state",
          "state is State.SEARCH and event.peer == event.robot", "state is State.SEARCH",
          "controller seeking"),

@@ -14,7 +14,7 @@ from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanR
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.flown import load_flown, team_of
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight import Card, Check
+from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recording import add_recording, recording_of
 from air_router.routing.graph import WaypointGraph
@@ -133,8 +133,8 @@ async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
         await (vehicle.upload(plan) if upload else vehicle.recognise(plan))
     except (PlanRefusedError, NotConfirmedError) as error:
         if upload:
-            return Check.bad("plan", str(error), "change the mission, or the vehicle")
+            return Check("plan", BAD, str(error), "change the mission, or the vehicle")
         advice = "a flight will put the mission on board"
-        return Check.look("plan", f"another one is on board: {error}", advice)
+        return Check("plan", LOOK, f"another one is on board: {error}", advice)
     done = "on board, read back, equal, can be flown" if upload else "on board already"
-    return Check.good("plan", f"{done}: {plan.size}")
+    return Check("plan", GOOD, f"{done}: {plan.size}")

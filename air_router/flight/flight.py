@@ -50,7 +50,7 @@ from air_router.gossip.mapper import Mapper, receive_patches
 from air_router.live.page import NoPage, Page
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight import Card, PreflightRefusedError
+from air_router.preflight.card import Card, PreflightRefusedError
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import PREFLIGHT, Recorder
 from air_router.routing.graph import WaypointGraph

@@ -2,14 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from air_router.controller.motion.pending_setpoints import BRAKING_M_S2
 from air_router.files.settings import Accepted
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight import Check
+from air_router.preflight.card import BAD, GOOD, LOOK, Check
 from air_router.routing.return_planner import straight_returns
 from geo.frame import Point
 
@@ -45,10 +45,9 @@ class WantedParameter:
     def check(self, mission: Mission, value: float) -> Check:
         """The line of a value that is not as wanted."""
         found, advice = f"is {value:g}", f"set it to {self.wanted}: {self.why}"
-        if self.stops(mission, value):
-            return Check.bad(self.name, found, advice)
-        if self.accept is None:
-            return Check.look(self.name, found, advice)
+        stops = self.stops(mission, value)
+        if stops or self.accept is None:
+            return Check(self.name, BAD if stops else LOOK, found, advice)
         return acceptable(mission, self.accept, self.name, found, advice)
 
 
@@ -62,6 +61,17 @@ def _at_least(limit: float) -> _Wanted:
 
 def _less_than(limit: float) -> _Wanted:
     return lambda _mission, value: value < limit
+
+
+def _farthest_m(mission: Mission, *, with_fences: bool = False) -> float:
+    """How far from home the mission's farthest waypoint is.
+
+    `with_fences`: or a fence's corner: the vehicle may seek a robot as far away as that.
+    """
+    places = [waypoint.position for waypoint in mission.waypoints]
+    if with_fences:
+        places += [Point(*corner) for fence in mission.fences for corner in fence.corners]
+    return max((math.dist(mission.home, place) for place in places), default=0.0)
 
 
 WANTED: Final = (
@@ -78,8 +88,8 @@ WANTED: Final = (
         "GF_MAX_HOR_DIST",
         "0 (no limit), or more than the farthest waypoint's distance from home",
         "PX4 flies no plan with an item that is farther, and stops the vehicle there",
-        lambda mission, value: value <= 0.0 or value > _farthest_m(mission, _corners(mission)),
-        lambda mission, value: 0.0 < value <= _farthest_m(mission) + _slack_m(mission),
+        lambda mission, value: value <= 0.0 or value > _farthest_m(mission, with_fences=True),
+        lambda mission, value: 0.0 < value <= _farthest_m(mission) + mission.planner.clearance_m,
     ),
     WantedParameter(
         "GF_MAX_VER_DIST",
@@ -219,28 +229,25 @@ def parameters(
         rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
     """
     checks = []
-    unknown = [name for name in NAMES if values.get(name) is None]
-    several = len(mission.layers) > 1
-    wanted = (*WANTED, _LAYER) if several else WANTED
-    for each in wanted:
+    for each in (*WANTED, _LAYER) if len(mission.layers) > 1 else WANTED:
         value = values.get(each.name)
         if value is None or each.good(mission, value / max(rate, 1.0) if each.scaled else value):
             continue
         checks.append(each.check(mission, value))
+    wrong = {check.name for check in checks}
+    unknown = [name for name in NAMES if values.get(name) is None]
     if unknown:
         found = f"not told: {', '.join(unknown)}"
-        checks.append(Check.look("parameters", found, "look at them yourself"))
-    wrong = {check.name for check in checks} - {"parameters"}
+        checks.append(Check("parameters", LOOK, found, "look at them yourself"))
     good = len(NAMES) - len(unknown) - len(wrong)
-    checks.append(Check.good("parameters", f"{good} of {len(NAMES)} are as wanted"))
-    return checks
+    return [*checks, Check("parameters", GOOD, f"{good} of {len(NAMES)} are as wanted")]
 
 
 def straight_return(mission: Mission) -> Check:
     """Whether PX4's own Return, which knows no zones, would fly through one."""
     crossing = Counter(name for way in straight_returns(mission) for name in way.cuts)
     if not crossing:
-        return Check.good("return", "PX4's straight return is clear from every waypoint")
+        return Check("return", GOOD, "PX4's straight return is clear from every waypoint")
     worst = [name for name, _ in crossing.most_common()]
     more = f" and {len(worst) - 3} more" if len(worst) > 3 else ""
     return acceptable(
@@ -256,24 +263,8 @@ def straight_return(mission: Mission) -> Check:
 def acceptable(mission: Mission, name: Accepted, line: str, found: str, advice: str) -> Check:
     """A line that stops the flight unless the mission file accepts it by name."""
     if name in mission.accepts:
-        return Check.look(line, f"{found} (accepted by the mission file)", advice)
+        return Check(line, LOOK, f"{found} (accepted by the mission file)", advice)
     where = "the mission file"
     if mission.path.suffix == ".plan":
         where = "a mission file ('air-router convert' makes one of a .plan)"
-    return Check.bad(line, found, f"{advice}; or accept it in {where}: accepts: [{name}]")
-
-
-def _farthest_m(mission: Mission, others: Iterable[Point] = ()) -> float:
-    """How far from home the mission's farthest waypoint is, or one of the other places."""
-    places = (*(waypoint.position for waypoint in mission.waypoints), *others)
-    return max((math.dist(mission.home, place) for place in places), default=0.0)
-
-
-def _corners(mission: Mission) -> list[Point]:
-    """The corners of what the fences hold: the vehicle may seek a robot as far away as that."""
-    return [Point(*corner) for fence in mission.fences for corner in fence.corners]
-
-
-def _slack_m(mission: Mission) -> float:
-    """What the vehicle may be beyond a waypoint without being stopped there."""
-    return mission.planner.clearance_m
+    return Check(line, BAD, found, f"{advice}; or accept it in {where}: accepts: [{name}]")

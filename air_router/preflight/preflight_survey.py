@@ -11,8 +11,7 @@ from typing import Final
 
 from air_router.mission.mission import Mission
 from air_router.preflight import preflight
-from air_router.preflight.energy import battery
-from air_router.preflight.preflight import Card, Check
+from air_router.preflight.card import Card, Check
 from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
@@ -56,10 +55,10 @@ class PreflightSurvey:
             *first,
             preflight.place(mission, self.router, info, telemetry),
             *preflight.altitude(mission, info, telemetry),
-            *preflight.health(inspection),
+            preflight.health(inspection),
             preflight.gps(inspection.gps),
             preflight.wind(inspection.wind_m_s),
-            battery(mission, self.router, inspection.battery, inspection.voltage_v),
+            preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
             *parameters(mission, inspection.parameters, rate=self.rate()),
             straight_return(mission),
             *preflight.notes(mission),
@@ -79,7 +78,7 @@ class PreflightSurvey:
         return Card(
             (
                 preflight.gps(inspection.gps),
-                battery(mission, self.router, inspection.battery, inspection.voltage_v),
+                preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
                 *parameters(mission, inspection.parameters),
                 straight_return(mission),
                 preflight.disk(_free_bytes(self.log_dir)),

@@ -27,7 +27,7 @@ from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.airspaces import FlightWindow
-from air_router.preflight.preflight import PreflightRefusedError
+from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import read
 from air_router.record.recorder import Recorder
 from air_router.record.replay import replay

@@ -15,7 +15,8 @@ from air_router.mission.fence_plan import fence_plan
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.flown import load_flown
 from air_router.mission.loading import load_mission, read_draft, validate
-from air_router.preflight.preflight import CheckVerdict, altitude, place
+from air_router.preflight.card import CheckVerdict
+from air_router.preflight.preflight import altitude, place
 from air_router.preflight.preflight_parameters import parameters
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router

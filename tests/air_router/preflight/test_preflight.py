@@ -5,9 +5,11 @@ import pytest
 
 from air_router.files.settings import Accepted
 from air_router.preflight import preflight
-from air_router.preflight.preflight import Card, Check, CheckVerdict, PreflightRefusedError
+from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
+from air_router.preflight.preflight import CLIMB_M_S
 from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
 from air_router.routing.graph import WaypointGraph
+from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
@@ -15,7 +17,6 @@ from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from mocha_link.team.document import Problem
 
-GOOD, LOOK, BAD = CheckVerdict.GOOD, CheckVerdict.LOOK, CheckVerdict.BAD
 WANTED = {
     "GF_ACTION": 2,
     "GF_SOURCE": 0,
@@ -144,14 +145,46 @@ def test_the_wind(wind_m_s, verdict, found):
     assert (check.verdict, found in check.found) == (verdict, True)
 
 
+def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(pennovation, router):
+    return_planner = ReturnPlanner(router)
+    _, way = return_planner.worst_waypoint
+    out_s = pennovation.altitude_above_home_m / CLIMB_M_S + return_planner.pace.time_s(way)
+    for reserve in (0.0, 0.25):
+        turning = max(reserve, return_planner.pace.home_s(way) / 1500 + LANDING_MARGIN)
+        for spare, verdict in ((0.001, GOOD), (-0.001, BAD)):
+            charge = turning + out_s / 1500 + spare
+            wanted = {"endurance_s": 1500.0, "duration_s": None, "battery_reserve": reserve}
+            mission = dataclasses.replace(pennovation, **wanted)
+            assert preflight.battery(mission, router, charge, 15.8).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("charge", "times_s", "verdict"),
+    [
+        (None, (1500.0, None), LOOK),
+        (0.9, (None, None), LOOK),
+        (0.4, (None, None), BAD),
+        (1.0, (1500.0, None), GOOD),
+        (1.0, (1500.0, 600.0), GOOD),
+        (1.0, (1500.0, 1400.0), LOOK),
+        (0.3, (1500.0, None), BAD),
+        (0.1, (1500.0, None), BAD),
+    ],
+)
+def test_the_charge_against_the_mission(pennovation, router, charge, times_s, verdict):
+    times = dict(zip(("endurance_s", "duration_s"), times_s, strict=True))
+    found = preflight.battery(dataclasses.replace(pennovation, **times), router, charge, 15.8)
+    assert (found.verdict, bool(found.advice)) == (verdict, verdict is not GOOD)
+
+
 def test_health_says_why_not():
-    (check,) = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
+    check = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
     assert check.verdict is BAD
     assert check.advice == "no fix; no compass"
-    (silent,) = preflight.health(Inspection(healthy=False))
+    silent = preflight.health(Inspection(healthy=False))
     assert "ground station" in silent.advice
-    assert preflight.health(Inspection(warnings=("low",)))[0].verdict is LOOK
-    assert preflight.health(Inspection())[0].verdict is GOOD
+    assert preflight.health(Inspection(warnings=("low",))).verdict is LOOK
+    assert preflight.health(Inspection()).verdict is GOOD
 
 
 def test_the_altitude_that_zones_were_reckoned_with(pennovation):

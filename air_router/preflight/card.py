@@ -1,0 +1,87 @@
+"""The pre-flight card: its lines, how each stands, and how they are shown."""
+
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Final
+
+from air_router.errors import RefusedError
+
+
+class CheckVerdict(Enum):
+    """How a line of the card stands."""
+
+    GOOD = "ok"
+    LOOK = "look"  # the pilot should look at it
+    BAD = "stop"  # nothing takes off like that
+
+
+GOOD, LOOK, BAD = CheckVerdict
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line: what was looked at, how it stands, what was found, what to do."""
+
+    name: str  # the first column of the card
+    verdict: CheckVerdict
+    found: str  # in words
+    advice: str = ""  # what to do; empty: nothing
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found}" + (f"; {self.advice}" if self.advice else "")
+
+    def line(self, width: int, *, coloured: bool) -> str:
+        """As text; `width` is that of the first column."""
+        mark = self.verdict.value.ljust(4)
+        if coloured:
+            mark = f"{_COLOURS[self.verdict]}{mark}{_PLAIN}"
+        text = f"{mark}  {self.name.ljust(width)}  {self.found}"
+        return text + (f"\n{' ' * (width + 8)}-> {self.advice}" if self.advice else "")
+
+
+_COLOURS: Final = {GOOD: "\x1b[32m", LOOK: "\x1b[33m", BAD: "\x1b[31m"}
+_PLAIN: Final = "\x1b[0m"
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """All lines of a pre-flight check."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def bad(self) -> tuple[Check, ...]:
+        """The lines for which nothing takes off."""
+        return tuple(check for check in self.checks if check.verdict is BAD)
+
+    @property
+    def ready(self) -> bool:
+        """Whether no line is bad."""
+        return not self.bad
+
+    @property
+    def summary(self) -> str:
+        """How many lines are good, in words."""
+        good = sum(check.verdict is GOOD for check in self.checks)
+        others = "; none of the others stops the flight" if good < len(self.checks) else ""
+        return f"{good} of {len(self.checks)} lines are good{others}"
+
+    def lines(self, *, coloured: bool = False, all_of_them: bool = True) -> list[str]:
+        """The card as text, one line each; `all_of_them`: also the good ones."""
+        shown = [check for check in self.checks if all_of_them or check.verdict is not GOOD]
+        width = max((len(check.name) for check in shown), default=0)
+        return [check.line(width, coloured=coloured) for check in shown]
+
+    def as_json(self) -> dict[str, object]:
+        """For scripts."""
+        checks = [asdict(check) | {"verdict": check.verdict.value} for check in self.checks]
+        return {"ready": self.ready, "checks": checks}
+
+
+class PreflightRefusedError(RefusedError):
+    """The pre-flight card has a line for which nothing takes off."""
+
+    def __init__(self, card: Card) -> None:
+        self.card = card
+        reasons = "\n".join(f"  {check}" for check in card.bad)
+        super().__init__(f"not ready to fly:\n{reasons}")
