@@ -1,7 +1,7 @@
 """What `air-router check` tells of a mission that can be flown, to people and to programs."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Any
 
@@ -11,13 +11,7 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.found_by import finders
 from air_router.mission.mission import Mission
 from air_router.preflight.survey import MissionSurvey, SurveyedLeg
-from air_router.routing.return_planner import (
-    LANDING_MARGIN,
-    Pace,
-    StraightReturn,
-    Way,
-    straight_returns,
-)
+from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way, straight_returns
 
 _TIGHTEST = 3
 _MOST_LINES = 12
@@ -26,129 +20,123 @@ _MOST_LINES = 12
 _MOST_STOPS = 8
 _MOST_RUNS = 24
 
+_Row = tuple[str, str]
+"""What a line of the summary is about, and what it says."""
+
 
 def summary(findings: MissionSurvey) -> list[str]:
     """A person's view of a mission that was found to be in order."""
+    mission = findings.mission
+    first = (
+        f"{mission.name}: {counted(len(mission.waypoints), 'waypoints')}, "
+        f"{counted(len(mission.zones), 'no-fly zones')}, {_fences(mission)}, "
+        f"{counted(len(mission.rally_points), 'rally points')}"
+    )
+    parts = (_flight, _legs, _coming_home, _idle, _team)
+    rows = [row for part in parts for row in part(findings)]
+    return [first, *(f"  {about:<10} {text}" for about, text in rows)]
+
+
+def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     mission, planner = findings.mission, findings.mission.planner
+    yield "flies", f"{_altitudes(mission)} above home at {mission.speed_m_s:g} m/s"
     margin = (
         f"clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m"
     )
+    yield "keeps", f"{planner.distance_m:g} m from zones and fence ({margin}){_own(mission)}"
+    points = len(FlightPlan.of(mission).fence)
+    limit = f" of {FENCE_POINTS} that a PX4 stores"
+    if points > FENCE_POINTS:
+        limit = (
+            f": MORE THAN THE {FENCE_POINTS} THAT A PX4 STORES, it will refuse them (see the note)"
+        )
+    yield "on board", f"{counted(points, 'fence points')}{limit}"
     pieces = "in one piece" if findings.connected else "in pieces"
-    on_board = len(FlightPlan.of(mission).fence)
-    lines = [
-        (
-            f"{mission.name}: {counted(len(mission.waypoints), 'waypoints')}, "
-            f"{counted(len(mission.zones), 'no-fly zones')}, {_fences(mission)}, "
-            f"{counted(len(mission.rally_points), 'rally points')}"
-        ),
-        f"  flies      {_altitudes(mission)} above home at {mission.speed_m_s:g} m/s",
-        f"  keeps      {planner.distance_m:g} m from zones and fence ({margin}){_own(mission)}",
-        f"  on board   {counted(on_board, 'fence points')}{_too_many(on_board)}",
-        (
-            f"  graph      {counted(findings.edges, 'clear connections')} up to "
-            f"{planner.max_edge_m:g} m, {counted(findings.detours, 'detours')}, "
-            f"{pieces}; routes: {planner.kind}"
-        ),
-        (
-            f"  exploring  {findings.length_m:.0f} m from home through all waypoints and back, "
-            f"about {_duration(findings.flight_time_s)}"
-        ),
+    edges, detours = (
+        counted(findings.edges, "clear connections"),
+        counted(findings.detours, "detours"),
+    )
+    yield (
+        "graph",
+        f"{edges} up to {planner.max_edge_m:g} m, {detours}, {pieces}; routes: {planner.kind}",
+    )
+
+
+def _legs(findings: MissionSurvey) -> Iterator[_Row]:
+    through = f"{findings.length_m:.0f} m from home through all waypoints and back"
+    yield "exploring", f"{through}, about {_duration(findings.flight_time_s)}"
+    for step in findings.tightest(_TIGHTEST):
+        yield "tightest", f"{_way(step)}, {step.closest_m:.1f} m from {step.closest_to}"
+    around = [
+        f"{_way(step)}, because of {_names(step.straight_blockers, ' and ')}"
+        for step in findings.around
     ]
-    lines += [
-        f"  tightest   {_way(step)}, {step.closest_m:.1f} m from {step.closest_to}"
-        for step in findings.tightest(_TIGHTEST)
+    yield from _first_of("around", around, "")
+
+
+def _idle(findings: MissionSurvey) -> Iterator[_Row]:
+    below = "; kept from below that, climbing and landing"
+    zones = [
+        f"{idle.zone.name}: {idle.reason}{below if idle.below else ''}"
+        for idle in findings.mission.idle_zones
     ]
-    around = findings.around
-    lines += [
-        f"  around     {_way(step)}, because of {_names(step.straight_blockers, ' and ')}"
-        for step in around[:_MOST_LINES]
-    ]
-    if len(around) > _MOST_LINES:
-        lines.append(f"  around     and {len(around) - _MOST_LINES} more")
-    lines += _coming_home(findings)
-    lines += [
-        f"  idle       {idle.zone.name}: {idle.reason}"
-        + ("; kept from below that, climbing and landing" if idle.below else "")
-        for idle in mission.idle_zones[:_MOST_LINES]
-    ]
-    if len(mission.idle_zones) > _MOST_LINES:
-        lines.append(f"  idle       and {len(mission.idle_zones) - _MOST_LINES} more zones")
+    yield from _first_of("idle", zones, " zones")
+
+
+def _first_of(about: str, texts: list[str], things: str) -> Iterator[_Row]:
+    yield from ((about, text) for text in texts[:_MOST_LINES])
+    if len(texts) > _MOST_LINES:
+        yield about, f"and {len(texts) - _MOST_LINES} more{things}"
+
+
+def _team(findings: MissionSurvey) -> Iterator[_Row]:
+    """The team, by which topics its robots are found, the layers of several UAVs, and notes."""
+    mission = findings.mission
     if mission.team is not None:
+        uavs = [layer.uav for layer in mission.layers]
+        flying = f"{mission.uav} flies and seeks"
+        if len(uavs) > 1:
+            flying = f"{' and '.join(uavs)} fly and seek"
         seek = ", ".join(mission.seek) or "every other robot"
-        seek += f" ({mission.seek_policy})"
-        lines.append(f"  team       {mission.team}: {_flying(mission)} {seek}")
-        lines += _finds(mission)
-    lines += _layers(mission)
-    lines += [f"  note       {note}" for note in mission.notes]
-    return lines
+        yield "team", f"{mission.team}: {flying} {seek} ({mission.seek_policy})"
+        found: dict[str, list[str]] = {}
+        for robot, topic in finders(mission).items():
+            found.setdefault(f"{topic.name} ({topic.type})", []).append(robot)
+        for topic_words, robots in found.items():
+            yield "found by", f"{topic_words}: {_names(robots)}"
+    for layer in mission.layers:
+        does = "explores and searches" if layer.explore else "only searches"
+        shown = " (its mission is shown here)" if layer.uav == mission.uav else ""
+        yield "layer", f"{layer.uav}: {layer.altitude_m:g} m above its home, {does}{shown}"
+    for note in mission.notes:
+        yield "note", str(note)
 
 
-def _too_many(fence_points: int) -> str:
-    if fence_points <= FENCE_POINTS:
-        return f" of {FENCE_POINTS} that a PX4 stores"
-    return f": MORE THAN THE {FENCE_POINTS} THAT A PX4 STORES, it will refuse them (see the note)"
-
-
-def _flying(mission: Mission) -> str:
-    names = [layer.uav for layer in mission.layers]
-    if len(names) > 1:
-        return f"{' and '.join(names)} fly and seek"
-    return f"{mission.uav} flies and seeks"
-
-
-def _finds(mission: Mission) -> list[str]:
-    """A line for each topic by which robots are found."""
-    robots: dict[str, list[str]] = {}
-    for robot, topic in finders(mission).items():
-        robots.setdefault(f"{topic.name} ({topic.type})", []).append(robot)
-    return [f"  found by   {topic}: {_names(names)}" for topic, names in robots.items()]
-
-
-def _layers(mission: Mission) -> list[str]:
-    """A line for each UAV of a mission for several: the other lines are of the first one."""
-    return [
-        f"  layer      {layer.uav}: {layer.altitude_m:g} m above its home, "
-        + ("explores and searches" if layer.explore else "only searches")
-        + (" (its mission is shown here)" if layer.uav == mission.uav else "")
-        for layer in mission.layers
-    ]
-
-
-def _coming_home(findings: MissionSurvey) -> list[str]:
+def _coming_home(findings: MissionSurvey) -> Iterator[_Row]:
     mission, ways = findings.mission, findings.return_planner
-    lines = []
-    worst = ways.worst_waypoint
+    worst, place = ways.worst_waypoint, ways.worst_place
     if worst is not None:
         number, way = worst
-        charge = _charge(mission, ways.pace, way)
-        lines.append(
-            f"  home       farthest is waypoint {number}: {way.length_m:.0f} m, "
-            f"{_duration(ways.pace.home_s(way))} to the ground{charge}"
-        )
-    place = ways.worst_place
+        where = f"farthest is waypoint {number}: {way.length_m:.0f} m, "
+        time = f"{_duration(ways.pace.home_s(way))} to the ground"
+        yield "home", f"{where}{time}{_charge(mission, ways.pace, way)}"
     if place is not None and worst is not None and place[1].length_m > worst[1].length_m + 0.5:
         (a, b), way = place
         charge = "" if mission.endurance_s is None else _charge(mission, ways.pace, way)
-        lines.append(
-            f"  home       from between {_node(a)} and {_node(b)}: {way.length_m:.0f} m, "
-            f"{_duration(ways.pace.home_s(way))}{charge}"
-        )
-    if mission.rally_points:
-        if ways.rally:
-            farthest = max(ways.rally, key=lambda node: ways.rally[node].length_m)
-            lines.append(
-                f"  rally      a rally point is at most {ways.rally[farthest].length_m:.0f} m "
-                f"away, from {_node(farthest)}"
-            )
-        else:
-            lines.append("  rally      no clear way leads to a rally point")
-    for to, returns in _by_aim(straight_returns(mission)):
-        numbers = [r.waypoint for r in returns]
+        where = f"from between {_node(a)} and {_node(b)}: {way.length_m:.0f} m, "
+        yield "home", f"{where}{_duration(ways.pace.home_s(way))}{charge}"
+    if mission.rally_points and not ways.rally:
+        yield "rally", "no clear way leads to a rally point"
+    elif mission.rally_points:
+        farthest = max(ways.rally, key=lambda node: ways.rally[node].length_m)
+        length_m = ways.rally[farthest].length_m
+        yield "rally", f"a rally point is at most {length_m:.0f} m away, from {_node(farthest)}"
+    ordered = sorted(straight_returns(mission), key=lambda r: (r.to != "home", r.to, r.waypoint))
+    for to, group in groupby(ordered, key=lambda r: r.to):
+        returns = list(group)
         zones = dict.fromkeys(name for r in returns for name in r.cuts)
-        lines.append(
-            f"  PX4 return straight to {to} would cut {_names(zones)}: from {_ranges(numbers)}"
-        )
-    return lines
+        numbers = _ranges([r.waypoint for r in returns])
+        yield "PX4 return", f"straight to {to} would cut {_names(zones)}: from {numbers}"
 
 
 def _charge(mission: Mission, pace: Pace, way: Way) -> str:
@@ -246,11 +234,6 @@ def _tight(step: SurveyedLeg) -> dict[str, Any]:
         "distance_m": round(step.closest_m, 3),
         "closest_to": step.closest_to,
     }
-
-
-def _by_aim(returns: Iterable[StraightReturn]) -> list[tuple[str, list[StraightReturn]]]:
-    ordered = sorted(returns, key=lambda r: (r.to != "home", r.to, r.waypoint))
-    return [(to, list(group)) for to, group in groupby(ordered, key=lambda r: r.to)]
 
 
 def _ranges(numbers: list[int]) -> str:

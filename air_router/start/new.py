@@ -1,15 +1,20 @@
-"""`air-router new`: a first mission with its team, world and rover."""
+"""`air-router new`: a first mission with its team, world and rover, from options or answers."""
 
 import argparse
+import re
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from air_router.cli.arguments import home
+import yaml
+
+from air_router.cli.arguments import home, number
 from air_router.errors import ExitCode, UsageError
 from air_router.files.text_values import degrees_text
 from air_router.mission.loading import load_mission
-from air_router.start.answers import altitude, answered, name, robots
-from air_router.start.texts import ROVERS, first_places, texts_of
+from air_router.start.texts import MOST_ROBOTS, ROVERS, first_places, texts_of
 from geo.frame import Geodetic, LocalFrame
 
 _EPILOG = """\
@@ -17,6 +22,105 @@ examples:
   air-router new                                      (asks on the terminal)
   air-router new yard --home 47.3977,8.5456 --robots "husky=ros2, scout"
 """
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
+
+_altitude = number("an altitude between 2 and 500 m above home", 2.0, 500.0)
+
+
+def _name(text: str) -> str:
+    """A robot's name."""
+    if not _NAME.fullmatch(text) or yaml.safe_load(text) != text:  # YAML takes "on" for a switch
+        raise argparse.ArgumentTypeError(f"'{text}' is no name; use letters, digits, _ and -")
+    return text
+
+
+def _robots(text: str) -> dict[str, str]:
+    """Names, and what each speaks: "rover=ros2, scout"."""
+    found = {}
+    for part in text.replace(",", " ").split():
+        robot, _, kind = part.partition("=")
+        kind = kind or "json"
+        if kind not in ROVERS:
+            known = ", ".join(ROVERS)
+            raise argparse.ArgumentTypeError(f"{part}: a robot speaks one of {known}")
+        if robot in found:
+            raise argparse.ArgumentTypeError(f"'{robot}' is named twice")
+        found[_name(robot)] = kind
+    if not 1 <= len(found) <= MOST_ROBOTS:
+        raise argparse.ArgumentTypeError(f"name 1 to {MOST_ROBOTS} robots")
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """One answer that is needed.
+
+    Attributes:
+        key: Its name among the arguments.
+        metavar: Its name in the help.
+        help: What it is, there.
+        text: How it is asked for on a terminal.
+        read: What makes a value of an answer; raises ArgumentTypeError.
+        default: The answer if there is none; None: there has to be one.
+    """
+
+    key: str
+    metavar: str
+    help: str
+    text: str
+    read: Callable[[str], Any]
+    default: str | None = None
+
+    def asked(self, ask: Callable[[str], str]) -> Any:
+        """The answer on a terminal; asked again until it can be read."""
+        shown = "" if self.default is None else f" [{self.default}]"
+        while True:
+            try:
+                given = ask(f"{self.text}{shown} ").strip() or self.default
+            except EOFError:
+                raise UsageError("no answer; nothing was made") from None
+            try:
+                if given is not None:
+                    return self.read(given)
+            except argparse.ArgumentTypeError as error:
+                sys.stderr.write(f"{error}\n")
+
+
+_QUESTIONS = (
+    _Question("folder", "FOLDER", "where (default mission)", "Folder to make", Path, "mission"),
+    _Question(
+        "home",
+        "LAT,LON",
+        "where the vehicle takes off",
+        "Where does the vehicle take off (latitude,longitude)?",
+        home,
+    ),
+    _Question(
+        "altitude",
+        "M",
+        "cruise altitude above home (default 30)",
+        "Cruise altitude in metres above that?",
+        _altitude,
+        "30",
+    ),
+    _Question(
+        "uav",
+        "NAME",
+        "its name (default titan)",
+        "Name of the vehicle in the team?",
+        _name,
+        "titan",
+    ),
+    _Question(
+        "robots",
+        "NAMES",
+        "whom it seeks, each with what it speaks, json, ros1 or ros2 (default rover=json)",
+        "Robots that it seeks, and what they speak (json, ros1, ros2)?",
+        _robots,
+        "rover=json",
+    ),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,25 +130,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "no option answers is asked for on a terminal. Nothing is overwritten."
     )
     parser.epilog = _EPILOG
+    place, *options = _QUESTIONS
     parser.add_argument(
-        "folder", type=Path, nargs="?", metavar="FOLDER", help="where (default mission)"
+        place.key, type=place.read, nargs="?", metavar=place.metavar, help=place.help
     )
-    parser.add_argument("--home", type=home, metavar="LAT,LON", help="where the vehicle takes off")
-    parser.add_argument(
-        "--altitude", type=altitude, metavar="M", help="cruise altitude above home (default 30)"
-    )
-    parser.add_argument("--uav", type=name, metavar="NAME", help="its name (default titan)")
-    parser.add_argument(
-        "--robots",
-        type=robots,
-        metavar="NAMES",
-        help="whom it seeks, each with what it speaks, json, ros1 or ros2 (default rover=json)",
-    )
+    for each in options:
+        parser.add_argument(f"--{each.key}", type=each.read, metavar=each.metavar, help=each.help)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Ask, write, and say how to go on."""
-    answers = answered(arguments, input if sys.stdin.isatty() else None)
+    answers = _answered(arguments, input if sys.stdin.isatty() else None)
     folder, uav, kinds = answers["folder"], answers["uav"], answers["robots"]
     if uav in kinds:
         raise UsageError(f"'{uav}' is the vehicle's name; give the robot another one")
@@ -60,6 +156,25 @@ def run(arguments: argparse.Namespace) -> int:
     load_mission(folder / "mission.yaml")
     _say_next(folder, answers["home"], kinds)
     return ExitCode.DONE
+
+
+def _answered(arguments: argparse.Namespace, ask: Callable[[str], str] | None) -> dict[str, Any]:
+    """Every answer: as an option, else asked for on the terminal if there is one, else its default.
+
+    Raises:
+        UsageError: one is missing that has no default.
+    """
+    answers = {}
+    for question in _QUESTIONS:
+        value = getattr(arguments, question.key)
+        if value is None and ask is not None:
+            value = question.asked(ask)
+        elif value is None and question.default is None:
+            raise UsageError(f"say --{question.key}, or answer on a terminal: {question.text}")
+        elif value is None:
+            value = question.read(str(question.default))
+        answers[question.key] = value
+    return answers
 
 
 def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from string import Template
 from typing import Final
 
 from air_router.files.missions.mission_write import first_mission_text
@@ -14,71 +15,12 @@ ROVERS: Final = {"json": "rover_json.py", "ros1": "rover_ros1.py", "ros2": "rove
 
 MOST_ROBOTS: Final = 20
 
+_HERE = Path(__file__).parent
 _PX4_RETURN_M = 30.0
 _CORNERS = 4
 _RADIUS_M = 100.0
 _FENCE_M = 200.0
 _PATROL_M = 8.0
-
-_MISSION = """
-# Who flies, whom it seeks, and what is simulated around it.
-uav: {uav}
-seek: [{robots}]
-team: team.yaml
-world: world.yaml
-
-# Come home after so many seconds; explore so long before and between two searches.
-duration_s: 900
-timers: {{init_s: 30, explore_s: 60}}
-{accepts}"""
-
-_ACCEPTS = """
-# A PX4 as it comes returns at 30 m: set its RTL_RETURN_ALT to the altitude above, and remove this.
-accepts: [rtl_altitude]
-"""
-
-_TEAM = """\
-# The team, the same file for all its robots. Every key is described in docs/team-file.md.
-# To try it on one machine all have addresses of it: 127.0.1.x is dialled, on 127.0.0.x a node
-# listens. In the field, write each robot's own address and leave listen out.
-robots:
-{robots}
-kinds:
-  aerial_robot:
-    topics:
-      - {{name: /map, type: grid/SemanticMap, priority: high, min_interval_s: 5}}
-{occupancy}      - {{name: /pose, type: json/Pose, min_interval_s: 1}}
-{kinds}
-"""
-
-_OCCUPANCY = """\
-      - {name: /occupancy, type: nav_msgs/OccupancyGrid, priority: high, min_interval_s: 5}
-"""
-
-_KINDS = {
-    "json": """\
-  json_rover:
-    topics:
-      - {name: /pose, type: json/Pose, priority: high, min_interval_s: 1}
-      - {name: /path, type: json/Path, priority: medium}""",
-    "ros1": """\
-  ros1_rover:
-    topics:
-      - {name: /fix, type: sensor_msgs/NavSatFix, priority: high, min_interval_s: 1}""",
-    "ros2": """\
-  ros2_rover:
-    topics:
-      - {name: /odom, type: nav_msgs/Odometry, priority: high, min_interval_s: 1}""",
-}
-
-_WORLD = """\
-# What air-router sim simulates around the mission. Every key is described in docs/world-file.md.
-coordinates: local
-
-# Where robots drive, in metres east and north of home.
-robots:
-{robots}
-"""
 
 
 def first_places(count: int) -> list[Point]:
@@ -101,52 +43,52 @@ def texts_of(
     """
     places = first_places(len(robots))
     kinds = dict.fromkeys(robots.values())
-    texts = {
-        "mission.yaml": first_mission_text(
-            "air-router new", home, places, altitude_m=altitude_m, fence_radius_m=_FENCE_M
-        )
-        + _MISSION.format(
-            uav=uav,
-            robots=", ".join(robots),
-            accepts=_ACCEPTS if altitude_m > _PX4_RETURN_M else "",
+    patrols = [
+        f"  {name}: {{patrol: {_patrol(place)}}}"
+        for name, place in zip(robots, places, strict=False)
+    ]
+    begin = first_mission_text(
+        "air-router new", home, places, altitude_m=altitude_m, fence_radius_m=_FENCE_M
+    )
+    accepts = _filled("accepts") if altitude_m > _PX4_RETURN_M else ""
+    programs = {ROVERS[kind]: (_HERE / ROVERS[kind]).read_text(encoding="utf-8") for kind in kinds}
+    return {
+        "mission.yaml": begin + _filled("mission", uav=uav, robots=", ".join(robots)) + accepts,
+        "team.yaml": _filled(
+            "team",
+            robots=_team(", ".join(map(degrees_text, home)), uav, robots),
+            occupancy="" if set(kinds) == {"json"} else _filled("occupancy"),
+            kinds="".join(_filled(f"kind_{kind}") for kind in kinds).rstrip("\n"),
         ),
-        "team.yaml": _TEAM.format(
-            robots=_robots(", ".join(map(degrees_text, home)), uav, robots),
-            occupancy="" if set(kinds) == {"json"} else _OCCUPANCY,
-            kinds="\n".join(_KINDS[kind] for kind in kinds),
-        ),
-        "world.yaml": _WORLD.format(
-            robots="\n".join(
-                f"  {name}: {{patrol: {_patrol(place)}}}"
-                for name, place in zip(robots, places, strict=False)
-            )
-        ),
+        "world.yaml": _filled("world", robots="\n".join(patrols)),
+        **{name: program.replace("titan", uav) for name, program in programs.items()},
     }
-    for kind in kinds:
-        program = Path(__file__).parent / "rovers" / ROVERS[kind]
-        texts[ROVERS[kind]] = program.read_text(encoding="utf-8").replace("titan", uav)
-    return texts
 
 
-def _robots(home: str, uav: str, robots: Mapping[str, str]) -> str:
+def _filled(template: str, **values: object) -> str:
+    text = (_HERE / "templates" / f"{template}.yaml").read_text(encoding="utf-8")
+    return Template(text).substitute(values)
+
+
+def _team(home: str, uav: str, robots: Mapping[str, str]) -> str:
+    """The section of a team file; `home` is where local frames have their origins."""
     names = [uav, *robots]
-    lines = []
+    text = ""
     for number, name in enumerate(names, start=1):
-        kind = f"{robots[name]}_rover" if name in robots else "aerial_robot"
-        lines += [
-            f"  {name}:",
-            f"    kind: {kind}",
-            f"    address: 127.0.1.{number}",
-            f"    listen: 127.0.0.{number}",
-            f"    base_port: {24_000 + 100 * number}",
-            f"    clients: [{', '.join(other for other in names if other != name)}]",
-            f"    radio: udp://127.0.0.{number}:{24_090 + 100 * number}",
-        ]
+        text += _filled(
+            "robot",
+            name=name,
+            kind=f"{robots[name]}_rover" if name in robots else "aerial_robot",
+            number=number,
+            base_port=24_000 + 100 * number,
+            clients=", ".join(other for other in names if other != name),
+            radio_port=24_090 + 100 * number,
+        )
         if "ros2" in (robots.get(name), *(robots.values() if name == uav else ())):
-            lines.append(f"    datum: [{home}]  # where the origin of its local frame lies")
+            text += f"    datum: [{home}]  # where the origin of its local frame lies\n"
         if robots.get(name) == "ros2":
-            lines.append("    ros: 2")
-    return "\n".join(lines)
+            text += "    ros: 2\n"
+    return text.rstrip("\n")
 
 
 def _patrol(place: Point) -> str:

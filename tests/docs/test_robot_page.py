@@ -45,6 +45,6 @@ def test_a_schema_is_current(name):
 
 def test_the_page_shows_the_rovers_that_are_copied():
     shown = [block.text for block in blocks() if block.name.startswith("robot.md python")]
-    folder = Path(ROOT, "air_router", "start", "rovers")
+    folder = Path(ROOT, "air_router", "start")
     assert shown == [(folder / file).read_text(encoding="utf-8") for file in ROVERS.values()]
     assert all(len(text.splitlines()) <= 27 for text in shown)

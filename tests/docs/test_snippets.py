@@ -186,7 +186,7 @@ def check(words, where):
         assert list(ROOT.glob(rest[1].replace(".", "/") + "*")) or rest[1] == "venv", where
     elif first == "python" and rest[0].endswith(".py"):
         page = Path(where.partition(":")[0]).read_text(encoding="utf-8")
-        copied = ROOT / "air_router" / "start" / "rovers" / Path(rest[0]).name
+        copied = ROOT / "air_router" / "start" / Path(rest[0]).name
         assert copied.exists() or f"Save it as `{rest[0]}`" in page, where
     elif first == "pip":
         asked = {e for extra in re.findall(r"\[([a-z0-9,]+)\]", where) for e in extra.split(",")}

@@ -1,1 +1,0 @@
-"""Rovers of fifteen lines: docs/robot.md shows them, `air-router new` copies them."""
