@@ -1,6 +1,7 @@
 """Commands are imported when they are asked for, and the tables of them say what they are."""
 
 import argparse
+import ast
 import dataclasses
 import json
 import os
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 import types
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -82,41 +84,49 @@ def test_without_a_command_there_is_the_list_of_them(program, capsys):
     assert capsys.readouterr().err == PROGRAMS[program].parser().format_help()
 
 
-@pytest.mark.parametrize(
-    ("program", "missing", "words", "told"),
-    [
-        ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
-        ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
-        ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
-        (
-            "air-router",
-            "foxglove",
-            ["fly", MISSION, "--foxglove", "--no-record"],
-            "--foxglove needs",
-        ),
-        ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
-        ("mocha-link", "cyclonedds", ["bridge", "ros2", "--node", "ipc:///none"], "needs cyclon"),
-        ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
-        ("sitl", "pymavlink", ["vehicle"], "the simulator needs pymavlink"),
-        ("sitl", "scipy", ["experiment", "table1"], "an experiment needs scipy"),
-    ],
-)
-def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(
-    program, missing, words, told, tmp_path
-):
+MISSING = [  # the program, what is not installed, the command, what is said
+    ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
+    ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
+    ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
+    ("air-router", "foxglove", ["fly", MISSION, "--foxglove", "--no-record"], "--foxglove needs"),
+    ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
+    ("mocha-link", "cyclonedds", ["bridge", "ros2", "--node", "ipc:///none"], "needs cyclon"),
+    ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
+    ("sitl", "pymavlink", ["vehicle"], "the simulator needs pymavlink"),
+    ("sitl", "scipy", ["experiment", "table1"], "an experiment needs scipy"),
+]
+WITHOUT = """
+import importlib, json, os, sys, tempfile
+import numpy, pydantic, pyproj, shapely, yaml, zmq  # what all have, once
+
+for module, missing, words in json.loads(sys.argv[1]):
+    with tempfile.TemporaryFile() as said:
+        child = os.fork()
+        if not child:
+            os.dup2(2, 1), os.dup2(said.fileno(), 2)
+            sys.modules[missing] = None
+            os._exit(importlib.import_module(module).main(words))
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        said.seek(0)
+        print(json.dumps([code, said.read().decode()]), flush=True)
+"""
+
+
+def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(tmp_path):
     """Every other command works without it: they are all there until one is asked for."""
-    code = (
-        f"import sys; sys.modules[{missing!r}] = None\n"
-        f"from {PROGRAMS[program].__name__} import main\nsys.exit(main(sys.argv[1:]))\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", code, *words]
+    cases = [(PROGRAMS[program].__name__, missing, words) for program, missing, words, _ in MISSING]
     done = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", WITHOUT, json.dumps(cases)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    assert done.returncode == 7
-    assert told in done.stderr
-    assert "; run: pip install " in done.stderr.splitlines()[-1]
+    for line, (*_, told) in zip(done.stdout.splitlines(), MISSING, strict=True):
+        code, said = json.loads(line)
+        assert (code, told in said) == (7, True), said
+        assert "; run: pip install " in said.splitlines()[-1]
 
 
 class Installed:
@@ -145,26 +155,46 @@ def test_the_command_names_the_checkout_or_wheel_that_was_installed(monkeypatch,
     assert install_command("keys") == "pip install 'pynacl>=1.5'"
 
 
-def loaded(program, *words):
-    """What a fresh interpreter has imported when the program has done this."""
+def test_what_only_the_program_says_needs_only_python():
     script = (
-        f"import json, sys\nfrom {PROGRAMS[program].__name__} import main\n"
-        "try: main(sys.argv[1:])\n"
-        "except SystemExit as end: assert not end.code\n"
-        "json.dump([*sys.modules], sys.stderr)\n"
+        "import json, sys\nfrom {} import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script, *words], capture_output=True, text=True, check=True
-    )
-    return set(json.loads(done.stderr.splitlines()[-1]))
+    for cli in PROGRAMS.values():
+        code = script.format(cli.__name__) + "json.dump([*sys.modules], sys.stderr)"
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        found = set(json.loads(done.stderr))
+        assert not {row.module for row in cli.COMMANDS} & found
+        assert not {"numpy", "pydantic", "yaml", "zmq", "shapely", "pyproj"} & found
+        assert len([name for name in found if name.split(".")[0] in OURS]) < 20
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_what_only_the_program_says_needs_only_python(program):
-    found = loaded(program, "--help")
-    assert not {row.module for row in PROGRAMS[program].COMMANDS} & found
-    assert not {"numpy", "pydantic", "yaml", "zmq", "shapely", "pyproj"} & found
-    assert len([name for name in found if name.split(".")[0] in OURS]) < 20
+@cache
+def names_in(module):
+    """What a module of ours imports when it is imported; None if it is not a module."""
+    path = ROOT / module.replace(".", "/")
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    if not path.exists():
+        return None
+    names = {module.rpartition(".")[0]} - {""}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def imported(module):
+    """Packages of others that are imported with it, by whichever module of ours."""
+    seen, waiting = set(), {module}
+    while waiting:
+        name = waiting.pop()
+        seen.add(name)
+        more = names_in(name) if name.split(".")[0] in OURS else None
+        waiting |= (more or set()) - seen
+    return {name.split(".")[0] for name in seen} - OURS
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
@@ -172,18 +202,19 @@ EXTRAS = {"aiohttp", "foxglove", "matplotlib", "pyulog", "rerun", "rosbags", "sc
 
 
 @pytest.mark.parametrize(
-    ("words", "unneeded"),
+    ("module", "needed", "unneeded"),
     [
-        ("air-router check --help", EXTRAS | VEHICLE | {"networkx", "zmq", "mcap"}),
-        ("air-router ask --help", EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"}),
-        ("air-router fly --help", EXTRAS | {"pymavlink", "networkx"}),
-        ("mocha-link node --help", EXTRAS | VEHICLE | {"shapely", "pyproj"}),
-        ("sitl experiment --help", EXTRAS | VEHICLE | {"zmq", "mcap"}),
+        ("air_router.cli.check", {"shapely"}, EXTRAS | VEHICLE | {"networkx", "zmq", "mcap"}),
+        ("air_router.cli.ask", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"}),
+        ("air_router.cli.fly", {"mavsdk"}, EXTRAS | {"pymavlink", "networkx"}),
+        ("mocha_link.cli.node_command", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "pyproj"}),
+        ("sitl.cli.experiment_command", set(), EXTRAS | VEHICLE | {"zmq", "mcap"}),
     ],
 )
-def test_a_command_imports_what_it_needs(words, unneeded):
-    found = loaded(*words.split())
-    assert not {name.split(".")[0] for name in found} & unneeded
+def test_a_command_imports_what_it_needs(module, needed, unneeded):
+    found = imported(module)
+    assert needed <= found
+    assert not unneeded & found
 
 
 INTERRUPT = """
