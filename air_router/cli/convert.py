@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number
 from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
@@ -16,21 +16,19 @@ from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
     Line,
-    MapArea,
     degrees,
     feature_set_of,
     feature_set_of_zones,
     outline_of,
 )
 from air_router.files.maps.geojson_write import geojson_text
-from air_router.files.maps.gpx_write import gpx_text, warn_of_losses
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.maps.zone_files import add_zones, read_zones
+from air_router.files.maps.zone_reading import MapArea
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_write import mission_text
 from air_router.files.missions.qgc_items import NOT_FLOWN
 from air_router.files.missions.qgc_write import areas_of, plan_of, tell_settings, with_zones
-from air_router.files.missions.waypoint_file import waypoints_text
 from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
 from air_router.mission.foreign import foreign_draft
@@ -45,7 +43,7 @@ from geo.frame import Point
 from mocha_link.team.document import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
-_KMZ, _GPX, _WAYPOINTS = "KMZ", "GPX", "waypoint"
+_KMZ = "KMZ"
 _FOXGLOVE, _RERUN = "Foxglove", "Rerun"
 _KINDS: Final = {
     ".plan": _PLAN,
@@ -55,8 +53,6 @@ _KINDS: Final = {
     ".json": _GEOJSON,
     ".kml": _KML,
     ".kmz": _KMZ,
-    ".gpx": _GPX,
-    ".waypoints": _WAYPOINTS,
     ".mcap": _FOXGLOVE,
     ".rrd": _RERUN,
 }
@@ -64,20 +60,15 @@ _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _GEOJSON: geojson_text,
     _KML: kml_text,
     _KMZ: lambda feature_set: kmz_of(kml_text(feature_set)),
-    _GPX: gpx_text,
 }
-_DRAWING: Final = (_GEOJSON, _KML, _KMZ)
-"""Kinds in which buffers, graph and route are drawn."""
-
 _RECORD: Final = ".mcap"
 _MISSIONS: Final = frozenset({".plan", ".yaml", ".yml", ".waypoints"})
 
 _EPILOG = """\
 FROM is a flight's record (.mcap), which becomes .mcap with Foxglove's schemas or .rrd for Rerun;
-or a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .sim.yaml of the paper's
-authors, .gpx with --altitude) or a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air,
-.json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .waypoints, .geojson, .kml, .kmz or .gpx;
-zones alone become one of the last four.
+or a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .gpx with --altitude); or a file of
+zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318 geozones). TO
+is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
 
 examples:
   air-router convert town.plan town.yaml
@@ -108,12 +99,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="WORD",
         help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
-    )
-    parser.add_argument(
-        "--origin",
-        type=place,
-        metavar="LAT,LON",
-        help="where the origin of a FROM in metres (.sim.yaml) stands, in degrees",
     )
     parser.add_argument(
         "--altitude",
@@ -220,8 +205,8 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
 
 
 def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
-    source, altitude_m, origin = arguments.source, arguments.altitude, arguments.origin
-    draft = foreign_draft(source, altitude_m=altitude_m, origin=origin) or read_draft(source)
+    source, altitude_m = arguments.source, arguments.altitude
+    draft = foreign_draft(source, altitude_m=altitude_m) or read_draft(source)
     own_zones = len(draft.zones)
     for path in arguments.zones:
         add_zones(draft, path, (), allow=arguments.allow)
@@ -238,8 +223,6 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
         "no-fly zones": len(draft.zones),
         "rally points": len(draft.rally_points),
     }
-    if kind == _WAYPOINTS:
-        report.counts = {"waypoints": len(draft.waypoints)}
     text = _written(draft, own_zones, arguments, kind, report)
     report.notes = draft.notes
     report.problems = draft.problems
@@ -260,15 +243,11 @@ def _written(
         if mission is not None:
             _draw(features, mission, arguments, drawable=not draft.problems)
         tell_settings(draft, report.warnings, f"a {kind} file")
-        if kind == _GPX:
-            warn_of_losses(features, report.warnings)
         return _MAP_WRITERS[kind](features)
     if kind == _YAML:
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
-    elif kind == _WAYPOINTS:
-        text = waypoints_text(draft, report.warnings)
     elif isinstance(document, JsonDocument) and draft.frame is not None:
         more = areas_of(draft.zones[own_zones:], draft.frame, report.warnings, inclusion=False)
         text = with_zones(document, more)
@@ -280,7 +259,7 @@ def _written(
 
 def _check_options(arguments: argparse.Namespace, kind: str) -> None:
     wanted = [name for name in ("buffers", "graph", "route") if getattr(arguments, name)]
-    if wanted and kind not in _DRAWING:
+    if wanted and kind not in _MAP_WRITERS:
         raise UsageError(f"--{wanted[0]} is drawn into .geojson, .kml and .kmz only")
 
 
@@ -339,6 +318,4 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | b
         raise MissionFileError([*problems, *broken])
     report.counts = {"no-fly zones": len(features.zones)}
     report.notes = [note for reading in readings for note in reading.notes]
-    if kind == _GPX:
-        warn_of_losses(features, report.warnings)
     return _MAP_WRITERS[kind](features)

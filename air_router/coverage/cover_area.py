@@ -10,11 +10,12 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.maps.reading import FileZone, MapCircle, MapOutline
 from air_router.files.maps.zone_files import add_zones, placed, read_zones
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
 from air_router.files.missions.mission_form import AreaForm
 from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
+from air_router.files.whole_file import PlacedSource
 from air_router.mission.airspaces import FlightWindow, airspaces_of
 from air_router.mission.loading import read_draft, validate
 from geo.airspace.airspace import FENCE, Airspace
@@ -143,7 +144,7 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     if terms.clearance_m is not None:
         settings = replace(settings, clearance_m=terms.clearance_m)
     draft = MissionDocument(
-        source=zones[0].source,
+        source=zones[0].source or PlacedSource(path),
         name=path.stem,
         frame=frame,
         altitude_m=terms.altitude_m,
@@ -165,7 +166,7 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     return Field(shape, draft, frame, airspace, home, terms.altitude_m)
 
 
-def _drawn(path: Path) -> list[FileZone]:
+def _drawn(path: Path) -> list[MapArea]:
     """The areas that a file draws, in degrees; at least one."""
     if path.suffix.lower() in {".yaml", ".yml"}:
         return [_yaml_area(path)]
@@ -178,7 +179,7 @@ def _drawn(path: Path) -> list[FileZone]:
     return reading.zones
 
 
-def _yaml_area(path: Path) -> FileZone:
+def _yaml_area(path: Path) -> MapArea:
     """`polygon` (with `holes`) or `circle`, as in a mission; or a list of corners."""
     document = Document.load(path)
     if isinstance(document.data, list):
@@ -186,14 +187,14 @@ def _yaml_area(path: Path) -> FileZone:
     form = document.parse(AreaForm)
     if form.circle is not None:
         circle = MapCircle(Geodetic(*form.circle.centre), form.circle.radius_m)
-        return FileZone("area", circle, document, ())
+        return MapArea("area", circle, source=document)
     ring, *holes = (
         tuple(Geodetic(*corner) for corner in ring) for ring in (form.polygon or [], *form.holes)
     )
-    return FileZone("area", MapOutline(ring, tuple(holes)), document, ())
+    return MapArea("area", MapOutline(ring, tuple(holes)), source=document)
 
 
-def _shape(zones: Sequence[FileZone], frame: LocalFrame) -> BaseGeometry:
+def _shape(zones: Sequence[MapArea], frame: LocalFrame) -> BaseGeometry:
     """The areas in the frame, as one."""
     shapes = [placed(zone, frame, "") for zone in zones]
     problems = [shape for shape in shapes if isinstance(shape, Problem)]

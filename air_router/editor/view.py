@@ -79,7 +79,9 @@ class Viewer:
         if area is None or document.frame is None or "planner" in document.unread:
             return []
         planner = document.planner
-        clearance_m = planner.clearance_m if area.clearance_m is None else area.clearance_m
+        clearance_m = (
+            planner.clearance_m if area.terms.clearance_m is None else area.terms.clearance_m
+        )
         kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
         sign = -1 if is_fence else 1
         return [
@@ -227,8 +229,8 @@ def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
 def _notes(area: Area | None, mission: Mission | None) -> list[str]:
     """What is special about an area."""
     notes = []
-    if area is not None and area.clearance_m is not None:
-        notes.append(f"clearance {area.clearance_m:g} m")
+    if area is not None and area.terms.clearance_m is not None:
+        notes.append(f"clearance {area.terms.clearance_m:g} m")
     if area is not None and mission is not None:
         notes += [idle.reason for idle in mission.idle_zones if idle.zone.name == area.name]
     return notes

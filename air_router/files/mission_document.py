@@ -7,7 +7,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from air_router.files.altitudes import Altitudes
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
@@ -16,10 +15,10 @@ from air_router.files.settings import (
     SeekPolicy,
     Timers,
 )
+from air_router.files.zone_terms import NO_TERMS, ZoneTerms
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.geodesic import dense_ring
-from geo.validity import Validity
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -90,9 +89,7 @@ class Area:
         shape: Where it is, in the local frame.
         keys: Where it stands in the draft's own document.
         crosses_fence: It is meant to reach beyond the fence.
-        clearance_m: What to keep away from it; None: what the mission keeps from all.
-        altitudes: Where it applies; None: at every altitude.
-        validity: When it applies; None: always.
+        terms: How far, how high and when it is kept away from.
         place: Where it stands, if that is in another file than the draft's.
     """
 
@@ -100,9 +97,7 @@ class Area:
     shape: Shape
     keys: Keys
     crosses_fence: bool = False
-    clearance_m: float | None = None
-    altitudes: Altitudes | None = None
-    validity: Validity | None = None
+    terms: ZoneTerms = NO_TERMS
     place: FilePlace | None = None
 
     def __post_init__(self) -> None:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from air_router.files.altitudes import HomeAltitudeError
 from air_router.files.mission_document import Area, MissionDocument
+from air_router.files.zone_terms import HomeAltitudeError
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Shape, Zone, ZoneError
 from geo.validity import Validity
@@ -135,9 +135,9 @@ def band_of(area: Area, draft: MissionDocument) -> Band | None:
     Raises:
         HomeAltitudeError, ZoneError: as `Altitudes.band`.
     """
-    if area.altitudes is None:
+    if area.terms.altitudes is None:
         return None
-    return area.altitudes.band(draft.home_altitude_amsl_m, draft.planner.terrain_relief_m)
+    return area.terms.altitudes.band(draft.home_altitude_amsl_m, draft.planner.terrain_relief_m)
 
 
 def _zone(area: Area, draft: MissionDocument) -> Zone:
@@ -148,9 +148,9 @@ def _zone(area: Area, draft: MissionDocument) -> Zone:
     return Zone(
         area.name,
         area.shape,
-        clearance_m=area.clearance_m,
+        clearance_m=area.terms.clearance_m,
         band=band,
-        validity=area.validity,
+        validity=area.terms.validity,
         crosses_fence=area.crosses_fence,
     )
 

@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import UsageError
-from air_router.files.gpx_document import gpx_draft, read_gpx
 from air_router.files.json_document import MAX_BYTES
+from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
-from air_router.files.missions.sim_plan import SUFFIX, sim_plan_draft
 from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import bytes_of, text_in
-from geo.frame import Geodetic
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.document import DocumentError
 
 GPX: Final = ".gpx"
 WAYPOINTS: Final = ".waypoints"
@@ -36,29 +34,20 @@ def check_own(path: Path) -> None:
         raise DocumentError.at(path, advice.format(path=path), "unknown-format")
 
 
-def foreign_draft(
-    path: Path, *, altitude_m: float | None, origin: Geodetic | None
-) -> MissionDocument | None:
+def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | None:
     """The mission of such a file; None: it is one of those that are flown.
 
     Args:
         path: The file.
         altitude_m: Where a route in GPX is flown, above home.
-        origin: Where the origin of a file in metres stands.
 
     Raises:
-        UsageError: one of these is missing, or is for other files.
+        UsageError: the altitude is for other files.
         DocumentError: the file cannot be read.
     """
-    suffix, in_metres = path.suffix.lower(), path.name.endswith(SUFFIX)
+    suffix = path.suffix.lower()
     if altitude_m is not None and suffix != GPX:
         raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
-    if in_metres and origin is None:
-        raise UsageError(f"{path} is in metres: say where it stands, --origin LAT,LON")
-    if origin is not None and not in_metres:
-        raise UsageError(f"--origin is for files in metres ({SUFFIX})")
-    if in_metres and origin is not None:
-        return sim_plan_draft(Document.load(path), origin)
     if altitude_m is not None:
         return gpx_draft(read_gpx(bytes_of(path, MAX_BYTES), path), altitude_m)
     if suffix == WAYPOINTS:

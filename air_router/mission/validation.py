@@ -6,8 +6,8 @@ from collections.abc import Collection
 import shapely
 from shapely import Polygon, STRtree
 
-from air_router.files.altitudes import HomeAltitudeError
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
+from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.airspaces import Airspaces, band_of
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
@@ -69,7 +69,7 @@ def _check_altitudes(draft: MissionDocument) -> None:
 
 
 def _note_contradiction(draft: MissionDocument, area: Area) -> None:
-    given, home_amsl_m = area.altitudes, draft.home_altitude_amsl_m
+    given, home_amsl_m = area.terms.altitudes, draft.home_altitude_amsl_m
     if given is None or not given.contradicts(home_amsl_m, draft.planner.terrain_relief_m):
         return
     home = "" if home_amsl_m is None else f", and home is {home_amsl_m:g} m above the sea"
@@ -189,7 +189,7 @@ def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airs
         spare_m, name = airspace.spare_m(spot.position)
         kept_m = airspace.kept_m(name)
         what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
-        own = any(area.name == name and area.clearance_m is not None for area in draft.zones)
+        own = any(area.name == name and area.terms.clearance_m is not None for area in draft.zones)
         setting = "its clearance_m" if own else "planner.clearance_m"
         message = (
             f"{spot.label} is {_metres(kept_m + spare_m)} from {what}, it needs "

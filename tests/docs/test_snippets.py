@@ -244,12 +244,6 @@ def folder(tmp_path_factory):
         for number, robot in enumerate(robots)
     }
     (original / "radio_configs.yaml").write_text(yaml.safe_dump(radios))
-    (folder / "urban_sim.sim.yaml").write_text(
-        '{"geoFence": {"polygons": [\n'
-        '{"inclusion": true, "polygon": [[150, 80], [-190, 80], [-190, -140], [150, -140],],},\n'
-        '{"inclusion": false, "polygon": [[0, -7], [30, -7], [30, -43]]}]},\n'
-        '"waypoints": {2: [-10.0, 0.0, 60], 3: [60.0, 0.0, 50]}}\n'
-    )
     return folder
 
 

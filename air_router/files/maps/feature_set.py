@@ -4,13 +4,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from air_router.files.altitudes import Altitudes
-from air_router.files.maps.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
 from air_router.files.maps.zone_files import placed, unique_names
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline, MapRing, ZoneReading
 from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.zone import Circle, Ring, Shape
 from geo.frame import Geodetic, LocalFrame, Point
-from geo.validity import Validity
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -18,17 +16,6 @@ Line = tuple[Geodetic, ...]
 
 _ON_LINE_DEG = 2e-9
 _FRAME_STEP_DEG = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class MapArea:
-    """A fence or a zone on the map; as `FileZone`, wherever it came from."""
-
-    name: str
-    shape: MapOutline | MapCircle
-    clearance_m: float | None = None  # of its own
-    altitudes: Altitudes | None = None
-    validity: Validity | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +88,7 @@ def feature_set_of_zones(
     for unique, zone in zip(names, zones, strict=True):
         shape = placed(zone, _frame_near(zone))
         problems += [shape] if isinstance(shape, Problem) else []
-        areas.append(MapArea(unique, zone.shape, zone.clearance_m, zone.altitudes, zone.validity))
+        areas.append(MapArea(unique, zone.shape, zone.terms))
     return FeatureSet(name, zones=areas), problems
 
 
@@ -156,8 +143,7 @@ def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
 
 
 def _area(area: Area, frame: LocalFrame) -> MapArea:
-    shape = _shape(area.shape, frame)
-    return MapArea(area.name, shape, area.clearance_m, area.altitudes, area.validity)
+    return MapArea(area.name, _shape(area.shape, frame), area.terms)
 
 
 def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
@@ -166,7 +152,7 @@ def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
     return outline_of([shape.ring, *shape.holes], frame)
 
 
-def _frame_near(zone: FileZone) -> LocalFrame:
+def _frame_near(zone: MapArea) -> LocalFrame:
     """One of a few frames all over the Earth: making one takes longer than reading a zone."""
     shape = zone.shape
     place = shape.centre if isinstance(shape, MapCircle) else shape.ring[0]

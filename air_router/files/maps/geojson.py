@@ -4,12 +4,23 @@ Every area is a zone, unless its property `kind` says that it is something else:
 `air-router convert` writes hold waypoints and fences too.
 """
 
+import json
+import re
+from collections.abc import Mapping
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument
-from air_router.files.maps.properties import terms_of
-from air_router.files.maps.reading import JsonReader, MapCircle, MapOutline, ZoneReading
+from air_router.files.json_document import JsonDocument, value_at
+from air_router.files.maps.limits import terms_of
+from air_router.files.maps.zone_reading import (
+    MAX_RADIUS_M,
+    MapCircle,
+    MapOutline,
+    MapRing,
+    ZoneReading,
+    is_number,
+)
 from air_router.files.mission_document import Keys
+from geo.frame import Geodetic
 
 Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 
@@ -19,6 +30,7 @@ _GEOMETRIES: Final = frozenset(
 _WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
 ZONE_KIND: Final = "zone"
+_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 
 
 def read_geojson(document: JsonDocument) -> ZoneReading:
@@ -28,8 +40,108 @@ def read_geojson(document: JsonDocument) -> ZoneReading:
     return reader.reading
 
 
-class GeometryReader(JsonReader):
-    """Reads GeoJSON geometries into shapes."""
+class GeometryReader:
+    """Reads values and geometries of a JSON document, noting what is wrong with them.
+
+    Attributes:
+        document: The file.
+        reading: Takes zones, problems and notes.
+    """
+
+    def __init__(self, document: JsonDocument, kind: str) -> None:
+        self.document = document
+        self.reading = ZoneReading(document, kind)
+
+    def at(self, *keys: str | int) -> Any:
+        """The value at a key path, None if there is none."""
+        return value_at(self.document.data, keys)
+
+    def entries(self, keys: Keys, what: str) -> list[Any]:
+        """A list; empty, with a problem noted, if it is something else."""
+        value = self.at(*keys)
+        if isinstance(value, list):
+            return value
+        self.wrong(keys, f"{what} must be a list")
+        return []
+
+    def number(
+        self, keys: Keys, what: str, lowest: float, highest: float, *, in_text: bool = False
+    ) -> float | None:
+        """A number in a range; None, with a problem noted, if it is something else.
+
+        With `in_text` it may stand in quotes.
+        """
+        value = self.at(*keys)
+        if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
+            value = float(value)
+        if not is_number(value):
+            self.wrong(keys, f"{what} must be a number")
+            return None
+        if not lowest <= value <= highest:
+            message = f"{what} must be from {lowest:g} to {highest:g}, found {value:.10g}"
+            self.reading.report(keys, f"{message}; correct it", "out-of-range")
+            return None
+        return float(value)
+
+    def choice(self, keys: Keys, what: str, choices: Mapping[str, Any]) -> Any:
+        """What one of these words (in capitals or not) stands for; None, with a problem noted."""
+        value = self.at(*keys)
+        if isinstance(value, str) and value.upper() in choices:
+            return choices[value.upper()]
+        self.wrong(keys, f"{what} must be one of {', '.join(choices)}")
+        return None
+
+    def position(self, keys: Keys) -> Geodetic | None:
+        """A place given as [longitude, latitude], perhaps with an altitude behind."""
+        value = self.at(*keys)
+        place = _place(value)
+        if place is not None:
+            return place
+        if not isinstance(value, list) or len(value) < 2:
+            self.wrong(keys, "a place must be [longitude, latitude]")
+            return None
+        if not (is_number(value[0]) and is_number(value[1])):
+            self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
+            return None
+        message = f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}"
+        self.reading.report_place(keys, message, float(value[0]), float(value[1]))
+        return None
+
+    def outline(self, keys: Keys) -> MapOutline | None:
+        """A polygon's rings, the first around it, the others around its holes."""
+        rings = [
+            self._ring((*keys, index))
+            for index in range(len(self.entries(keys, "a polygon's coordinates")))
+        ]
+        if not rings and self.at(*keys) == []:
+            self.reading.report(
+                keys, "a polygon without a ring; draw it again", "zone-too-few-corners"
+            )
+        first, *holes = rings or [None]
+        read = tuple(hole for hole in holes if hole is not None)
+        return MapOutline(first, read) if first and len(read) == len(holes) else None
+
+    def circle(self, keys: Keys, radius_keys: Keys) -> MapCircle | None:
+        """A place and a radius in metres."""
+        centre = self.position(keys)
+        radius_m = self.number(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
+        return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
+
+    def wrong(self, keys: Keys, message: str) -> None:
+        """Report about a value of the wrong kind, or its absence."""
+        value = self.at(*keys)
+        found = "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
+        code = "missing-key" if value is None else "wrong-type"
+        self.reading.report(keys, f"{message}, found {found}; correct it", code)
+
+    def _ring(self, keys: Keys) -> MapRing | None:
+        values = self.entries(keys, "a polygon's ring")
+        ring = [place for place in map(_place, values) if place is not None]
+        if len(ring) < len(values) or not isinstance(self.at(*keys), list):
+            for index in range(len(values)):  # again, to tell what is wrong
+                self.position((*keys, index))
+            return None
+        return self.reading.ring(ring, keys)
 
     def shapes(self, keys: Keys) -> Shapes:
         """The areas of a geometry; what is no area is a problem."""
@@ -66,6 +178,18 @@ class GeometryReader(JsonReader):
 
     def _kept(self, keys: Keys, shape: MapOutline | MapCircle | None) -> Shapes:
         return [] if shape is None else [(keys, shape)]
+
+
+def _place(value: Any) -> Geodetic | None:
+    """[longitude, latitude] as a place; None if it is none."""
+    if not isinstance(value, list) or len(value) < 2:
+        return None
+    longitude_deg, latitude_deg = value[0], value[1]
+    if not (is_number(longitude_deg) and is_number(latitude_deg)):
+        return None
+    if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
+        return None
+    return Geodetic(float(latitude_deg), float(longitude_deg))
 
 
 class _Reader(GeometryReader):

@@ -13,11 +13,10 @@ from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from air_router.files.altitudes import Altitudes
 from air_router.files.json_document import json_text
-from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint
-from air_router.files.maps.properties import active_of
-from air_router.files.maps.reading import MapCircle, MapOutline, MapRing
+from air_router.files.maps.feature_set import FeatureSet, Line, MapPoint
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline, MapRing
+from air_router.files.zone_terms import ZoneTerms, active_data, clearance_data, limits_data
 from geo.airspace.zone import polygons_of
 from geo.frame import Geodetic
 
@@ -49,29 +48,17 @@ def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
     return {"type": "FeatureCollection", "name": feature_set.name, "features": features}
 
 
-def terms_properties(area: MapArea) -> dict[str, Any]:
+def terms_properties(terms: ZoneTerms) -> dict[str, Any]:
     """Clearance, altitudes and schedule of an area, with the names that are read back."""
-    terms: dict[str, Any] = {}
-    if area.clearance_m is not None:
-        terms["clearance_m"] = area.clearance_m
-    terms |= _altitudes(area.altitudes)
-    active = active_of(area.validity)
-    return terms if active is None else {**terms, "active": active}
-
-
-def _altitudes(altitudes: Altitudes | None) -> dict[str, Any]:
-    terms: dict[str, Any] = {}
-    if altitudes is not None and altitudes.lower is not None:
-        terms["lower_m"] = altitudes.lower.metres
-        terms["lower_reference"] = str(altitudes.lower.reference)
-    if altitudes is not None and altitudes.upper is not None:
-        terms["upper_m"] = altitudes.upper.metres
-        terms["upper_reference"] = str(altitudes.upper.reference)
-    return terms
+    return {
+        **clearance_data(terms),
+        **limits_data(terms.altitudes),
+        **active_data(terms.validity),
+    }
 
 
 def _area(kind: str, area: MapArea) -> dict[str, Any]:
-    properties = {"kind": kind, "name": area.name, **terms_properties(area)}
+    properties = {"kind": kind, "name": area.name, **terms_properties(area.terms)}
     if isinstance(area.shape, MapCircle):
         properties["radius_m"] = area.shape.radius_m
         geometry: dict[str, Any] = _point(area.shape.centre)

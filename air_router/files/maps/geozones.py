@@ -9,20 +9,19 @@ from collections.abc import Collection, Iterator
 from typing import Any, ClassVar, Final, NamedTuple
 
 from air_router.counted import counted
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.json_document import JsonDocument
 from air_router.files.maps.geojson import GeometryReader, Shapes
 from air_router.files.maps.limits import METRES_PER_UNIT
-from air_router.files.maps.reading import (
+from air_router.files.maps.schedule import validity_of
+from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     AllowedZones,
     MapCircle,
     ZoneReading,
-    ZoneTerms,
 )
-from air_router.files.maps.schedule import days_of, hours_of, period_of
 from air_router.files.mission_document import Keys
-from geo.validity import Hours, Period, Validity
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
+from geo.validity import Validity
 
 NO_RESTRICTION: Final = "NO_RESTRICTION"
 RESTRICTIONS: Final = (
@@ -194,34 +193,13 @@ class _GeozoneReader(GeometryReader, ABC):
         return AltitudeLimit(value * metres_per_unit, reference)
 
     def _validity(self, keys: Keys) -> Validity | None:
-        """When a zone applies, from a list of periods; None: always."""
-        entries = self.at(*keys)
-        if not isinstance(entries, list) or not entries:
-            return None
-        periods = [self._period((*keys, index)) for index in range(len(entries))]
-        if any(period == Period() for period in periods):
-            return None
-        return Validity(tuple(periods))
+        """When a zone applies; None: always."""
 
-    def _period(self, keys: Keys) -> Period:
-        daily: list[Hours] = []
-        schedule = self.at(*keys, "schedule") or self.at(*keys, "dailyPeriod")
-        bounds = [self.at(*keys, name) or None for name in ("startDateTime", "endDateTime")]
-        permanent = str(self.at(*keys, "permanent")).upper() == "YES"
-        start, end = (None, None) if permanent else bounds
-        try:
-            daily = [_hours(entry) for entry in schedule] if isinstance(schedule, list) else []
-        except ValueError as error:
-            self._doubt((*keys, "schedule"), error)
-        try:
-            return period_of(start, end, tuple(daily))
-        except ValueError as error:
-            self._doubt(keys, error)
-            return Period()
+        def doubt(entry: Keys, error: ValueError) -> None:
+            message = f"when it applies is not clear ({error}): read as always"
+            self.reading.note((*keys, *entry), message, "unclear-time")
 
-    def _doubt(self, keys: Keys, error: ValueError) -> None:
-        message = f"when it applies is not clear ({error}): read as always"
-        self.reading.note(keys, message, "unclear-time")
+        return validity_of(self.at(*keys), doubt)
 
 
 class _Ed269(_GeozoneReader):
@@ -278,15 +256,3 @@ class _Ed318(_GeozoneReader):
 
     def point(self, keys: Keys) -> MapCircle | None:
         return self.circle((*keys, "coordinates"), (*keys, "extent", "radius"))
-
-
-def _hours(entry: Any) -> Hours:
-    if not isinstance(entry, dict):
-        raise ValueError("a day's entry is no object")  # noqa: TRY004 - told, not a fault of ours
-    for event in ("startEvent", "endEvent"):
-        if entry.get(event) is not None:
-            raise ValueError(f"it depends on the sun ({entry[event]!s:.10})")
-    start, end = entry.get("startTime"), entry.get("endTime")
-    if start is None and end is None:
-        start = end = "00:00Z"  # the whole day
-    return hours_of(days_of(entry.get("day")), start, end)

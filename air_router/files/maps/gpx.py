@@ -1,14 +1,115 @@
-"""No-fly zones from GPX: tracks and routes that were walked or drawn around them."""
+"""GPX files of handheld receivers and map programs: their points, routes and tracks.
 
+GPX has no areas and no altitudes to fly at: a line that ends where it begins is taken for the
+border of a zone, a route or the points for waypoints. Elevations, where the receiver was carried,
+are not read.
+"""
+
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from air_router.files.gpx_document import GpxLine, read_gpx
-from air_router.files.maps.reading import MapOutline, ZoneReading, ZoneTerms
+from shapely import LineString
+
+from air_router.counted import counted
+from air_router.files.maps.zone_reading import MapOutline, ZoneReading
+from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
+from air_router.files.settings import DEFAULT_SPEED_M_S
+from air_router.files.whole_file import PlacedSource
+from air_router.files.xml_document import Element, parse_xml
+from air_router.files.zone_terms import NO_TERMS
+from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.geodesic import polar
+from mocha_link.team.problem import DocumentError, ProblemList
+
+_HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
+"""Types of points and lines with a meaning."""
 
 _CLOSED_M: Final = 25.0
 """A line whose ends are no farther from each other than this is the border of an area."""
+
+_TRACK_ERROR_M: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class GpxPoint:
+    """A point of the file, with its type; `keys` are its line and column."""
+
+    name: str
+    kind: str
+    place: Geodetic
+    keys: Keys
+
+
+@dataclass(frozen=True, slots=True)
+class GpxLine:
+    """A route or a segment of a track."""
+
+    name: str
+    kind: str  # its type
+    points: tuple[GpxPoint, ...]
+    keys: Keys
+
+
+@dataclass(slots=True)
+class GpxDocument:
+    """All of a GPX file that is read."""
+
+    source: PlacedSource
+    points: list[GpxPoint] = field(default_factory=list)  # waypoints outside of routes and tracks
+    routes: list[GpxLine] = field(default_factory=list)
+    tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
+    problems: ProblemList = field(default_factory=ProblemList)  # what is wrong with it
+
+
+def read_gpx(raw: bytes, path: Path) -> GpxDocument:
+    """A GPX file's bytes. Raises DocumentError: it is not XML, or not GPX."""
+    root = parse_xml(raw, path)
+    document = GpxDocument(PlacedSource(path))
+    if root.name != "gpx":
+        message = f"the outermost element is <{root.name[:30]}>, not <gpx>; choose another file"
+        raise DocumentError([document.source.problem(root.keys, message, "unknown-format")])
+    document.points = _points(document, root, "wpt")
+    document.routes = [_line(document, route, route, "rtept") for route in root.all("rte")]
+    document.tracks = [
+        _line(document, track, segment, "trkpt")
+        for track in root.all("trk")
+        for segment in track.all("trkseg")
+    ]
+    return document
+
+
+def _line(document: GpxDocument, named: Element, line: Element, tag: str) -> GpxLine:
+    name, kind = named.text_of("name")[:80], named.text_of("type")
+    return GpxLine(name, kind, tuple(_points(document, line, tag)), line.keys)
+
+
+def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
+    points = []
+    for element in parent.all(tag):
+        place = _place(document, element)
+        if place is not None:
+            name = element.text_of("name")[:80]
+            points.append(GpxPoint(name, element.text_of("type"), place, element.keys))
+    return points
+
+
+def _place(document: GpxDocument, element: Element) -> Geodetic | None:
+    words = [element.attributes.get(name, "") for name in ("lat", "lon")]
+    try:
+        latitude_deg, longitude_deg = map(float, words)
+    except ValueError:
+        message, code = f"<{element.name}> needs 'lat' and 'lon' in degrees", "wrong-type"
+    else:
+        if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
+            return Geodetic(latitude_deg, longitude_deg)
+        message, code = f"there is no place {words[0]:.20}, {words[1]:.20}", "not-on-earth"
+    problem = document.source.problem(element.keys, f"{message}; correct it", code)
+    document.problems.add(document.source.path, code, lambda: problem)
+    return None
+
+
+# As zones
 
 
 def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
@@ -18,9 +119,9 @@ def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
     for problem in document.problems:
         reading.report((problem.line, problem.column), problem.message, problem.code)
     lines = [*document.routes, *document.tracks]
-    zones = [line for line in lines if line.kind == "zone"] or lines
+    zones = [line for line in lines if line.kind == _ZONE] or lines
     for number, line in enumerate(zones, start=1):
-        _add(reading, line, line.name or f"{path.stem} {number}")
+        _add_zone(reading, line, line.name or f"{path.stem} {number}")
     left = len(lines) - len(zones) + len(document.points)
     if left:
         message = f"{left} points and lines of other types than 'zone': left out"
@@ -28,7 +129,7 @@ def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
     return reading
 
 
-def _add(reading: ZoneReading, line: GpxLine, name: str) -> None:
+def _add_zone(reading: ZoneReading, line: GpxLine, name: str) -> None:
     places = [point.place for point in line.points]
     if not places:
         reading.note(line.keys, f"'{name}' has no points: left out", "no-area")
@@ -43,4 +144,74 @@ def _add(reading: ZoneReading, line: GpxLine, name: str) -> None:
         return
     ring = reading.ring(places, line.keys)
     if ring is not None:
-        reading.add(name, [(line.keys, MapOutline(ring))], ZoneTerms())
+        reading.add(name, [(line.keys, MapOutline(ring))], NO_TERMS)
+
+
+# As a mission
+
+
+def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
+    """A mission by the file's first route; without one by its waypoints, then by its first track.
+
+    Args:
+        document: The file.
+        altitude_m: Where to fly, above home: the file does not say.
+    """
+    source = document.source
+    draft = MissionDocument(source, source.path.stem)
+    draft.problems = list(document.problems)
+    draft.altitude_m, draft.speed_m_s = altitude_m, DEFAULT_SPEED_M_S
+    free = [point for point in document.points if point.kind not in (_HOME, _RALLY_POINT)]
+    lines = [line for line in (*document.routes, *document.tracks) if line.points]
+    by_points = bool(free) and not any(route.points for route in document.routes)
+    if not free and not lines:
+        draft.report((), "no route, no waypoints and no track in it", "no-waypoints")
+        return draft
+    spots = free if by_points else list(lines[0].points)
+    home = next((point for point in document.points if point.kind == _HOME), None)
+    if home is None:
+        home = spots[0]
+        message = "no point has the type 'home': the first waypoint is taken; move it"
+        draft.note(home.keys, message, "home-assumed")
+    if not draft.find_frame("home", home.place, home.keys) or draft.frame is None:
+        return draft
+    if not by_points and lines[0] in document.tracks:
+        try:
+            spots = _thinned(spots, draft.frame)
+        except FrameError as error:
+            draft.report(home.keys, f"home: {error}; correct it", "not-on-earth")
+            return draft
+    draft.home = draft.spot("home", home.place, home.keys)
+    draft.waypoints = _spots(draft, "waypoint", spots)
+    rally_points = [point for point in document.points if point.kind == _RALLY_POINT]
+    draft.rally_points = _spots(draft, "rally point", rally_points)
+    others = len(lines) - (not by_points)
+    if others:
+        draft.note((), f"{counted(others, 'other lines')}: not flown", "not-flown")
+    return draft
+
+
+def _spots(draft: MissionDocument, label: str, points: list[GpxPoint]) -> list[MissionPoint]:
+    """The points in the draft's frame, each place once."""
+    places: dict[Geodetic, GpxPoint] = {}
+    for point in points:
+        if point.place in places:
+            message = f"'{point.name}' lies on an earlier {label}: visited once"
+            draft.note(point.keys, message, "waypoint-twice")
+        places.setdefault(point.place, point)
+    found = (
+        draft.spot(f"{label} {number}", point.place, point.keys)
+        for number, point in enumerate(places.values(), start=1)
+    )
+    return [spot for spot in found if spot is not None]
+
+
+def _thinned(points: list[GpxPoint], frame: LocalFrame) -> list[GpxPoint]:
+    """The points of a track without those that are nearly on a line between others."""
+    places = frame.to_local_many(*zip(*(point.place for point in points), strict=True))
+    if len(places) < 2:
+        return points
+    kept = set(map(tuple, LineString(places).simplify(_TRACK_ERROR_M).coords))
+    return [
+        point for point, place in zip(points, places.tolist(), strict=True) if tuple(place) in kept
+    ]

@@ -11,9 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
-from air_router.files.maps.properties import terms_of
-from air_router.files.maps.reading import (
+from air_router.files.maps.limits import terms_of
+from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
     MapCircle,
@@ -25,6 +24,7 @@ from air_router.files.maps.reading import (
 from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import Geodetic
 from geo.geodesic import polar
 

@@ -9,10 +9,10 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any, Final
 
-from air_router.files.altitudes import AltitudeLimit, Reference
-from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint, counterclockwise
+from air_router.files.maps.feature_set import FeatureSet, Line, MapPoint, counterclockwise
 from air_router.files.maps.geojson_write import terms_properties
-from air_router.files.maps.reading import MapCircle, MapRing
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapRing
+from air_router.files.zone_terms import AltitudeLimit, Reference
 from geo.geodesic import circle_around
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
@@ -61,7 +61,7 @@ def kml_text(feature_set: FeatureSet) -> str:
 
 
 def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet) -> None:
-    data: dict[str, Any] = {"kind": kind, **terms_properties(area)}
+    data: dict[str, Any] = {"kind": kind, **terms_properties(area.terms)}
     ring: MapRing
     holes: tuple[MapRing, ...] = ()
     if isinstance(area.shape, MapCircle):
@@ -72,7 +72,7 @@ def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet)
     else:
         ring, holes = area.shape.ring, area.shape.holes
     placemark = _placemark(folder, kind, area.name, data)
-    upper = area.altitudes.upper if area.altitudes else None
+    upper = area.terms.altitudes.upper if area.terms.altitudes else None
     height = None if upper is None or kind != "zone" else _height(upper, feature_set)
     polygon = add(placemark, "Polygon")
     if height is not None:

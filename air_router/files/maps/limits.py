@@ -1,16 +1,29 @@
-"""Altitude limits as aviation writes them: feet, flight levels, above the sea or the ground below.
+"""What files say of a zone's altitudes, and beside that of its clearance and hours.
 
-OpenAir has them as text, openAIP and the FAA as properties of GeoJSON. What is not certain makes a
-zone taller, never lower, and is told.
+Map programs have properties with the names of the mission file. Aviation writes limits in feet and
+flight levels, above the sea or the ground below: OpenAir as text, openAIP and the FAA as properties
+of GeoJSON. What is not certain makes a zone taller, never lower, and is told.
 """
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
-from air_router.files.maps.reading import MAX_ALTITUDE_M
+from pydantic import ValidationError
+
+from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
+from air_router.files.mission_document import Keys
+from air_router.files.zone_terms import (
+    AltitudeLimit,
+    Altitudes,
+    Reference,
+    TermsForm,
+    ZoneTerms,
+)
+from mocha_link.team.error_text import code_of, error_text
 
 UNCLEAR: Final = "unclear-altitude"
 
@@ -47,6 +60,39 @@ _MAY_BE_LIMIT = re.compile(
 _FAA_PARTS: Final = ("VAL", "UOM", "CODE", "DESC")
 _NO_VALUE: Final = -9990.0
 """The FAA writes -9998 where there is none."""
+
+
+def terms_of(
+    properties: Mapping[str, Any], reading: ZoneReading, place: Callable[[str], Keys]
+) -> ZoneTerms:
+    """The terms in the properties of a zone.
+
+    Args:
+        properties: Of one zone.
+        reading: Takes problems and notes.
+        place: Where a property stands, by its name.
+    """
+
+    def note(name: str, message: str, code: str) -> None:
+        reading.note(place(name), message, code)
+
+    given = {name: value for name, value in properties.items() if value is not None}
+    for side in ("lower", "upper"):
+        if side in given:
+            given.setdefault(f"{side}_m", given[side])
+    if isinstance(given.get("active"), dict):
+        given["active"] = [given["active"]]
+    known = {name: given[name] for name in TermsForm.model_fields if name in given}
+    try:
+        terms = TermsForm.model_validate_json(json.dumps(known), strict=True).terms()
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            name = str(detail["loc"][0])
+            reading.report(place(name), error_text(detail, TermsForm), code_of(detail))
+        return ZoneTerms()
+    if not any(name.startswith(("lower", "upper")) for name in known):
+        return replace(terms, altitudes=limits_in_properties(properties, note))
+    return terms
 
 
 def limit_in_text(text: str, *, upper: bool) -> AltitudeLimit | None:

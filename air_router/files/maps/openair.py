@@ -12,18 +12,17 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Final
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes
 from air_router.files.maps.limits import UNCLEAR, limit_in_text
-from air_router.files.maps.reading import (
+from air_router.files.maps.zone_reading import (
     MAX_RADIUS_M,
     AllowedZones,
     MapCircle,
     MapOutline,
     ZoneReading,
-    ZoneTerms,
 )
 from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, ZoneTerms
 from geo.frame import Geodetic
 from geo.geodesic import arc_around, polar
 

@@ -1,90 +1,118 @@
-"""When zones apply, as the formats write it: days, hours with an offset, sunrise.
+"""When a geozone of ED-269 or ED-318 applies: periods, days, hours with an offset.
 
 Whatever is not certain makes the zone apply longer, never shorter.
 """
 
 import re
-from collections.abc import Iterable
-from datetime import datetime, time
+from collections.abc import Callable
+from datetime import UTC, datetime, time
 from typing import Any
 
-from air_router.files.maps.reading import utc
-from geo.validity import DAYS, Hours, Period
+from air_router.files.mission_document import Keys
+from geo.validity import DAYS, Hours, Period, Validity
 
-ALL_DAYS = frozenset(range(7))
+Doubt = Callable[[Keys, ValueError], None]
+"""Takes which entry is not clear, and why."""
+
+_DAY_MIN = 24 * 60
 _CLOCK = re.compile(
     r"(?P<hour>[01][0-9]|2[0-4]):(?P<minute>[0-5][0-9])(?::(?P<second>[0-5][0-9])(?:[.,][0-9]+)?)?"
-    r"(?P<offset>Z|[-+][0-9]{2}:?[0-9]{2})?"
+    r"(?:Z|(?P<sign>[-+])(?P<hours>[0-9]{2}):?(?P<minutes>[0-9]{2}))?"
 )
-_SHORT_DAYS = {name[:3].upper(): frozenset({number}) for number, name in enumerate(DAYS)}
-DAY_WORDS: dict[str, frozenset[int]] = {
-    **_SHORT_DAYS,
+_ALL_DAYS = frozenset(range(len(DAYS)))
+_DAY_WORDS: dict[str, frozenset[int]] = {
+    **{name[:3].upper(): frozenset({number}) for number, name in enumerate(DAYS)},
     **{name.upper(): frozenset({number}) for number, name in enumerate(DAYS)},
-    "ANY": ALL_DAYS,
+    "ANY": _ALL_DAYS,
 }
-"""Days of the week as files name them, in capitals."""
 
 
-def days_of(words: Any) -> frozenset[int]:
-    """The numbers of the days in a list of words like MON, monday or ANY; none means all.
-
-    Raises:
-        ValueError: a word is no day.
-    """
-    if words is None or words == []:
-        return ALL_DAYS
-    listed = words if isinstance(words, list) else [words]
-    days: set[int] = set()
-    for word in listed:
-        if not isinstance(word, str) or word.upper() not in DAY_WORDS:
-            raise ValueError(f"'{str(word)[:20]}' is no day; write {', '.join(_SHORT_DAYS)} or ANY")
-        days |= DAY_WORDS[word.upper()]
-    return frozenset(days)
+def validity_of(periods: Any, doubt: Doubt) -> Validity | None:
+    """When a zone with this list of periods applies; None: always."""
+    if not isinstance(periods, list) or not periods:
+        return None
+    found = [_period(entry, (index,), doubt) for index, entry in enumerate(periods)]
+    return None if Period() in found else Validity(tuple(found))
 
 
-def hours_of(days: Iterable[int], start: Any, end: Any) -> Hours:
-    """Hours of the day like 08:00Z or 08:00+02:00, in UTC. Without an offset they are UTC.
+def _period(entry: Any, keys: Keys, doubt: Doubt) -> Period:
+    if not isinstance(entry, dict):
+        return Period()
+    daily: list[Hours] = []
+    schedule = entry.get("schedule") or entry.get("dailyPeriod")
+    try:
+        daily = [_hours(day) for day in schedule] if isinstance(schedule, list) else []
+    except ValueError as error:
+        doubt((*keys, "schedule"), error)
+    bounds = [entry.get(name) or None for name in ("startDateTime", "endDateTime")]
+    if str(entry.get("permanent")).upper() == "YES":
+        bounds = [None, None]
+    try:
+        start, end = (None if text is None else _moment(text) for text in bounds)
+        return Period(start, end, tuple(daily))
+    except ValueError as error:
+        doubt(keys, error)
+        return Period()
 
-    23:59 as an end is midnight: no zone has a gap of a minute there.
 
-    Raises:
-        ValueError: a text is no time of day.
-    """
+def _hours(entry: Any) -> Hours:
+    """A day's entry in UTC. 23:59 as an end is midnight: no zone has a gap of a minute there."""
+    if not isinstance(entry, dict):
+        raise ValueError("a day's entry is no object")  # noqa: TRY004 - told, not a fault of ours
+    for event in ("startEvent", "endEvent"):
+        if entry.get(event) is not None:
+            raise ValueError(f"it depends on the sun ({entry[event]!s:.10})")
+    start, end = entry.get("startTime"), entry.get("endTime")
+    if start is None and end is None:
+        start = end = "00:00Z"  # the whole day
     start_min, end_min = _minutes(start, up=False), _minutes(end, up=True)
-    if end_min % 1440 == 1439:
+    if end_min % _DAY_MIN == _DAY_MIN - 1:
         end_min += 1
-    shift, start_min = divmod(start_min, 1440)
-    _, end_min = divmod(end_min, 1440)
-    shifted = frozenset((day + shift) % 7 for day in days)
-    return Hours(shifted, _time(start_min), _time(end_min))
+    shift, start_min = divmod(start_min, _DAY_MIN)
+    days = frozenset((day + shift) % len(DAYS) for day in _days(entry.get("day")))
+    return Hours(days, time(*divmod(start_min, 60)), time(*divmod(end_min % _DAY_MIN, 60)))
 
 
-def period_of(start: Any, end: Any, daily: tuple[Hours, ...]) -> Period:
-    """A period between two moments as texts; None: without limit.
-
-    Raises:
-        ValueError: a text is no moment with a time zone, or the end is before the start.
-    """
-    moments: list[datetime | None] = [None if text is None else utc(text) for text in (start, end)]
-    return Period(moments[0], moments[1], daily)
+def _days(words: Any) -> frozenset[int]:
+    """The numbers of the days in a list of words like MON, monday or ANY; none means all."""
+    days: set[int] = set()
+    for word in words if isinstance(words, list) else [words]:
+        if word is None:
+            return _ALL_DAYS
+        if not isinstance(word, str) or word.upper() not in _DAY_WORDS:
+            raise ValueError(f"'{str(word)[:20]}' is no day")
+        days |= _DAY_WORDS[word.upper()]
+    return frozenset(days) or _ALL_DAYS
 
 
 def _minutes(text: Any, *, up: bool) -> int:
-    """Minutes of the day in UTC, perhaps of the day before or after; seconds widen."""
+    """Minutes of the day in UTC, perhaps of the day before or after; seconds widen.
+
+    Without an offset they are UTC.
+    """
     match = _CLOCK.fullmatch(text) if isinstance(text, str) else None
-    if match is None:
+    minutes = _DAY_MIN + 1 if match is None else int(match["hour"]) * 60 + int(match["minute"])
+    if match is None or minutes > _DAY_MIN:
         raise ValueError(f"'{str(text)[:20]}' is no time of day like 08:00Z")
-    minutes = int(match["hour"]) * 60 + int(match["minute"])
-    if minutes > 1440:
-        raise ValueError(f"'{text[:20]}' is no time of day like 08:00Z")
-    if up and match["second"] is not None and int(match["second"]) > 0:
+    if up and int(match["second"] or 0) > 0:
         minutes += 1
-    offset = match["offset"]
-    if offset not in (None, "Z"):
-        sign = -1 if offset[0] == "-" else 1
-        minutes -= sign * (int(offset[1:3]) * 60 + int(offset[-2:]))
+    if match["sign"]:
+        offset_min = int(match["hours"]) * 60 + int(match["minutes"])
+        minutes += offset_min if match["sign"] == "-" else -offset_min
     return minutes
 
 
-def _time(minutes: int) -> time:
-    return time(*divmod(minutes, 60))
+def _moment(text: Any) -> datetime:
+    """A moment with its time zone, as UTC."""
+    if not isinstance(text, str) or len(text) > 40:
+        raise ValueError("it is no date and time")
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is no date and time like 2026-11-20T08:00:00Z") from None
+    if moment.tzinfo is None:
+        raise ValueError(f"'{text}' has no time zone; add Z for UTC")
+    try:
+        return moment.astimezone(UTC)
+    except OverflowError:
+        raise ValueError(f"'{text}' is out of all calendars") from None

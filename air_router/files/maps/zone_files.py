@@ -21,7 +21,7 @@ from air_router.files.maps.geozones import is_ed318, read_ed269, read_ed318, zon
 from air_router.files.maps.gpx import read_gpx_zones
 from air_router.files.maps.kml import read_kml
 from air_router.files.maps.openair import read_openair
-from air_router.files.maps.reading import FileZone, MapCircle, MapRing, ZoneReading
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapRing, ZoneReading
 from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument
 from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.xml_document import kml_in
@@ -112,7 +112,7 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
         _place(draft, reading, near, keys)
 
 
-def placed(zone: FileZone, frame: LocalFrame, what: str = "no-fly zone ") -> Shape | Problem:
+def placed(zone: MapArea, frame: LocalFrame, what: str = "no-fly zone ") -> Shape | Problem:
     """The zone's shape in a local frame, or why it has none there."""
     try:
         if isinstance(zone.shape, MapCircle):
@@ -122,7 +122,7 @@ def placed(zone: FileZone, frame: LocalFrame, what: str = "no-fly zone ") -> Sha
     except (ZoneError, FrameError) as error:
         code = error.code if isinstance(error, ZoneError) else "not-on-earth"
         message = f"{what}'{zone.name}' cannot be an area: {error}; draw it again"
-        return zone.source.problem(zone.keys, message, code)
+        return zone.problem(message, code)
 
 
 def _local_ring(ring: MapRing, frame: LocalFrame) -> Ring:
@@ -159,12 +159,12 @@ def _is_ed269(data: dict[str, Any]) -> bool:
 
 
 def _place(
-    draft: MissionDocument, reading: ZoneReading, near: Sequence[FileZone], keys: Keys
+    draft: MissionDocument, reading: ZoneReading, near: Sequence[MapArea], keys: Keys
 ) -> None:
     frame, box = draft.frame, _Box(draft)
     if frame is None:
         return
-    kept: list[tuple[FileZone, Shape]] = []
+    kept: list[tuple[MapArea, Shape]] = []
     for zone in near:
         shape = placed(zone, frame)
         if isinstance(shape, Problem):
@@ -173,16 +173,15 @@ def _place(
             kept.append((zone, shape))
     names = unique_names((zone.name for zone, _ in kept), (area.name for area in draft.zones))
     for name, (zone, shape) in zip(names, kept, strict=True):
+        here = zone.problem("", "")
         draft.zones.append(
             Area(
                 name,
                 shape,
                 keys,
                 crosses_fence=True,
-                clearance_m=zone.clearance_m,
-                altitudes=zone.altitudes,
-                validity=zone.validity,
-                place=FilePlace(zone.source.path, *zone.place),
+                terms=zone.terms,
+                place=FilePlace(reading.path, here.line, here.column),
             )
         )
     left = len(reading.zones) - len(kept)
@@ -195,7 +194,7 @@ def _place(
 
 
 def _exchanged(
-    draft: MissionDocument, reading: ZoneReading, near: Sequence[FileZone], box: _Box
+    draft: MissionDocument, reading: ZoneReading, near: Sequence[MapArea], box: _Box
 ) -> bool:
     """Whether latitudes and longitudes are exchanged, of all circles or all outlines of a file.
 
@@ -214,7 +213,7 @@ def _exchanged(
                 "longitude exchanged; put the longitude first in this file"
             )
             code = "coordinates-exchanged"
-            draft.problems.append(turned.source.problem(turned.keys, message, code))
+            draft.problems.append(turned.problem(message, code))
     return found
 
 
@@ -260,7 +259,7 @@ class _Box:
         return float(shapely.box(*self._low, *self._high).distance(shape.polygon))
 
 
-def _corners(zone: FileZone) -> NDArray[np.float64]:
+def _corners(zone: MapArea) -> NDArray[np.float64]:
     """Latitudes and longitudes around which the zone's box is drawn."""
     if not isinstance(zone.shape, MapCircle):
         return np.array(zone.shape.ring)

@@ -3,25 +3,19 @@
 import copy
 import json
 import math
-from datetime import time
 from typing import Any
 
 from pydantic import ValidationError
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes
 from air_router.files.maps.zone_files import add_zones
 from air_router.files.mission_document import Area, Keys, MissionDocument, Uav
 from air_router.files.missions.mission_form import (
-    AltitudeForm,
     AreaForm,
     MissionForm,
-    PeriodForm,
-    ZoneForm,
 )
 from air_router.files.settings import PlannerSettings, Timers
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
-from geo.validity import DAYS, Hours, Period, Validity
 from mocha_link.team.document import Document, DocumentError
 
 _ORIGIN_M = 50_000.0
@@ -178,7 +172,9 @@ def _fill(draft: MissionDocument, model: MissionForm, places: dict[str, list[int
         keys = ("no_fly_zones", index)
         name = zone.name or f"zone {index + 1}"
         shape = _shape(draft, zone, f"no-fly zone '{name}'", keys)
-        draft.zones += [_zone(zone, name, shape, keys)] if shape else []
+        if shape:
+            crosses = zone.crosses_fence
+            draft.zones.append(Area(name, shape, keys, crosses_fence=crosses, terms=zone.terms()))
     for index, listed in zip(places["no_fly_files"], model.no_fly_files, strict=True):
         add_zones(draft, folder / listed.file, ("no_fly_files", index, "file"), listed.allow)
 
@@ -256,35 +252,3 @@ def _shape(draft: MissionDocument, area: AreaForm, name: str, keys: Keys) -> Sha
         return draft.circle(name, area.circle.centre, area.circle.radius_m, (*keys, "circle"))
     corners, holes = area.polygon or [], area.holes
     return draft.polygon(name, corners, (*keys, "polygon"), holes, (*keys, "holes"))
-
-
-def _zone(form: ZoneForm, name: str, shape: Shape, keys: Keys) -> Area:
-    return Area(
-        name,
-        shape,
-        keys,
-        crosses_fence=form.crosses_fence,
-        clearance_m=form.clearance_m,
-        altitudes=None if form.altitude is None else _altitudes(form.altitude),
-        validity=None if form.active is None else Validity(tuple(map(_period, form.active))),
-    )
-
-
-def _altitudes(form: AltitudeForm) -> Altitudes:
-    lower, upper = (
-        None if metres is None else AltitudeLimit(metres, reference or form.reference)
-        for metres, reference in (
-            (form.lower_m, form.lower_reference),
-            (form.upper_m, form.upper_reference),
-        )
-    )
-    return Altitudes(lower, upper)
-
-
-def _period(form: PeriodForm) -> Period:
-    daily: tuple[Hours, ...] = ()
-    if form.days is not None or form.between is not None:
-        days = range(len(DAYS)) if form.days is None else form.days
-        start, end = form.between or (time(0, 0), time(0, 0))
-        daily = (Hours(frozenset(days), start, end),)
-    return Period(form.begin, form.until, daily)

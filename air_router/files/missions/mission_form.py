@@ -1,13 +1,10 @@
 """The form of a mission file in YAML: keys, types, limits. See docs/mission-file.md."""
 
-import re
-from datetime import UTC, datetime, time
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, PlainValidator, model_validator
+from pydantic import BaseModel, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from air_router.files.altitudes import Reference
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
@@ -18,41 +15,9 @@ from air_router.files.settings import (
     SeekPolicy,
     Timers,
 )
-from geo.validity import DAYS
+from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, ZoneTerms
 
 _TIMERS, _PLANNER = Timers(), PlannerSettings()
-_YEARS = range(1970, 2200)
-
-
-def _moment(value: Any) -> datetime:
-    """A moment in UTC, from ISO 8601 text that says its time zone."""
-    try:
-        moment = datetime.fromisoformat(value)
-        if moment.tzinfo is not None and moment.year in _YEARS:
-            return moment.astimezone(UTC)
-    except (TypeError, ValueError):
-        pass
-    raise PydanticCustomError(
-        "not-a-time",
-        "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)",
-    )
-
-
-def _time_of_day(value: Any) -> time:
-    found = re.fullmatch(r"([01]\d|2[0-4]):([0-5]\d)", value) if isinstance(value, str) else None
-    if found is None or (found[1] == "24" and found[2] != "00"):
-        raise PydanticCustomError(
-            "not-a-time", 'not a time of day; write it like "08:00", in UTC and in quotes'
-        )
-    return time(int(found[1]) % 24, int(found[2]))
-
-
-def _day(value: Any) -> int:
-    word = str(value).lower()
-    for number, name in enumerate(DAYS):
-        if word in {name, name[:3]}:
-            return number
-    raise PydanticCustomError("not-a-day", "not a day of the week; write it like monday or mon")
 
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -60,12 +25,7 @@ Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")
 Polygon = Annotated[list[Pair], Field(max_length=20_000)]
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Metres = Annotated[float, Field(gt=0, le=10_000)]
-_Distance = Annotated[float, Field(ge=0, le=1_000)]
 _Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
-_Level = Annotated[float, Field(ge=-1_000, le=100_000)]
-_Moment = Annotated[datetime, PlainValidator(_moment)]
-_TimeOfDay = Annotated[time, PlainValidator(_time_of_day)]
-_Day = Annotated[int, PlainValidator(_day)]
 
 
 class CircleForm(BaseModel):
@@ -95,41 +55,17 @@ class AreaForm(BaseModel):
         return self
 
 
-class AltitudeForm(BaseModel):
-    """Where a zone applies."""
-
-    lower_m: _Level | None = None
-    upper_m: _Level | None = None
-    reference: Reference = Reference.HOME
-    lower_reference: Reference | None = None
-    upper_reference: Reference | None = None
-
-
-class PeriodForm(BaseModel):
-    """When a zone applies."""
-
-    begin: Annotated[_Moment | None, Field(alias="from")] = None
-    until: _Moment | None = None
-    days: Annotated[list[_Day], Field(min_length=1)] | None = None
-    between: Annotated[list[_TimeOfDay], Field(min_length=2, max_length=2)] | None = None
-
-    @model_validator(mode="after")
-    def _order(self) -> Self:
-        if self.begin is not None and self.until is not None and self.until < self.begin:
-            raise PydanticCustomError(
-                "ends-before-start", "'until' is before 'from'; exchange them"
-            )
-        return self
-
-
-class ZoneForm(AreaForm):
+class ZoneForm(AreaForm, ActiveForm):
     """A no-fly zone."""
 
     name: str | None = None
     crosses_fence: bool = False
-    clearance_m: _Distance | None = None
     altitude: AltitudeForm | None = None
-    active: Annotated[list[PeriodForm], Field(min_length=1)] | None = None
+
+    def terms(self) -> ZoneTerms:
+        """How far, how high and when it is kept away from."""
+        altitudes = None if self.altitude is None else self.altitude.altitudes()
+        return ZoneTerms(self.clearance_m, altitudes, self.validity())
 
 
 class ZoneFileForm(BaseModel):
@@ -184,12 +120,12 @@ class TimersForm(BaseModel):
 class PlannerForm(BaseModel):
     """How routes are planned."""
 
-    clearance_m: _Distance = _PLANNER.clearance_m
+    clearance_m: Clearance = _PLANNER.clearance_m
     tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = _PLANNER.tracking_margin_m
     max_edge_m: _Metres = _PLANNER.max_edge_m
     acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
     vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = _PLANNER.vertical_margin_m
-    terrain_relief_m: _Distance = _PLANNER.terrain_relief_m
+    terrain_relief_m: Clearance = _PLANNER.terrain_relief_m
     vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.vertical_separation_m
     home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.home_separation_m
     kind: PlannerKind = _PLANNER.kind

@@ -6,9 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.altitudes import Altitudes, Reference
 from air_router.files.maps.feature_set import corners_of
-from air_router.files.maps.properties import active_of
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
@@ -17,6 +15,7 @@ from air_router.files.settings import (
     Timers,
 )
 from air_router.files.text_values import degrees_text
+from air_router.files.zone_terms import active_data, clearance_data, limits_data
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import as_yaml
@@ -110,25 +109,15 @@ def _fences(draft: MissionDocument, frame: LocalFrame) -> dict[str, Any]:
 
 
 def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
-    data: dict[str, Any] = {"name": area.name, **_shape(area, frame)}
-    if area.clearance_m is not None:
-        data["clearance_m"] = area.clearance_m
-    if area.altitudes is not None:
-        data["altitude"] = _altitude(area.altitudes)
-    active = active_of(area.validity)
-    data |= {} if active is None else {"active": active}
-    data |= {"crosses_fence": True} if area.crosses_fence else {}
-    return data
-
-
-def _altitude(altitudes: Altitudes) -> dict[str, Any]:
-    data: dict[str, Any] = {}
-    for side, limit in (("lower", altitudes.lower), ("upper", altitudes.upper)):
-        if limit is not None:
-            data[f"{side}_m"] = limit.metres
-            if limit.reference is not Reference.HOME:
-                data[f"{side}_reference"] = str(limit.reference)
-    return data
+    limits = limits_data(area.terms.altitudes)
+    return {
+        "name": area.name,
+        **_shape(area, frame),
+        **clearance_data(area.terms),
+        **({"altitude": limits} if limits else {}),
+        **active_data(area.terms.validity),
+        **({"crosses_fence": True} if area.crosses_fence else {}),
+    }
 
 
 def _shape(area: Area, frame: LocalFrame) -> dict[str, Any]:

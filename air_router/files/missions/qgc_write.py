@@ -100,11 +100,11 @@ def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool
     what = "a fence" if inclusion else f"no-fly zone '{area.name}'"
     if not inclusion and not isinstance(area.shape, Circle) and area.shape.holes:
         warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
-    if area.altitudes is not None:
+    if area.terms.altitudes is not None:
         warnings.add(what, "it reaches over all altitudes: a plan's zones do", "altitudes-lost")
-    if area.validity is not None:
+    if area.terms.validity is not None:
         warnings.add(what, "it applies always: a plan's zones do", "schedule-lost")
-    if area.clearance_m is not None:
+    if area.terms.clearance_m is not None:
         warnings.add(what, "its own clearance is not in the plan", "clearance-lost")
     if not inclusion and not _is_number_name(area.name):
         warnings.add("names of zones", "a plan's zones have none", "names-lost")

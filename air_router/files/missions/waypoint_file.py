@@ -1,4 +1,4 @@
-"""Waypoint files of Mission Planner, MAVProxy and QGroundControl ("QGC WPL 110"), read and written.
+"""Waypoint files of Mission Planner, MAVProxy and QGroundControl ("QGC WPL 110"), read.
 
 A line is an item of a plan, in twelve columns. The first is home where it is a waypoint above the
 sea, as ArduPilot's programs write it. Such a file has no fence, no zones and no rally points.
@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.qgc_items import ItemsReader, MavCommand
-from air_router.files.missions.qgc_write import plan_of, simple_item, tell_settings
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from mocha_link.team.problem import DocumentError, Problem
 
@@ -108,32 +106,6 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     plan = {"items": items[document.first :], "hoverSpeed": DEFAULT_SPEED_M_S}
     ItemsReader(draft, {"mission": plan}).read()
     return draft
-
-
-def waypoints_text(draft: MissionDocument, warnings: ConversionWarnings) -> str:
-    """The mission as a waypoint file, home first. The draft has a frame and a home."""
-    for what, areas in (
-        ("the fence", draft.fences),
-        ("no-fly zones", draft.zones),
-        ("rally points", draft.rally_points),
-    ):
-        if areas:
-            message = "a waypoint file has none: the vehicle will not know of them"
-            warnings.add(what, message, "areas-lost")
-    if draft.home_altitude_amsl_m is None:
-        message = "home's height above the sea is not known: written as 0"
-        warnings.add("home", message, "home-altitude-unknown")
-    tell_settings(draft, warnings, "a waypoint file")
-    mission = plan_of(draft, ConversionWarnings())["mission"]
-    latitude_deg, longitude_deg, altitude_m = mission["plannedHomePosition"]
-    place = [0.0, 0.0, 0.0, 0.0, latitude_deg, longitude_deg, altitude_m]
-    home = simple_item(MavCommand.WAYPOINT, place, number=0, frame=_AMSL_FRAME)
-    rows = [
-        (number, int(number == 0), item["frame"], item["command"], *item["params"], 1)
-        for number, item in enumerate([home, *mission["items"]])
-    ]
-    lines = ("\t".join(f"{value or 0:.10g}" for value in row) for row in rows)
-    return "\n".join([_VERSION, *lines]) + "\n"
 
 
 def _number(word: str, *, whole: bool) -> float | None:

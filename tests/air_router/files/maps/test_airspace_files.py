@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.maps.limits import limit_in_text
 from air_router.files.maps.openair import read_openair
-from air_router.files.maps.reading import MapCircle
 from air_router.files.maps.zone_files import read_zones
+from air_router.files.maps.zone_reading import MapCircle
 from air_router.files.xml_document import kmz_of
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import Geodetic
 from geo.geodesic import ARC_ERROR_M, arc_around, polar
 from mocha_link.team.document import DocumentError
@@ -35,7 +35,7 @@ def test_openair():
     assert reading.problems == []
     sandbox, toy, mast, moon = reading.zones
     assert [zone.name for zone in reading.zones] == ["Sandbox", "CTR Toy", "Mast", "Half moon"]
-    assert sandbox.altitudes == Altitudes(None, AltitudeLimit(pytest.approx(457.2), GROUND))
+    assert sandbox.terms.altitudes == Altitudes(None, AltitudeLimit(pytest.approx(457.2), GROUND))
     assert sandbox.shape.ring == (
         pytest.approx((47.001, 8.001)),
         pytest.approx((47.003, 8.001)),
@@ -44,16 +44,16 @@ def test_openair():
     assert mast.shape == MapCircle(
         Geodetic(pytest.approx(-46.98333333), pytest.approx(-8.1666667)), 926
     )
-    assert mast.altitudes.lower == AltitudeLimit(pytest.approx(304.8), GROUND)
-    assert mast.altitudes.upper == AltitudeLimit(pytest.approx(1066.8), AMSL)
-    assert toy.altitudes is None  # its ceiling is a flight level: without end
+    assert mast.terms.altitudes.lower == AltitudeLimit(pytest.approx(304.8), GROUND)
+    assert mast.terms.altitudes.upper == AltitudeLimit(pytest.approx(1066.8), AMSL)
+    assert toy.terms.altitudes is None  # its ceiling is a flight level: without end
     assert [(note.line, note.column, note.code) for note in reading.notes] == [(15, 4, UNCLEAR)]
     # Counterclockwise from east to north; clockwise from south to north, by west.
     assert max(place.longitude_deg for place in toy.shape.ring) > 8.02
     assert min(place.longitude_deg for place in toy.shape.ring) == pytest.approx(8, abs=1e-6)
     assert min(place.longitude_deg for place in moon.shape.ring) < 7.98
     assert max(place.longitude_deg for place in moon.shape.ring) == pytest.approx(8, abs=1e-6)
-    assert moon.place == (28, 1)
+    assert (moon.problem("", "").line, moon.problem("", "").column) == (28, 1)
 
 
 def test_airspaces_that_the_operator_may_fly_in():
@@ -99,14 +99,14 @@ def test_limits_of_openaip_and_the_faa():
     reading = read_zones(FILES / "airspace.geojson")
     assert reading.problems == []
     numbers, words, faa, facility_map, other = reading.zones
-    assert numbers.altitudes == Altitudes(
+    assert numbers.terms.altitudes == Altitudes(
         AltitudeLimit(300, GROUND), AltitudeLimit(pytest.approx(1066.8), AMSL)
     )
     assert faa.name == "FAA class airspace"
-    assert faa.altitudes == Altitudes(
+    assert faa.terms.altitudes == Altitudes(
         AltitudeLimit(pytest.approx(365.76), GROUND), AltitudeLimit(pytest.approx(1219.2), AMSL)
     )
-    assert [zone.altitudes for zone in (words, facility_map, other)] == [None] * 3
+    assert [zone.terms.altitudes for zone in (words, facility_map, other)] == [None] * 3
     told = [note.message.partition(" ")[0] for note in reading.notes if note.code == UNCLEAR]
     assert told == ["'upperCeiling':", "'CEILING'", "'max_alt_ft'"]
 
@@ -134,7 +134,7 @@ def test_limits_that_are_none_or_unclear(tmp_path, properties, altitudes, told):
             read_zones(path)
         return
     reading = read_zones(path)
-    assert [zone.altitudes for zone in reading.zones] == [altitudes]
+    assert [zone.terms.altitudes for zone in reading.zones] == [altitudes]
     assert [note.message.split("'")[1] for note in reading.notes] == told
 
 

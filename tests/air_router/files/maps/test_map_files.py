@@ -12,11 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.json_document import json_from_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
-    MapArea,
     MapPoint,
     corners_of,
     feature_set_of,
@@ -25,7 +23,8 @@ from air_router.files.maps.geojson import read_geojson
 from air_router.files.maps.geojson_write import geojson_of, geojson_text
 from air_router.files.maps.kml import read_kml
 from air_router.files.maps.kml_write import kml_text
-from air_router.files.maps.reading import MapCircle, MapOutline
+from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.geodesic import circle_around, dense_ring
@@ -95,18 +94,20 @@ def areas(draw):
     return MapArea(
         draw(names),
         shape,
-        draw(st.none() | st.floats(0, 900)),
-        Altitudes(low, high) if low or high else None,
-        draw(st.none() | st.lists(periods, min_size=1, max_size=2).map(tuple).map(Validity)),
-    )  # fmt: skip
+        ZoneTerms(
+            draw(st.none() | st.floats(0, 900)),
+            Altitudes(low, high) if low or high else None,
+            draw(st.none() | st.lists(periods, min_size=1, max_size=2).map(tuple).map(Validity)),
+        ),
+    )
 
 
 def assert_same(areas, zones):
     assert len(areas) == len(zones)
     for area, zone in zip(areas, zones, strict=True):
-        assert zone.clearance_m == area.clearance_m
-        assert zone.altitudes == area.altitudes
-        assert_same_times(area.validity, zone.validity)
+        assert zone.terms.clearance_m == area.terms.clearance_m
+        assert zone.terms.altitudes == area.terms.altitudes
+        assert_same_times(area.terms.validity, zone.terms.validity)
         if isinstance(area.shape, MapCircle):
             assert zone.shape.centre == pytest.approx(area.shape.centre, abs=2e-9)
             assert zone.shape.radius_m == area.shape.radius_m

@@ -10,7 +10,7 @@ from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Goal, Navigator, Progress
 from air_router.errors import ExitCode, MissionFileError
-from air_router.files.altitudes import AltitudeLimit, Altitudes, HomeAltitudeError, Reference
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, HomeAltitudeError, Reference
 from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry

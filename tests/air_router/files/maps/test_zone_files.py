@@ -14,11 +14,11 @@ from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
 from air_router.errors import MissionFileError
-from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
-from air_router.files.maps.reading import MapCircle, MapOutline
-from air_router.files.maps.schedule import days_of, hours_of
+from air_router.files.maps.schedule import validity_of
 from air_router.files.maps.zone_files import add_zones, read_zones, unique_names
+from air_router.files.maps.zone_reading import MapCircle, MapOutline
 from air_router.files.mission_document import MissionDocument, MissionPoint
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.validity import Hours
@@ -45,15 +45,20 @@ def codes(reading):
     return [note.code for note in reading.notes]
 
 
+def place_of(zone):
+    here = zone.problem("", "")
+    return here.line, here.column
+
+
 def test_geojson():
     reading = read("zones.geojson")
     yard, mast, first, second = reading.zones
     assert [zone.name for zone in reading.zones] == ["yard", "mast", "7, part 1", "7, part 2"]
-    assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
+    assert (len(yard.shape.ring), len(yard.shape.holes), yard.terms.clearance_m) == (4, 1, 8)
     assert yard.shape.ring[1] == Geodetic(47.0010, 8.0030)
     assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
-    assert mast.altitudes == Altitudes(upper=AltitudeLimit(60, GROUND))
-    assert str(mast.validity) == "from 2026-11-01 00:00, mon fri 06:00-18:00 UTC"
+    assert mast.terms.altitudes == Altitudes(upper=AltitudeLimit(60, GROUND))
+    assert str(mast.terms.validity) == "from 2026-11-01 00:00, mon fri 06:00-18:00 UTC"
     assert {type(zone.shape) for zone in (first, second)} == {MapOutline}
     assert codes(reading) == ["no-area", "not-a-zone"]
 
@@ -61,9 +66,13 @@ def test_geojson():
 def test_kml():
     reading = read("zones.kml")
     yard, first, second, mast = reading.zones
-    assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
-    assert (yard.altitudes, yard.place) == (None, (9, 9))
-    assert first.altitudes == second.altitudes == Altitudes(upper=AltitudeLimit(20, GROUND))
+    assert (len(yard.shape.ring), len(yard.shape.holes), yard.terms.clearance_m) == (4, 1, 8)
+    assert (yard.terms.altitudes, place_of(yard)) == (None, (9, 9))
+    assert (
+        first.terms.altitudes
+        == second.terms.altitudes
+        == Altitudes(upper=AltitudeLimit(20, GROUND))
+    )
     assert mast.name == "zones 3"
     assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
     assert codes(reading) == ["no-area", "not-a-zone"]
@@ -81,12 +90,12 @@ def test_ed269():
     low, high, school = reading.zones
     assert low.name == "XXA001 Heliport, volume 1"
     assert low.shape == MapCircle(Geodetic(47.0, 8.0040), 250)
-    assert low.altitudes == Altitudes(AltitudeLimit(0, GROUND), AltitudeLimit(120, GROUND))
-    assert low.validity is None
-    assert high.altitudes.lower.metres == pytest.approx(457.2)
-    assert high.altitudes.upper == AltitudeLimit(pytest.approx(762.0), AMSL)
-    assert school.altitudes is None  # up to 0 m above ground: as good as nothing said
-    assert str(school.validity) == (
+    assert low.terms.altitudes == Altitudes(AltitudeLimit(0, GROUND), AltitudeLimit(120, GROUND))
+    assert low.terms.validity is None
+    assert high.terms.altitudes.lower.metres == pytest.approx(457.2)
+    assert high.terms.altitudes.upper == AltitudeLimit(pytest.approx(762.0), AMSL)
+    assert school.terms.altitudes is None  # up to 0 m above ground: as good as nothing said
+    assert str(school.terms.validity) == (
         "from 2026-01-05 00:00 until 2026-12-18 22:59, mon sun 23:30-16:59 UTC"
     )
     assert codes(reading) == ["no-height", "no-restriction"]
@@ -96,14 +105,18 @@ def test_ed318():
     reading = read("geozones_ed318.json")
     heliport, low, high, owls = reading.zones
     assert heliport.name == "XXA001 Heliport"
-    assert heliport.altitudes.upper == AltitudeLimit(pytest.approx(121.92), GROUND)
-    assert low.altitudes == Altitudes(
+    assert heliport.terms.altitudes.upper == AltitudeLimit(pytest.approx(121.92), GROUND)
+    assert low.terms.altitudes == Altitudes(
         lower=AltitudeLimit(0, GROUND)
     )  # above the ellipsoid: no limit
-    assert high.altitudes == Altitudes(AltitudeLimit(450, AMSL), AltitudeLimit(600, AMSL))
-    assert high.validity.active_between(*(datetime(2026, 11, 3, h, tzinfo=UTC) for h in (8, 9)))
-    assert not high.validity.active_between(*(datetime(2026, 11, 6, h, tzinfo=UTC) for h in (8, 9)))
-    assert owls.validity is None  # from sunset to sunrise: read as always
+    assert high.terms.altitudes == Altitudes(AltitudeLimit(450, AMSL), AltitudeLimit(600, AMSL))
+    assert high.terms.validity.active_between(
+        *(datetime(2026, 11, 3, h, tzinfo=UTC) for h in (8, 9))
+    )
+    assert not high.terms.validity.active_between(
+        *(datetime(2026, 11, 6, h, tzinfo=UTC) for h in (8, 9))
+    )
+    assert owls.terms.validity is None  # from sunset to sunrise: read as always
     assert codes(reading) == ["no-reference", "unclear-time", "no-restriction"]
 
 
@@ -184,9 +197,9 @@ def test_ed269_as_it_was_written_years_ago(tmp_path):
     reading = read_zones(path)
     assert reading.problems == reading.notes == []
     every, mondays = reading.zones
-    assert every.altitudes == Altitudes(lower=AltitudeLimit(pytest.approx(30.48), GROUND))
-    assert every.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
-    assert not mondays.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+    assert every.terms.altitudes == Altitudes(lower=AltitudeLimit(pytest.approx(30.48), GROUND))
+    assert every.terms.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+    assert not mondays.terms.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
 
 
 def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
@@ -195,8 +208,8 @@ def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
     document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
     path = tmp_path / "z.json"
     path.write_text(json.dumps(document))
-    assert read_zones(path).zones[0].altitudes.upper == AltitudeLimit(400, GROUND)
-    assert read_zones(path).zones[2].altitudes.upper is None  # beyond all flight
+    assert read_zones(path).zones[0].terms.altitudes.upper == AltitudeLimit(400, GROUND)
+    assert read_zones(path).zones[2].terms.altitudes.upper is None  # beyond all flight
 
 
 def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
@@ -215,9 +228,9 @@ def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
         )
     )  # fmt: skip
     reading = read_zones(path)
-    assert [zone.validity for zone in reading.zones[:3]] == [None] * 3
-    assert str(reading.zones[3].validity) == "from 2026-07-22 07:00 UTC"
-    assert [zone.validity for zone in reading.zones[4:]] == [None] * 2
+    assert [zone.terms.validity for zone in reading.zones[:3]] == [None] * 3
+    assert str(reading.zones[3].terms.validity) == "from 2026-07-22 07:00 UTC"
+    assert [zone.terms.validity for zone in reading.zones[4:]] == [None] * 2
     assert codes(reading) == ["unknown-restriction", *["unclear-time"] * 3]
 
 
@@ -236,8 +249,11 @@ def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
 def test_hours_in_utc(start, end, expected):
     days, start_s, end_s = expected.replace("-", " ").split()
     number = ["mon", "tue", "wed", "thu", "fri", "sat", "sun"].index(days)
-    found = hours_of(days_of(["MON"]), start, end)
-    assert found == Hours(frozenset({number}), *(time_of(text) for text in (start_s, end_s)))
+    schedule = [{"day": ["MON"], "startTime": start, "endTime": end}]
+    validity = validity_of([{"schedule": schedule}], lambda *_: pytest.fail("a doubt"))
+    assert validity.periods[0].daily[0] == Hours(
+        frozenset({number}), *(time_of(text) for text in (start_s, end_s))
+    )
 
 
 def time_of(text):
