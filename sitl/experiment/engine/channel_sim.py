@@ -10,12 +10,10 @@ import math
 from bisect import insort
 from collections.abc import Sequence
 from functools import partial
-from typing import Final
 
 from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.store.record import Header
 from mocha_link.sync.actions import Action, Connect, Disconnect, Reply, Send
-from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
+from mocha_link.sync.protocol import SYNC1
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
     AirtimeStats,
@@ -25,17 +23,12 @@ from sitl.experiment.engine.exchange import (
     finished_in,
     is_data,
     needs_turn,
+    request_load,
     size_of,
     stage_of,
 )
 from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.node import Node
-
-_REQUEST_TRIPS: Final = 4
-"""Round trips of a request of an original node: it makes a new connection for each (measured)."""
-
-_OPENING_TRIPS: Final = 2
-"""Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
 
 
 class ChannelSim:
@@ -85,7 +78,7 @@ class ChannelSim:
             else:
                 self._part(change)
         if self._triggered:
-            self._report()
+            self.report()
             for node in self._nodes:
                 node.gossip.tick(node.now)
                 self._settle(node)
@@ -97,15 +90,15 @@ class ChannelSim:
                         self._pull(link)
         self._grant()
 
-    def _report(self) -> None:
+    def report(self) -> None:
         """Radios say again whom they hear."""
         for (a, b), began_s in self._contacts.items():
-            self._tell_contact(a, b, began_s, up=True)
+            self.tell_contact(a, b, began_s, up=True)
 
     def _meet(self, change: Change) -> None:
         a, b, _ = change
         self._contacts[a, b] = self._queue.now_s
-        self._tell_contact(a, b, self._queue.now_s, up=True)
+        self.tell_contact(a, b, self._queue.now_s, up=True)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
             if exchange is not None:
@@ -118,7 +111,7 @@ class ChannelSim:
         a, b, _ = change
         began_s = self._contacts.pop((a, b))
         self._airtime.parted((began_s, self._queue.now_s, a, b))
-        self._tell_contact(a, b, began_s, up=False)
+        self.tell_contact(a, b, began_s, up=False)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
             if exchange is None:
@@ -129,11 +122,12 @@ class ChannelSim:
             exchange.parting = self._count
             patience_s = self._channel.patience_s
             if patience_s == 0:
-                self._give_up(exchange)
+                self._lose(exchange, self._count)
             elif patience_s < math.inf:
                 self._queue.after(patience_s, partial(self._lose, exchange, self._count))
 
-    def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+    def tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+        """Two robots' radios hear each other, or not any more."""
         for node, peer in ((self._nodes[a], self._nodes[b]), (self._nodes[b], self._nodes[a])):
             if up and self._triggered:
                 node.refresh()
@@ -142,12 +136,13 @@ class ChannelSim:
     def _lose(self, exchange: Exchange, parting: int) -> None:
         """Patience is over, unless contact came back meanwhile."""
         if exchange.parting == parting and not exchange.over:
-            self._give_up(exchange)
+            node, peer = self._ends(exchange)
+            node.gossip.lost(peer.name, "out of reach", node.now)
+            self._settle(node)
 
-    def _give_up(self, exchange: Exchange) -> None:
-        node = self._nodes[exchange.link.asking]
-        node.gossip.lost(self._nodes[exchange.link.answering].name, "out of reach", node.now)
-        self._settle(node)
+    def _ends(self, exchange: Exchange) -> tuple[Node, Node]:
+        """Who pulls, and from whom."""
+        return self._nodes[exchange.link.asking], self._nodes[exchange.link.answering]
 
     def _in_contact(self, link: Link) -> bool:
         return (min(link), max(link)) in self._contacts
@@ -182,9 +177,8 @@ class ChannelSim:
 
     def _supplies(self, exchange: Exchange) -> bool:
         """Whether the answering node may have frames for it."""
-        answering = self._nodes[exchange.link.answering].gossip
-        name = self._nodes[exchange.link.asking].name
-        return not exchange.dry and answering.route(name) == exchange.route
+        asking, answering = self._ends(exchange)
+        return not exchange.dry and answering.gossip.route(asking.name) == exchange.route
 
     def _withdraw(self, exchange: Exchange) -> None:
         """Contact is lost, or the exchange is over: off the air, and out of the queue."""
@@ -230,25 +224,16 @@ class ChannelSim:
 
     def _load(self, exchange: Exchange) -> Load | None:
         """What an exchange whose turn it is sends; None: nothing that takes time."""
-        answering = self._nodes[exchange.link.answering]
+        asking, answering = self._ends(exchange)
+        if not exchange.asked or stage_of(exchange.asked[0]) is Stage.HEADER:
+            answering.refresh()
+            self._settle(answering)
         if exchange.asked:
-            request = exchange.asked[0]
-            stage = stage_of(request)
-            if stage is Stage.HEADER:
-                answering.refresh()
-                self._settle(answering)
-            if code_of(request) == SYNC1 or exchange.opened:
-                return Load(Stage.HEADER, 0, sum(map(len, exchange.asked)), _OPENING_TRIPS)
-            messages = int(stage is Stage.DATA)
-            size = len(request) + self._reply_size(answering, request)
-            return Load(stage, messages, size, _REQUEST_TRIPS)
-        answering.refresh()
-        self._settle(answering)
-        name = self._nodes[exchange.link.asking].name
+            return request_load(exchange, answering.gossip)
         messages = size = 0
         data = False
         while not messages or not data:
-            supplied = answering.gossip.supply(name)
+            supplied = answering.gossip.supply(asking.name)
             if supplied is None:
                 exchange.dry = True
                 break
@@ -260,19 +245,6 @@ class ChannelSim:
                 if self._channel.frame_by_frame:
                     break
         return Load(Stage.DATA, messages, size, 0) if data else None
-
-    @staticmethod
-    def _reply_size(node: Node, request: bytes) -> int:
-        """Bytes of the reply that an original request gets, as things stand."""
-        database, argument = node.gossip.database, request[ID_BYTES + CODE_BYTES :]
-        match stage_of(request):
-            case Stage.HEADER:
-                return ID_BYTES + len(database.header_list())
-            case Stage.DATA:
-                record = database.get(Header.parse(argument))
-                return ID_BYTES + (len(record.body) if record else 0)
-            case Stage.END:
-                return ID_BYTES + len(ACK)
 
     # Transmissions.
 
@@ -300,15 +272,14 @@ class ChannelSim:
 
     def _greet(self, exchange: Exchange) -> None:
         """What the other node says to an opening comes along with it."""
-        link = exchange.link
-        supplied = self._nodes[link.answering].gossip.supply(self._nodes[link.asking].name)
+        asking, answering = self._ends(exchange)
+        supplied = answering.gossip.supply(asking.name)
         if supplied is not None:
             self._answer(exchange, supplied[1])
 
     def _ask(self, exchange: Exchange, request: bytes) -> None:
         """A request arrives, and what is answered at once comes back."""
-        answering = self._nodes[exchange.link.answering]
-        asking = self._nodes[exchange.link.asking]
+        asking, answering = self._ends(exchange)
         exchange.dry = False
         answering.gossip.request(asking.name, exchange.route, [request], answering.now)
         self._settle(answering)
@@ -319,9 +290,8 @@ class ChannelSim:
     def _answer(self, exchange: Exchange, parts: Sequence[bytes | memoryview]) -> None:
         """A frame arrives at the asking node, unless it has hung up."""
         if not exchange.over:
-            asking = self._nodes[exchange.link.asking]
-            peer = self._nodes[exchange.link.answering].name
-            asking.gossip.reply(peer, parts, asking.now)
+            asking, answering = self._ends(exchange)
+            asking.gossip.reply(answering.name, parts, asking.now)
             self._settle(asking)
 
     # Nodes.

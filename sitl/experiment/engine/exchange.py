@@ -1,4 +1,4 @@
-"""One pull on its way over the channel: what is to cross it next, and what that costs.
+"""One pull on its way over the channel: what is to cross it next, what that costs, what came of it.
 
 The frames are those of `mocha_link`: nothing here says anything of its own. What a transmission is
 made of follows from the protocol that the two nodes speak:
@@ -21,13 +21,29 @@ from typing import Final
 
 import numpy as np
 
+from mocha_link.node.gossip import Gossip
+from mocha_link.store.record import Header
 from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, Frame, read_chunks
-from mocha_link.sync.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCF
+from mocha_link.sync.protocol import ACK, CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCF
 from sitl.experiment.engine.channel import Link, Load, Stage
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION
 
 _STAGES: Final = {GHEAD: Stage.HEADER, GDATA: Stage.DATA, DENDT: Stage.END}
 _BODY: Final = ID_BYTES + CODE_BYTES
+
+_REQUEST_TRIPS: Final = 4
+"""Round trips of a request of an original node: it makes a new connection for each (measured)."""
+
+_OPENING_TRIPS: Final = 2
+"""Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
+
+Row = tuple[float, float, float, int, int, int, int, int, bool]
+"""A transmission, in the order of `result.TRANSMISSION`."""
+
+ContactRow = tuple[float, float, int, int]
+"""A contact, in the order of `result.CONTACT`."""
+
+_Table = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 @dataclass(slots=True, eq=False)
@@ -85,6 +101,23 @@ def stage_of(request: bytes) -> Stage:
     return _STAGES.get(code_of(request), Stage.HEADER)
 
 
+def request_load(exchange: Exchange, answering: Gossip) -> Load:
+    """What the next request of an exchange sends, with what answers it as things stand."""
+    request = exchange.asked[0]
+    if code_of(request) == SYNC1 or exchange.opened:
+        return Load(Stage.HEADER, 0, sum(map(len, exchange.asked)), _OPENING_TRIPS)
+    stage, size = stage_of(request), len(request) + ID_BYTES
+    match stage:
+        case Stage.HEADER:
+            size += len(answering.database.header_list())
+        case Stage.DATA:
+            record = answering.database.get(Header.parse(request[_BODY:]))
+            size += len(record.body) if record else 0
+        case Stage.END:
+            size += len(ACK)
+    return Load(stage, int(stage is Stage.DATA), size, _REQUEST_TRIPS)
+
+
 def is_data(parts: Sequence[Frame]) -> bool:
     """Whether a supplied frame, behind its id, has data in it."""
     return parts[0][ID_BYTES] == CHUNKS
@@ -100,18 +133,6 @@ def finished_in(parts: Sequence[Frame]) -> int:
 def size_of(parts: Sequence[Frame]) -> int:
     """Bytes of a frame."""
     return sum(map(len, parts))
-
-
-# What is counted while a run goes on: transmissions, contacts, pulls.
-
-
-Row = tuple[float, float, float, int, int, int, int, int, bool]
-"""A transmission, in the order of `result.TRANSMISSION`."""
-
-ContactRow = tuple[float, float, int, int]
-"""A contact, in the order of `result.CONTACT`."""
-
-_Table = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 class AirtimeStats:

@@ -48,12 +48,12 @@ class _WorldSim(ChannelSim):
 
     step = Step()  # the world's newest
 
-    def _report(self) -> None:
+    def report(self) -> None:
         for heard in self.step.readings:
             node = self._nodes[self._numbers[heard.robot]]
             node.gossip.heard(heard.peer, heard.rssi_dbm, node.now)
 
-    def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+    def tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
         """The readings tell."""
 
     def changes(self) -> list[Change]:
