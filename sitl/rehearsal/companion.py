@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import selectors
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, cast
+from typing import Any, Final, Protocol, cast
 
 from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
@@ -21,10 +23,8 @@ from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from mocha_link import Node
-from sitl.rehearsal.stand_ins.loop import SimulatedLoop, World
-from sitl.rehearsal.stand_ins.mavsdk import StandIn
+from sitl.rehearsal.stand_ins.mavsdk import Fields, StandIn, Wire
 from sitl.rehearsal.stand_ins.team import NodeStandIn
-from sitl.rehearsal.stand_ins.transfer import Fields, Wire
 
 EPOCH_S: Final = 1_790_000_000.0
 """Unix time of simulated time zero."""
@@ -32,6 +32,85 @@ EPOCH_S: Final = 1_790_000_000.0
 _URL: Final = "udpin://127.0.0.1:14540"
 _CRASHED: Final = 70
 """Exit code of a program that ended by an error of its own."""
+_SOON_S: Final = 1e-9
+
+
+class World(Protocol):
+    """Whatever goes on while the loop waits."""
+
+    @property
+    def now_s(self) -> float:
+        """Simulated seconds."""
+
+    def advance(self, until_s: float) -> list[Callable[[], object]]:
+        """Let time pass until then, or until there is something for the loop: what it is to call.
+
+        Raises:
+            BaseException: the loop is to end, in whatever state it is.
+        """
+
+
+class SimulatedLoop(asyncio.SelectorEventLoop):
+    """Where another loop would wait for sockets, this one lets the world go on.
+
+    Signals and keyboards are left alone; what would run in another thread runs at once.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        super().__init__(_Waiting(self))
+        self._clock_resolution = _SOON_S  # asyncio's own: a timer is due so much early
+
+    def time(self) -> float:
+        """Simulated seconds."""
+        return self.world.now_s
+
+    def call_soon_threadsafe(  # type: ignore[override]
+        self, callback: Callable[..., object], *args: Any, context: Any = None
+    ) -> asyncio.Handle:
+        """There is one thread."""
+        return self.call_soon(callback, *args, context=context)
+
+    def run_in_executor(self, *args: Any, **_: Any) -> Any:  # type: ignore[override]
+        """Run it now; only the result comes later."""
+        _executor, function, *arguments = args
+        future = self.create_future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:  # noqa: BLE001 - as an executor hands it on
+            future.set_exception(error)
+        return future
+
+    def add_signal_handler(self, *_: Any, **__: Any) -> None:  # type: ignore[override]
+        """Simulated programs get no signals."""
+
+    def remove_signal_handler(self, *_: Any, **__: Any) -> bool:
+        """There is none."""
+        return False
+
+    def add_reader(self, *_: Any, **__: Any) -> None:  # type: ignore[override]
+        """Nor a keyboard."""
+
+    def remove_reader(self, *_: Any, **__: Any) -> bool:
+        """There is none."""
+        return False
+
+
+class _Waiting(selectors.SelectSelector):
+    """Selects nothing ever; waiting is what the world goes on in."""
+
+    def __init__(self, loop: SimulatedLoop) -> None:
+        super().__init__()
+        self._loop = loop
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        """Let so much time pass, or less if something comes."""
+        if timeout is None or timeout > 0.0:
+            world = self._loop.world
+            until_s = math.inf if timeout is None else world.now_s + timeout + _SOON_S
+            for callback in world.advance(until_s):
+                self._loop.call_soon(callback)
+        return []
 
 
 class Companion:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from sitl.px4sim.motion.disturbances import WindSettings
@@ -63,27 +61,33 @@ class Kind(NamedTuple):
         flights: How many of it a whole rehearsal has.
         course: What happens.
         phase: Where it begins, if that is not to be drawn.
+        loss: Share of packets that are lost.
+        draws: Zones are drawn into the mission file.
+        alone: It is two things at once already, or nothing: it is not combined with another.
     """
 
     words: str
     flights: int
     course: Course = lambda _: []
     phase: str = ""
+    loss: float = 0.0
+    draws: bool = False
+    alone: bool = False
 
 
 class Fault(Enum):
     """One kind of thing that goes wrong."""
 
-    NONE = Kind("nothing", 6)
+    NONE = Kind("nothing", 6, alone=True)
     GUSTS = Kind("wind to 10 m/s with gusts", 20)
     STORM = Kind("wind of 12 to 25 m/s with gusts", 12)
     JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, _JUMPS, "INIT")
     DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, drift(0.3, 0.0))
     ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, height)
     BAROMETER = Kind("altitude estimate drifts by 0.3 m/s", 12, drift(0.0, 0.3))
-    LOSS_1 = Kind("1 % of all packets lost", 8)
-    LOSS_5 = Kind("5 % of all packets lost", 10)
-    LOSS_20 = Kind("20 % of all packets lost", 16)
+    LOSS_1 = Kind("1 % of all packets lost", 8, loss=0.01)
+    LOSS_5 = Kind("5 % of all packets lost", 10, loss=0.05)
+    LOSS_20 = Kind("20 % of all packets lost", 16, loss=0.2)
     BURSTS = Kind("bursts of loss: all packets for 0.5 to 5 s, again and again", 16)
     LATE = Kind("commands arrive up to 4 s late", 12)
     OLD = Kind("what the vehicle says comes up to 2 s late", 12)
@@ -104,7 +108,9 @@ class Fault(Enum):
         12,
         span("satellites", on=0, off=12, seconds=lambda d: d.uniform(2.0, 20.0)),
     )
-    UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
+    UPLOAD = Kind(
+        "uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready", alone=True
+    )
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, _BUSY, "INIT")
     PILOT = Kind("pilot takes over", 48, one("pilot", lambda d: d.choice(ON_MODE)))
     STICKS = Kind("pilot moves the sticks", 16, one("sticks", lambda _: True))
@@ -112,13 +118,17 @@ class Fault(Enum):
         "pilot moves the sticks without COM_RC_OVERRIDE", 8, one("sticks", lambda _: False)
     )
     HAND_BACK = Kind("pilot takes over and hands back", 20, hand_back)
-    TAKEN_IN_HASTE = Kind("pilot takes over while commands of ours wait", 16, taken_in_haste)
+    TAKEN_IN_HASTE = Kind(
+        "pilot takes over while commands of ours wait", 16, taken_in_haste, alone=True
+    )
     PAUSE = Kind(
         "pilot pauses or diverts it in our own mode",
         12,
         often("pause", 60, (1.0, 3.0), lambda d: d.randrange(8) == 0),
     )
-    DIVERTED = Kind("diverted, or flown by the sticks, while we have it hold", 8, diverted)
+    DIVERTED = Kind(
+        "diverted, or flown by the sticks, while we have it hold", 8, diverted, alone=True
+    )
     TWO_STATIONS = Kind("two stations command at once", 16, two_stations)
     DISARMED = Kind(
         "disarmed by a station right after the arming",
@@ -159,7 +169,9 @@ class Fault(Enum):
         20,
         lambda d: [ScheduledFault(0.0, "kill"), ScheduledFault(d.uniform(2.0, 40.0), "restart")],
     )
-    RESTART_TAKEN = Kind("pilot takes over while the companion is down", 16, restart_taken)
+    RESTART_TAKEN = Kind(
+        "pilot takes over while the companion is down", 16, restart_taken, alone=True
+    )
     KILL = Kind("companion killed for good", 12, one("kill", lambda _: None))
     BATTERY = Kind("battery falls fast", 16, one("battery", lambda d: d.uniform(60.0, 400.0)))
     BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, lie)
@@ -183,19 +195,27 @@ class Fault(Enum):
             ScheduledFault(40.0 * again, "reload", d.uniform(-5.0, 40.0))
             for again in range(d.randrange(1, 4))
         ],
+        draws=True,
     )
-    WALL = Kind("walled in by reload in flight", 12, walls)
+    WALL = Kind("walled in by reload in flight", 12, walls, draws=True)
     ZONE_ACROSS = Kind(
         "a zone is drawn across the leg under way",
         12,
         often("zone across", 3, (25.0, 50.0), lambda d: d.uniform(0.0, 6.0)),
+        draws=True,
+        alone=True,
     )
-    ZONE_IN_HASTE = Kind("a zone is drawn over a way that waits", 12, zone_in_haste, "SEARCH")
+    ZONE_IN_HASTE = Kind(
+        *("a zone is drawn over a way that waits", 12, zone_in_haste, "SEARCH"),
+        draws=True,
+        alone=True,
+    )
     CORNERS = Kind(
         "sent around a corner that it does not stop at",
         12,
         often("corner", 4, (20.0, 35.0), lambda d: d.choice((None, 0.0, 0.6, 0.7))),
         "INIT",
+        alone=True,
     )
     REQUESTS = Kind(
         "requests at random moments",
@@ -203,7 +223,7 @@ class Fault(Enum):
         often("request", 25, (1.0, 12.0), lambda d: d.random()),
         "climb",
     )
-    TWO = Kind("two of these at once", 40)
+    TWO = Kind("two of these at once", 40, alone=True)
 
     def __reduce_ex__(self, _: object) -> tuple[object, ...]:
         """By its name: courses do not go from process to process."""
@@ -215,12 +235,6 @@ class Fault(Enum):
         return self.value.words
 
 
-FLIGHTS: Final = MappingProxyType({fault: fault.value.flights for fault in Fault})
-"""How many flights each fault gets in a whole rehearsal."""
-
-LOSS: Final[Mapping[Fault, float]] = MappingProxyType(
-    {Fault.LOSS_1: 0.01, Fault.LOSS_5: 0.05, Fault.LOSS_20: 0.2}
-)
 _WRONG_STREAMS: Final = {
     POSITION: "LOST_POSITION",
     BATTERY: "LOST_BATTERY",
@@ -231,23 +245,8 @@ _WRONG_STREAMS: Final = {
 }
 """The judge's row for a stream whose messages are believable, and not true."""
 
-DRAWN: Final = frozenset({Fault.RELOAD, Fault.WALL, Fault.ZONE_ACROSS, Fault.ZONE_IN_HASTE})
-"""Zones are drawn into the mission file."""
-
-_HASTE: Final = frozenset(
-    {
-        Fault.TAKEN_IN_HASTE,
-        Fault.DIVERTED,
-        Fault.RESTART_TAKEN,
-        Fault.ZONE_ACROSS,
-        Fault.ZONE_IN_HASTE,
-        Fault.CORNERS,
-    }
-)
-"""Two things at once already."""
-
-_ALONE: Final = _HASTE | {Fault.NONE, Fault.TWO, Fault.UPLOAD}
-_SINGLE: Final = tuple(f for f in Fault if f not in _ALONE)
+_SINGLE: Final = tuple(fault for fault in Fault if not fault.value.alone)
+"""What two of may happen in one flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +276,7 @@ class Scene:
     @property
     def loss(self) -> float:
         """Share of packets that are lost."""
-        return max((LOSS.get(fault, 0.0) for fault in self.faults), default=0.0)
+        return max(fault.value.loss for fault in self.faults)
 
     def schedule(self) -> Schedule:
         """What happens when."""
@@ -330,6 +329,8 @@ def scenes(share: float = 1.0, seed: int | None = None) -> list[Scene]:
     """
     return [
         Scene(fault, number)
-        for fault, flights in FLIGHTS.items()
-        for number in (range(max(1, round(flights * share))) if seed is None else (seed,))
+        for fault in Fault
+        for number in (
+            range(max(1, round(fault.value.flights * share))) if seed is None else (seed,)
+        )
     ]

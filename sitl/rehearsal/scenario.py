@@ -20,20 +20,19 @@ from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
-from sitl.rehearsal.ending import Ending
-from sitl.rehearsal.faults import DRAWN, Fault, Scene, wind_of
+from sitl.rehearsal.faults import Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
     Evidence,
+    FlightRecord,
     Line,
     SceneEventKind,
     WireMessage,
 )
-from sitl.rehearsal.judge.flight_record import FlightRecord
-from sitl.rehearsal.seen import phases, true_degrees, true_state
+from sitl.rehearsal.seen import Ending, phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
+from sitl.rehearsal.stand_ins.stations import Stations
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
-from sitl.rehearsal.stations import Stations
 
 STEP_S: Final = 0.04
 """Of the vehicle, and so often its true state is noted: 25 times a second."""
@@ -143,7 +142,7 @@ class Scenario:
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
         document = dict(hurried(self._path))
-        if scene.faults & DRAWN:
+        if any(fault.value.draws for fault in scene.faults):
             document = with_room(document)
         self.file = MissionFile(folder / "mission.yaml", document)
         mission = self.mission = load_mission(self.file.path)

@@ -15,12 +15,11 @@ from sitl.rehearsal.adversarial_operator import AdversarialOperator
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import PHASES, Scene
-from sitl.rehearsal.inputs import prank_of, wrong_of
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.scenario import Scenario
-from sitl.rehearsal.stand_ins.link import StreamFault, Way
-from sitl.rehearsal.stand_ins.team import pose
+from sitl.rehearsal.stand_ins.link import StreamFault, Way, wrong_of
+from sitl.rehearsal.stand_ins.team import pose, prank_of
 
 STICKS_S: Final = 3.0
 _RESUME_S: Final = 2.0

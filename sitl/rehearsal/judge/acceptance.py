@@ -12,8 +12,6 @@ from functools import reduce
 from types import MappingProxyType
 from typing import Final
 
-from sitl.rehearsal.judge.judge_space import NONE, Tolerance
-
 
 class End(Enum):
     """How a flight ended."""
@@ -26,6 +24,25 @@ class End(Enum):
     ELSEWHERE = "landed away from home"
     FELL = "fell"
     NOT = "did not end"
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """What a fault excuses.
+
+    Attributes:
+        room_m: So much less than the clearance may be kept.
+        height_m: So much higher or lower than the plan's band may be flown.
+        home_m: So much farther from home may be landed.
+    """
+
+    room_m: float = 0.0
+    height_m: float = 0.0
+    home_m: float = 0.0
+
+
+NONE: Final = Tolerance()
+"""Nothing is excused."""
 
 
 @dataclass(frozen=True, slots=True)

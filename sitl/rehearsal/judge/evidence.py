@@ -8,7 +8,7 @@ seconds since the vehicle started, on one clock.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +18,8 @@ AUTOPILOT: Final = 1
 
 COMPANION: Final = 191
 """MAVLink component of the companion (MAV_COMP_ID_ONBOARD_COMPUTER)."""
+
+_SEEN: Final = ("samples", "messages", "heard", "happenings", "lines")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +160,23 @@ class Evidence:
     def told(self, what: SceneEventKind) -> Iterator[SceneEvent]:
         """The happenings of a kind, in order of time."""
         return (happening for happening in self.happenings if happening.what is what)
+
+
+@dataclass(slots=True)
+class FlightRecord:
+    """What has been seen so far, each in order of time; see `Evidence`."""
+
+    samples: list[Sample] = field(default_factory=list)
+    messages: list[WireMessage] = field(default_factory=list)
+    heard: list[WireMessage] = field(default_factory=list)
+    happenings: list[SceneEvent] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+
+    def happened(self, time_s: float, what: SceneEventKind, value: Any = None) -> None:
+        """The scene did something."""
+        self.happenings.append(SceneEvent(time_s, what, value))
+
+    def evidence(self, **more: Any) -> Evidence:
+        """All of it, and what else there is to say of the flight."""
+        seen: dict[str, Any] = {name: tuple(getattr(self, name)) for name in _SEEN}
+        return Evidence(**seen, **more)

@@ -12,8 +12,8 @@ import numpy as np
 
 from sitl.rehearsal.judge.acceptance import End, Row, accepted
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, SceneEventKind
-from sitl.rehearsal.judge.judge_heard import announcements
 from sitl.rehearsal.judge.judge_inputs import InputJudge
+from sitl.rehearsal.judge.judge_seat import announcements
 from sitl.rehearsal.judge.judge_space import SpaceJudge
 from sitl.rehearsal.judge.judge_track import LAND_MODE, Responsible, Track, Violation, number
 from sitl.rehearsal.judge.judge_wire import WireJudge

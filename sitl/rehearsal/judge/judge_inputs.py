@@ -17,8 +17,13 @@ import numpy as np
 import shapely
 
 from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage
-from sitl.rehearsal.judge.judge_heard import INPUTS, Input, announcements, news, spans
-from sitl.rehearsal.judge.judge_seat import CompanionsSeat
+from sitl.rehearsal.judge.judge_seat import (
+    INPUTS,
+    CompanionsSeat,
+    Input,
+    news,
+    spans,
+)
 from sitl.rehearsal.judge.judge_space import areas_in_force, same_area
 from sitl.rehearsal.judge.judge_track import Floats, MissionVersion, number
 from sitl.rehearsal.judge.mission_reader import Area, MissionFileError
@@ -63,8 +68,6 @@ class InputJudge(CompanionsSeat):
         self._times = [m.time_s for m in heard]
         steps = np.diff(np.array([self._times[0], *self._times]))
         self._clock = np.cumsum(np.minimum(steps, _LONELY_S))
-        self._said = announcements(self.track.evidence)
-        self._deaf = list(self._deaf_spans())
         self._judge_silence()
         self._judge_files_left()
         for each in INPUTS:
@@ -96,7 +99,7 @@ class InputJudge(CompanionsSeat):
             said = (words for at_s, words in self._said if asked_s - 0.1 <= at_s <= left.time_s)
             if not any(_NOT_TAKEN.search(words) for words in said):
                 what = f"{new[0].name} of a changed file is not applied"
-                self._add(left.time_s, "told", f"not a word why {what}")
+                self.add(left.time_s, "told", f"not a word why {what}")
 
     # Streams.
 

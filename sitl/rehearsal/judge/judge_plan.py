@@ -12,8 +12,8 @@ from shapely.geometry import MultiPoint, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.evidence import AUTOPILOT, COMPANION, WireMessage
-from sitl.rehearsal.judge.judge_heard import announcements
-from sitl.rehearsal.judge.judge_track import MissionVersion, Track, Violation, number
+from sitl.rehearsal.judge.judge_seat import announcements
+from sitl.rehearsal.judge.judge_track import Judge, MissionVersion, number
 from sitl.rehearsal.judge.mission_reader import Area, Pair
 
 MISSION, FENCE, EVERYTHING = 0, 1, 255  # MAV_MISSION_TYPE
@@ -43,17 +43,14 @@ class Upload:
 
 
 @dataclass(slots=True)
-class PlanJudge:
+class PlanJudge(Judge):
     """Judges the uploads of one flight.
 
     Attributes:
         uploads: That were accepted, in order.
-        violations: Found so far.
     """
 
-    track: Track
     uploads: list[Upload] = field(default_factory=list)
-    violations: list[Violation] = field(default_factory=list)
 
     def judge(self) -> None:
         """Look at every upload, and at what is on board when it takes off."""
@@ -97,12 +94,12 @@ class PlanJudge:
             seq = item.fields["seq"]
             if not low_m <= above_m <= high_m:
                 text = f"item {seq} is at {above_m:.1f} m, the plan flies {low_m:.1f} m and more"
-                self._add(upload.time_s, text)
+                self.add(upload.time_s, "plan", text)
             if item.fields["command"] == _WAYPOINT and item.fields.get("autocontinue"):
-                self._add(upload.time_s, f"item {seq} goes on to the next by itself")
+                self.add(upload.time_s, "plan", f"item {seq} goes on to the next by itself")
             if allowed.distance(Point(place)) > _PLACE_M:
                 away_m = allowed.distance(Point(place))
-                self._add(upload.time_s, f"item {seq} is {away_m:.1f} m from every waypoint")
+                self.add(upload.time_s, "plan", f"item {seq} is {away_m:.1f} m from every waypoint")
         if all_there and places:
             missing = [
                 n
@@ -110,7 +107,7 @@ class PlanJudge:
                 if MultiPoint(places).distance(Point(waypoint)) > _PLACE_M
             ]
             if missing:
-                self._add(upload.time_s, f"waypoints {missing} are not on board")
+                self.add(upload.time_s, "plan", f"waypoints {missing} are not on board")
 
     def _judge_renewal(self, version: MissionVersion) -> None:
         """A changed file gets on board as it is, while the vehicle is ours."""
@@ -132,7 +129,7 @@ class PlanJudge:
         items = uploads[-1].items if uploads else ()
         wrong = [self._differs(items, version) for version in versions]
         if all(wrong):
-            self._add(time_s, f"the fence on board: {wrong[0]}")
+            self.add(time_s, "plan", f"the fence on board: {wrong[0]}")
 
     def _differs(self, items: Sequence[WireMessage], version: MissionVersion) -> str:
         """How the fence on board differs from the file's; empty: not at all."""
@@ -186,9 +183,6 @@ class PlanJudge:
             (inside if command == _IN_POLYGON else outside).append(ring)
             at += len(corners)
         return inside, outside
-
-    def _add(self, time_s: float, text: str) -> None:
-        self.violations.append(Violation(time_s, "plan", text))
 
 
 def _everywhere(version: MissionVersion) -> BaseGeometry:

@@ -1,16 +1,16 @@
-"""The companion's seat, for the judge: when it listened, what it said, what it had to do then."""
+"""The companion's seat, for the judge: what it heard and said, and what it had to do then."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final, NamedTuple
 
-from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage
+from sitl.rehearsal.judge.evidence import Evidence, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_space import leads_home
-from sitl.rehearsal.judge.judge_track import LAND_MODE, Responsible, Track, Violation
+from sitl.rehearsal.judge.judge_track import LAND_MODE, Judge, Responsible
 
 _SAID_S: Final = 3.0
 """What the companion has on top of each limit to announce something."""
@@ -29,25 +29,59 @@ _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 _SECOND: Final = 25
 """Samples of a second, about."""
 
+_MOVES_CM_S: Final = 100
+_STATUS: Final = re.compile(r"^[A-Z]+ *\|")
+
+
+class Input(NamedTuple):
+    """A stream that a flight rests on.
+
+    Attributes:
+        name: For the verdict.
+        messages: Any of these is news of it.
+        words: A line that announces its loss matches this.
+        told_s: It has to be announced.
+        stands_s: The vehicle has to stand, and no leg may begin; infinite: never.
+        home_s: The mission has to end; infinite: never.
+    """
+
+    name: str
+    messages: frozenset[str]
+    words: str
+    told_s: float
+    stands_s: float = math.inf
+    home_s: float = math.inf
+
+
+INPUTS: Final = (
+    Input("position", frozenset({"GLOBAL_POSITION_INT"}), "position", 2.0, 2.0),
+    Input("mode", frozenset({"HEARTBEAT", "CURRENT_MODE"}), "mode|heartbeat", 5.0),
+    Input("heartbeat", frozenset({"HEARTBEAT"}), "heartbeat", 5.0, math.inf, 30.0),
+    Input("satellites", frozenset({"GPS_RAW_INT"}), "GPS", 5.0, 10.0, 30.0),
+    Input("battery", frozenset({"SYS_STATUS"}), "battery", 5.0, math.inf, 30.0),
+    Input("item", frozenset({"MISSION_CURRENT"}), "item", 5.0, math.inf, 60.0),
+    Input("landed state", frozenset({"EXTENDED_SYS_STATE"}), "landed", 5.0, math.inf, 60.0),
+)
+
 
 @dataclass(slots=True)
-class CompanionsSeat:
+class CompanionsSeat(Judge):
     """What the companion knew and said.
 
     Attributes:
-        track: Of the flight.
         legs: The commands that lead to a place.
         notice_s: How much longer than usual it has.
-        violations: Found so far.
     """
 
-    track: Track
     legs: Sequence[WireMessage]
     notice_s: float = 0.0
-    violations: list[Violation] = field(default_factory=list)
-    _said: list[tuple[float, str]] = field(default_factory=list)  # announced, and when
-    _deaf: list[tuple[float, float]] = field(default_factory=list)  # spans without listening
-    _lost: list[tuple[float, float]] = field(default_factory=list)  # of position or mode
+    _said: list[tuple[float, str]] = field(init=False)  # announced, and when
+    _deaf: list[tuple[float, float]] = field(init=False)  # spans without listening
+    _lost: list[tuple[float, float]] = field(init=False)  # of position or mode
+
+    def __post_init__(self) -> None:
+        self._said = announcements(self.track.evidence)
+        self._deaf, self._lost = list(self._deaf_spans()), []
 
     def _deaf_spans(self) -> Iterator[tuple[float, float]]:
         """When the companion was not running, or not yet connected."""
@@ -93,7 +127,7 @@ class CompanionsSeat:
     ) -> None:
         """A line that says so has to have come by then, or so long before."""
         if not self._has_said(words, begin_s - before_s, due_s):
-            self._add(due_s, "told", f"not a word about it: {what} at {begin_s:.1f} s")
+            self.add(due_s, "told", f"not a word about it: {what} at {begin_s:.1f} s")
 
     @property
     def _reacts_s(self) -> float:
@@ -106,7 +140,7 @@ class CompanionsSeat:
             return
         for message in self.legs:
             if from_s <= message.time_s <= until_s and self._answers(began_s, message.time_s):
-                self._add(message.time_s, "blind", f"a leg, though {what} at {began_s:.1f} s")
+                self.add(message.time_s, "blind", f"a leg, though {what} at {began_s:.1f} s")
                 break
         first, last = track.at(from_s + _BRAKED_S), track.at(until_s)
         limit_m_s = track.mission.speed_m_s / 2.0
@@ -124,7 +158,7 @@ class CompanionsSeat:
             )
             if speed_m_s > limit_m_s:
                 text = f"flies on at {speed_m_s:.1f} m/s, though {what} at {began_s:.1f} s"
-                self._add(float(track.time_s[after]), "blind", text, speed_m_s, limit_m_s)
+                self.add(float(track.time_s[after]), "blind", text, speed_m_s, limit_m_s)
                 return
 
     def _cruises(self, index: int) -> bool:
@@ -147,14 +181,40 @@ class CompanionsSeat:
         if not leads_home(track.version_at(due_s), track.east_m[there], track.north_m[there]):
             return  # it hovers, and says so
         if all(self._cruises(index) for index in range(track.at(since_s), track.at(due_s))):
-            self._add(due_s, "home", f"did not land within {due_s - since_s:.0f} s, though {what}")
+            self.add(due_s, "home", f"did not land within {due_s - since_s:.0f} s, though {what}")
 
-    def _add(
-        self,
-        time_s: float,
-        kind: str,
-        text: str,
-        value: float = math.nan,
-        limit: float = math.nan,
-    ) -> None:
-        self.violations.append(Violation(time_s, kind, text, value, limit))
+
+def announcements(evidence: Evidence) -> list[tuple[float, str]]:
+    """What was announced, and when: all lines but those that show the state every few seconds."""
+    return [(line.time_s, line.text) for line in evidence.lines if not _STATUS.match(line.text)]
+
+
+def news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
+    """Those that are news: their clock goes on, and what reports a velocity has moved."""
+    last: Mapping[str, Any] = {}
+    for at in numbers:
+        fields = heard[at].fields
+        clock = next((c for c in ("time_boot_ms", "time_usec") if c in fields), None)
+        if clock is not None and clock in last and fields[clock] == last[clock]:
+            continue
+        before, last = last, fields
+        if before and "vx" in fields:
+            moves = math.hypot(fields["vx"], fields["vy"]) >= _MOVES_CM_S
+            if moves and (fields["lat"], fields["lon"]) == (before["lat"], before["lon"]):
+                continue
+        yield at
+
+
+def spans(
+    messages: Sequence[WireMessage], holds: Iterable[Any], pause_s: float = 0.0
+) -> Iterator[tuple[float, float]]:
+    """From when to when something held in every message, but for pauses that are no longer."""
+    begun: tuple[float, float] | None = None
+    for message, held in zip(messages, holds, strict=True):
+        if held:
+            begun = (message.time_s if begun is None else begun[0], message.time_s)
+        elif begun is not None and message.time_s - begun[1] > pause_s:
+            yield begun
+            begun = None
+    if begun is not None:
+        yield begun

@@ -12,9 +12,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from sitl.rehearsal.judge.acceptance import Tolerance
 from sitl.rehearsal.judge.judge_track import (
     LAND_MODE,
     Floats,
+    Judge,
     MissionVersion,
     Responsible,
     Track,
@@ -40,38 +42,17 @@ _FAR_M: Final = 50_000.0
 _PART: Final = 25
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """What a fault excuses.
-
-    Attributes:
-        room_m: So much less than the clearance may be kept.
-        height_m: So much higher or lower than the plan's band may be flown.
-        home_m: So much farther from home may be landed.
-    """
-
-    room_m: float = 0.0
-    height_m: float = 0.0
-    home_m: float = 0.0
-
-
-NONE: Final = Tolerance()
-"""Nothing is excused."""
-
-
 @dataclass(slots=True)
-class SpaceJudge:
+class SpaceJudge(Judge):
     """Judges one track.
 
     Attributes:
-        violations: Found so far.
+        tolerance: What the flight's faults excuse.
         nearest_m: The least room while each of them answered.
         seconds: For how long each answered in the air.
     """
 
-    track: Track
-    tolerance: Tolerance = NONE
-    violations: list[Violation] = field(default_factory=list)
+    tolerance: Tolerance
     nearest_m: dict[Responsible, float] = field(default_factory=dict)
     seconds: dict[Responsible, float] = field(default_factory=dict)
 
@@ -120,7 +101,7 @@ class SpaceJudge:
             where = f"{room_m:.2f} m from" if room_m > 0 else f"{-room_m:.2f} m {side} of"
             text = f"{where} {area.name}, {allowed_m:.2f} m are to be kept"
             time_s = float(track.time_s[index])
-            self.violations.append(Violation(time_s, "room", text, room_m, allowed_m))
+            self.add(time_s, "room", text, room_m, allowed_m)
 
     def _judge_heights(self) -> None:
         track, mission = self.track, self.track.mission

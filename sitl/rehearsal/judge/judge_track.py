@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final
 
@@ -258,6 +258,30 @@ class Track:
         if Responsible.PILOT in holders:
             return Responsible.PILOT
         return Responsible.AUTOPILOT if holders else Responsible.OURS
+
+
+@dataclass(slots=True)
+class Judge:
+    """Looks at one side of a flight.
+
+    Attributes:
+        track: Of the flight.
+        violations: Found so far.
+    """
+
+    track: Track
+    violations: list[Violation] = field(default_factory=list, init=False)
+
+    def add(
+        self,
+        time_s: float,
+        kind: str,
+        text: str,
+        value: float = math.nan,
+        limit: float = math.nan,
+    ) -> None:
+        """Something that must not be."""
+        self.violations.append(Violation(time_s, kind, text, value, limit))
 
 
 def _resumes(happening: SceneEvent) -> bool:

@@ -9,19 +9,18 @@ from typing import Final
 
 import shapely
 
+from sitl.rehearsal.judge.acceptance import Tolerance
 from sitl.rehearsal.judge.evidence import AUTOPILOT, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_plan import PlanJudge
 from sitl.rehearsal.judge.judge_space import (
     DRIFT_M,
-    Tolerance,
     areas_in_force,
     room_m,
     straight_room_m,
 )
 from sitl.rehearsal.judge.judge_track import (
+    Judge,
     Responsible,
-    Track,
-    Violation,
     command_of,
     is_motion,
     number,
@@ -57,19 +56,17 @@ _FRESH_S: Final = 0.6
 
 
 @dataclass(slots=True)
-class WireJudge:
+class WireJudge(Judge):
     """Judges the commands of one flight.
 
     Attributes:
+        tolerance: What the flight's faults excuse.
         notice_s: How much longer than usual it takes to notice a pilot.
-        violations: Found so far.
         legs: The commands that lead to a place.
     """
 
-    track: Track
     tolerance: Tolerance
     notice_s: float
-    violations: list[Violation] = field(default_factory=list)
     legs: list[WireMessage] = field(default_factory=list)
     _hearts: list[WireMessage] = field(default_factory=list)
 
@@ -110,17 +107,17 @@ class WireJudge:
         if _commands(message):
             self._judge_authority(message, words)
         if command == ARM and not arms and flying:
-            self._add(message, "disarm", "disarmed in the air")
+            self.add(message.time_s, "disarm", "disarmed in the air")
         if arms and message.time_s > disarmed_s:
-            self._add(message, "rearm", f"armed after it was disarmed at {disarmed_s:.1f} s")
+            self.add(message.time_s, "rearm", f"armed after it was disarmed at {disarmed_s:.1f} s")
         stray = message.name in {"MANUAL_CONTROL", "PARAM_SET"} and flying
         if command in _NEVER or stray or message.name.startswith("SET_POSITION_TARGET"):
-            self._add(message, "stray", f"{words} is no command of ours")
+            self.add(message.time_s, "stray", f"{words} is no command of ours")
         speed_m_s = number(fields, "param2" if command == SPEED else "param1")
         limit_m_s = track.version_at(message.time_s).mission.speed_m_s + 0.1
         if command in {SPEED, REPOSITION} and speed_m_s > limit_m_s:
             text = f"{speed_m_s:.1f} m/s, the plan says {limit_m_s:.1f}"
-            self._add(message, "speed", text, speed_m_s, limit_m_s)
+            self.add(message.time_s, "speed", text, speed_m_s, limit_m_s)
         if command == REPOSITION:
             self._judge_height(message, number(fields, "z" if "z" in fields else "param7"))
 
@@ -130,7 +127,7 @@ class WireJudge:
         slack_m = _ON_BOARD_M + self.tolerance.height_m
         if above_m < min(altitudes_m) - slack_m or above_m > max(altitudes_m) + slack_m:
             text = f"sent to {above_m:.1f} m, the plan flies {altitudes_m[0]:.1f} m"
-            self._add(message, "height", text, above_m, altitudes_m[0])
+            self.add(message.time_s, "height", text, above_m, altitudes_m[0])
 
     def _judge_authority(self, message: WireMessage, words: str) -> None:
         for begin_s, end_s, by in self.track.given:
@@ -144,7 +141,7 @@ class WireJudge:
             known_s += _SHOWS_LATER_S if any(h.value in _UNSHOWN for h in told) else 0.0
             if message.time_s > known_s:
                 text = f"{words} while the vehicle is {by} since {begin_s:.1f} s"
-                self._add(message, "authority", text)
+                self.add(message.time_s, "authority", text)
                 return
 
     def _judge_repeats(self) -> None:
@@ -155,7 +152,9 @@ class WireJudge:
             led = message.name == "MISSION_SET_CURRENT" or command_of(message) == REPOSITION
             least_s = _PLACE_TWICE_S if led else _TWICE_S
             if seconds < least_s and _plain(before) == _plain(message):
-                self._add(message, "repeat", f"{message.name} left twice within {seconds:.2f} s")
+                self.add(
+                    message.time_s, "repeat", f"{message.name} left twice within {seconds:.2f} s"
+                )
         sent = [m for m in commands if is_motion(m)]
         choices = [h.time_s for h in self.track.evidence.told(SceneEventKind.PILOT)]
         for later, message in enumerate(sent):
@@ -165,7 +164,7 @@ class WireJudge:
                 heard = [h.time_s for h in self._hearts if h.time_s <= message.time_s]
                 fresh_s = _FRESH_S + self.track.evidence.reaction_s + self.notice_s
                 if again and chosen and message.time_s - max(heard, default=0.0) > fresh_s:
-                    self._add(message, "repeat", f"{message.name} sent again over a choice")
+                    self.add(message.time_s, "repeat", f"{message.name} sent again over a choice")
 
     def _target(self, message: WireMessage, plan: PlanJudge) -> Pair | None:
         """Where a command leads to, in metres."""
@@ -194,7 +193,7 @@ class WireJudge:
         short = self._falls_short(index, message.time_s, target)
         if short is not None:
             text, kept_m, limit_m = short
-            self._add(message, "leg", f"a leg that {text}", kept_m, limit_m)
+            self.add(message.time_s, "leg", f"a leg that {text}", kept_m, limit_m)
 
     def _judge_renewals(self, plan: PlanJudge) -> None:
         """A leg under way across what a changed file has drawn there is not flown on."""
@@ -214,7 +213,7 @@ class WireJudge:
             if short is not None:
                 text, kept_m, limit_m = short
                 words = f"a leg is flown on, and nothing commanded, that now {text}"
-                self.violations.append(Violation(version.from_s, "leg", words, kept_m, limit_m))
+                self.add(version.from_s, "leg", words, kept_m, limit_m)
 
     def _falls_short(
         self, index: int, time_s: float, target: Pair
@@ -236,16 +235,6 @@ class WireJudge:
                 text = f"keeps {kept_m:.2f} m of {area.name}, not {limit_m:.2f} m"
                 return text, kept_m, limit_m
         return None
-
-    def _add(
-        self,
-        message: WireMessage,
-        kind: str,
-        text: str,
-        value: float = math.nan,
-        limit: float = math.nan,
-    ) -> None:
-        self.violations.append(Violation(message.time_s, kind, text, value, limit))
 
 
 def _commands(message: WireMessage) -> bool:

@@ -22,7 +22,7 @@ from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
 from sitl.rehearsal.programs.station import MODES, intrusion, plan_of, station_at, upload
-from sitl.rehearsal.stand_ins.station import Station
+from sitl.rehearsal.stand_ins.stations import Station
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200

@@ -8,8 +8,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.mavlink.codec import Frame, frames
-from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
-from sitl.rehearsal.judge.flight_record import FlightRecord
+from sitl.rehearsal.judge.evidence import AUTOPILOT, FlightRecord, Sample, WireMessage
 
 MISSION: Final = frozenset({*range(37, 48), 51, 73})
 """Messages by which a plan is put on board, by number."""
@@ -73,26 +72,22 @@ class Recording(FlightRecord):
             message: Any = _DECODER.decode(bytearray(frame.data))
         except mavlink.MAVError:
             return
-        fields = message.to_dict()
-        name = fields.pop("mavpackettype")
-        if vehicle and name == "HEARTBEAT" and not self._told:
+        if vehicle and frame.number == _HEARTBEAT and not self._told:
             self._state(message)
-        target = int(fields.get("target_system", 0))
-        self.messages.append(
-            WireMessage(
-                self.time_s, frame.system_id, frame.component_id, target, name, fields, delivered
-            )
-        )
+        self.messages.append(self._noted(frame, message, delivered=delivered))
 
     def hear(self, datagram: bytes) -> None:
         """Note what reaches the companion."""
         for frame in frames(datagram):
             if frame.number in _INPUTS and frame.component_id == AUTOPILOT:
-                fields = _DECODER.decode(bytearray(frame.data)).to_dict()
-                name = fields.pop("mavpackettype")
-                self.heard.append(
-                    WireMessage(self.time_s, frame.system_id, frame.component_id, 0, name, fields)
-                )
+                message = _DECODER.decode(bytearray(frame.data))
+                self.heard.append(self._noted(frame, message, delivered=True))
+
+    def _noted(self, frame: Frame, message: Any, *, delivered: bool) -> WireMessage:
+        fields = message.to_dict()
+        name, target = fields.pop("mavpackettype"), int(fields.get("target_system", 0))
+        sender = frame.system_id, frame.component_id
+        return WireMessage(self.time_s, *sender, target, name, fields, delivered)
 
     def see(self, frame: Frame) -> None:
         """Note a frame of the truth's link."""

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
 from sitl.rehearsal.programs.relay import LossyRelay
-from sitl.rehearsal.stand_ins.station import Station
+from sitl.rehearsal.stand_ins.stations import Station
 
 _FLOOD = 300
 

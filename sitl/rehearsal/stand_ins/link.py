@@ -44,6 +44,19 @@ class StreamFault(Enum):
 Wrong = Callable[[dict[str, Any], random.Random], dict[str, Any]]
 
 
+_POSCTL: Final = 3 << 16
+_METRES_E7: Final = 90  # of latitude, about, in 1e-7 degrees
+
+_VALUES: Final[dict[str, Callable[[random.Random], dict[str, Any]]]] = {
+    "SYS_STATUS": lambda dice: {"battery_remaining": dice.choice((-1, 3, 50, 100))},
+    "GPS_RAW_INT": lambda dice: {"fix_type": dice.choice((0, 1, 3)), "satellites_visible": 3},
+    "EXTENDED_SYS_STATE": lambda dice: {"landed_state": dice.choice((0, 1, 2, 4))},
+    "MISSION_CURRENT": lambda dice: {"seq": dice.randrange(0, 60)},
+    "HEARTBEAT": lambda dice: {"custom_mode": dice.choice((_POSCTL, 0x03040000, 0x04040000))},
+    "CURRENT_MODE": lambda dice: {"custom_mode": dice.choice((_POSCTL, 0x03040000, 0x04040000))},
+}
+
+
 @dataclass(frozen=True, slots=True)
 class _ActiveFault:
     """A stream's fault and when it is over."""
@@ -190,3 +203,18 @@ class Link:
                 scale = 1e6 if name.endswith("usec") else 1e3
                 changed[name] = max(0, changed[name] - round(self._booted_s * scale))
         return changed
+
+
+def wrong_of(name: str, dice: random.Random) -> Wrong | None:
+    """What the messages of one name say that is not true; None: there is nothing to lie about."""
+    if name == "GLOBAL_POSITION_INT":
+        off = [round(dice.uniform(-30.0, 30.0) * _METRES_E7) for _ in range(2)]
+        up_mm = round(dice.uniform(-8.0, 8.0) * 1e3)
+
+        def elsewhere(fields: dict[str, Any], _: random.Random) -> dict[str, Any]:
+            there = {"lat": fields["lat"] + off[0], "lon": fields["lon"] + off[1]}
+            return {**fields, **there, "relative_alt": fields["relative_alt"] + up_mm}
+
+        return elsewhere
+    value = _VALUES.get(name)
+    return None if value is None else lambda fields, d: {**fields, **value(d)}

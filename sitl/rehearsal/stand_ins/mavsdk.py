@@ -7,12 +7,13 @@ those of MAVSDK 4.1, messages are those that it would send.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Final, cast
+from typing import Any, Final, Protocol, cast
 
 from mavsdk.plugins.events.events import Events, EventsError, EventsResult
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
@@ -30,15 +31,48 @@ from air_router.vehicle.px4.px4_connection import (
     Plugins,
     Px4Connection,
 )
-from sitl.rehearsal.stand_ins.transfer import AUTOPILOT, ITEM, REPEAT_S, Fields, Transfer, Wire
 
-ONBOARD_CONTROLLER: Final = 18  # MAV_TYPE
-INVALID: Final = 8  # MAV_AUTOPILOT
-ACTIVE: Final = 4  # MAV_STATE
-REPEATS: Final = 3
-IN_PROGRESS: Final = 5  # MAV_RESULT
-MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+_AUTOPILOT: Final = 1
+_REPEAT_S: Final = 0.5
+_TRANSFER_REPEATS: Final = 4
+_TRANSFER: Final = frozenset(
+    {"MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"}
+)
+_ACKS: Final = {
+    0: MissionRawResult.SUCCESS,
+    1: MissionRawResult.ERROR,
+    2: MissionRawResult.UNSUPPORTED,
+    3: MissionRawResult.UNSUPPORTED,
+    4: MissionRawResult.TOO_MANY_MISSION_ITEMS,
+    13: MissionRawResult.INVALID_SEQUENCE,
+    14: MissionRawResult.DENIED,
+    15: MissionRawResult.TRANSFER_CANCELLED,
+}
+_ITEM: Final = (
+    *("seq", "frame", "command", "current", "autocontinue", "param1", "param2", "param3"),
+    *("param4", "x", "y", "z", "mission_type"),
+)
+_HEARTBEAT: Final = {
+    "type": 18,  # MAV_TYPE_ONBOARD_CONTROLLER
+    "autopilot": 8,  # MAV_AUTOPILOT_INVALID
+    "base_mode": 0,
+    "custom_mode": 0,
+    "system_status": 4,  # MAV_STATE_ACTIVE
+    "mavlink_version": 3,
+}
+_REPEATS: Final = 3
+_IN_PROGRESS: Final = 5  # MAV_RESULT
+_MISSION, _FENCE, _RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 _TEXTS: Final = frozenset({"param_id", "text"})
+
+Fields = Mapping[str, Any]
+
+
+class Wire(Protocol):
+    """The companion's end of the link."""
+
+    def send(self, name: str, fields: Fields) -> None:
+        """Send a message to the vehicle."""
 
 
 class StandIn(Px4Connection):
@@ -96,17 +130,7 @@ class StandIn(Px4Connection):
 
     async def _beat(self) -> None:
         while True:
-            self.wire.send(
-                "HEARTBEAT",
-                {
-                    "type": ONBOARD_CONTROLLER,
-                    "autopilot": INVALID,
-                    "base_mode": 0,
-                    "custom_mode": 0,
-                    "system_status": ACTIVE,
-                    "mavlink_version": 3,
-                },
-            )
+            self.wire.send("HEARTBEAT", _HEARTBEAT)
             await asyncio.sleep(1.0)
 
     async def command(self, name: str, fields: dict[str, Any]) -> Fields | None:
@@ -122,22 +146,98 @@ class StandIn(Px4Connection):
 
         end = self.listen("COMMAND_ACK", on_ack)
         try:
-            for attempt in range(REPEATS + 1):
+            for attempt in range(_REPEATS + 1):
                 if not answer:
                     confirmation = {"confirmation": attempt} if name == "COMMAND_LONG" else {}
                     self.wire.send(name, fields | confirmation)
-                if await _came(acked) and answer[-1]["result"] != IN_PROGRESS:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(_REPEAT_S):
+                        await acked.wait()
+                if acked.is_set() and answer[-1]["result"] != _IN_PROGRESS:
                     return answer[-1]
                 acked.clear()
         finally:
             end()
         return None
 
-    async def transfer(self, work: Callable[[Transfer], Any], mission_type: int) -> Any:
+    async def transfer(self, work: Callable[[_Transfer], Any], mission_type: int) -> Any:
         """One after the other: MAVSDK has one queue of them."""
         async with self._transfers:
-            with Transfer(self, mission_type) as transfer:
+            transfer = _Transfer(self, mission_type)
+            with contextlib.ExitStack() as ends:
+                for name in _TRANSFER:
+                    ends.callback(self.listen(name, partial(transfer.take, name)))
                 return await work(transfer)
+
+
+class _Transfer:
+    """One upload, download or deletion of MAVLink's mission protocol."""
+
+    def __init__(self, link: StandIn, mission_type: int) -> None:
+        self._link = link
+        self._type = mission_type
+        self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()  # ours, of `_TRANSFER`
+
+    def take(self, name: str, fields: Fields) -> None:
+        """The vehicle has said something about some transfer."""
+        to = (fields["target_system"], fields["target_component"])
+        ours = to in {(self._link.system_id, COMPANION_COMPONENT), (0, 0)}
+        if ours and fields.get("mission_type", 0) == self._type:
+            self._inbox.put_nowait((name, fields))
+
+    async def upload(self, items: Sequence[Fields]) -> MissionRawResult:
+        """Send items, as the vehicle asks for them."""
+        last = ("MISSION_COUNT", {"count": len(items), "opaque_id": 0})
+        while True:
+            answer = await self._ask(*last, {"MISSION_REQUEST_INT", "MISSION_REQUEST"})
+            if isinstance(answer, MissionRawResult):
+                return answer
+            last = ("MISSION_ITEM_INT", dict(items[answer["seq"]]))
+
+    async def download(self) -> tuple[MissionRawResult, list[MissionItem]]:
+        """Ask for everything on board."""
+        begun = await self._ask("MISSION_REQUEST_LIST", {}, {"MISSION_COUNT"})
+        if isinstance(begun, MissionRawResult):
+            return begun, []
+        items: list[MissionItem] = []
+        while len(items) < begun["count"]:
+            seq = {"seq": len(items)}
+            answer = await self._ask("MISSION_REQUEST_INT", seq, {"MISSION_ITEM_INT"}, seq)
+            if isinstance(answer, MissionRawResult):
+                timed_out = answer is MissionRawResult.TIMEOUT
+                return (answer if timed_out else MissionRawResult.ERROR), []
+            items.append(MissionItem(**{name: answer[name] for name in _ITEM}))
+        self._send("MISSION_ACK", {"type": 0, "opaque_id": 0})
+        none = MissionRawResult.NO_MISSION_AVAILABLE
+        return (MissionRawResult.SUCCESS if items else none), items
+
+    async def clear(self) -> MissionRawResult:
+        """Delete everything on board."""
+        result = await self._ask("MISSION_CLEAR_ALL", {}, set())
+        assert isinstance(result, MissionRawResult)  # noqa: S101 - nothing else was waited for
+        return result
+
+    async def _ask(
+        self, name: str, fields: dict[str, Any], names: set[str], wanted: Fields | None = None
+    ) -> Fields | MissionRawResult:
+        """Send until one of these comes, with the wanted values; or how the transfer ended."""
+        for _ in range(_TRANSFER_REPEATS + 1):
+            self._send(name, fields)
+            try:
+                async with asyncio.timeout(_REPEAT_S):
+                    while True:
+                        named, answer = await self._inbox.get()
+                        if named == "MISSION_ACK":
+                            return _ACKS.get(answer["type"], MissionRawResult.ERROR)
+                        if named in names and answer.items() >= (wanted or {}).items():
+                            return answer
+            except TimeoutError:
+                continue
+        return MissionRawResult.TIMEOUT
+
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
+        target = {"target_system": self._link.system_id, "target_component": _AUTOPILOT}
+        self._link.wire.send(name, {**target, "mission_type": self._type, **fields})
 
 
 class _Plugin:
@@ -183,20 +283,20 @@ class _Raw(_Plugin):
 
     def __init__(self, link: StandIn) -> None:
         super().__init__(link)
-        self.upload_mission_async = partial(self._upload, MISSION)
-        self.upload_geofence_async = partial(self._upload, FENCE)
-        self.upload_rally_points_async = partial(self._upload, RALLY)
-        self.download_mission_async = partial(self._carry_out, Transfer.download, MISSION)
-        self.download_geofence_async = partial(self._carry_out, Transfer.download, FENCE)
-        self.download_rallypoints_async = partial(self._carry_out, Transfer.download, RALLY)
-        self.clear_mission_async = partial(self._carry_out, Transfer.clear, MISSION)
+        self.upload_mission_async = partial(self._upload, _MISSION)
+        self.upload_geofence_async = partial(self._upload, _FENCE)
+        self.upload_rally_points_async = partial(self._upload, _RALLY)
+        self.download_mission_async = partial(self._carry_out, _Transfer.download, _MISSION)
+        self.download_geofence_async = partial(self._carry_out, _Transfer.download, _FENCE)
+        self.download_rallypoints_async = partial(self._carry_out, _Transfer.download, _RALLY)
+        self.clear_mission_async = partial(self._carry_out, _Transfer.clear, _MISSION)
 
     def _upload(self, kind: int, items: list[MissionItem], callback: Callable[..., None]) -> None:
-        fields = [{name: getattr(item, name) for name in ITEM} for item in items]
+        fields = [{name: getattr(item, name) for name in _ITEM} for item in items]
         self._carry_out(lambda transfer: transfer.upload(fields), kind, callback)
 
     def _carry_out(
-        self, work: Callable[[Transfer], Any], kind: int, callback: Callable[..., None]
+        self, work: Callable[[_Transfer], Any], kind: int, callback: Callable[..., None]
     ) -> None:
         self._answer(self._link.transfer(work, kind), callback)
 
@@ -206,7 +306,7 @@ class _Fence(_Plugin):
 
     def clear_geofence_async(self, callback: Callable[..., None]) -> None:
         async def work() -> GeofenceResult:
-            result = await self._link.transfer(Transfer.clear, FENCE)
+            result = await self._link.transfer(_Transfer.clear, _FENCE)
             good = result == MissionRawResult.SUCCESS
             return GeofenceResult.SUCCESS if good else GeofenceResult.ERROR
 
@@ -223,21 +323,12 @@ class _Events:
         """Nothing to let go."""
 
 
-async def _came(event: asyncio.Event) -> bool:
-    try:
-        async with asyncio.timeout(REPEAT_S):
-            await event.wait()
-    except TimeoutError:
-        return False
-    return True
-
-
 def _message(name: str, fields: Fields, system_id: int) -> MavlinkMessage:
     plain = {
         key: value.rstrip(b"\0").decode() if key in _TEXTS else _plain(value)
         for key, value in fields.items()
     }
-    return MavlinkMessage(name, system_id, AUTOPILOT, 0, 0, json.dumps(plain))
+    return MavlinkMessage(name, system_id, _AUTOPILOT, 0, 0, json.dumps(plain))
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from air_router.messages import POSE_TOPIC, PoseMessage
+from air_router.mission.mission import Mission
 from geo.frame import LocalFrame, Point
 from mocha_link import Message
 from mocha_link.links.metrics import (
@@ -148,3 +149,29 @@ def anywhere(dice: random.Random, waypoints: list[Point]) -> Point:
     """A place near one of the mission's waypoints."""
     east_m, north_m = dice.choice(waypoints)
     return Point(east_m + dice.uniform(-30.0, 30.0), north_m + dice.uniform(-30.0, 30.0))
+
+
+def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[], float]) -> Prank:
+    """What a mad robot tells instead of where it is."""
+    frame = mission.frame
+
+    def told(name: str, place: Point) -> list[tuple[str, str, bytes]]:
+        match how:
+            case "future":
+                data = pose(frame, place, 9.9e10)
+            case "stamp":
+                data = pose(frame, place, unix_s() + dice.choice((-1e6, -3600.0, 60.0, 1e5, 1e7)))
+            case "nan":
+                data = b'{"stamp_s": NaN, "latitude_deg": NaN, "longitude_deg": 1e999}'
+            case "jump":
+                to = Point(dice.uniform(-900.0, 900.0), dice.uniform(-900.0, 900.0))
+                data = pose(frame, to, unix_s())
+            case "zone":
+                inside = dice.choice(mission.zones).polygon.representative_point()
+                data = pose(frame, Point(inside.x, inside.y), unix_s())
+            case _:
+                far = {"latitude_deg": -33.0, "longitude_deg": 151.0, "heading_deg": 1.0}
+                data = str({"stamp_s": unix_s(), **far}).replace("'", '"').encode()
+        return [(name, POSE_TOPIC, data)]
+
+    return told

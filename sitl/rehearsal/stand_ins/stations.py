@@ -1,11 +1,11 @@
-"""Ground stations and the pilot of a rehearsal: what they send, and what they put on board."""
+"""Ground stations, and the transmitter of the pilot: what they send, and what they put on board."""
 
 from __future__ import annotations
 
 import functools
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -14,13 +14,66 @@ from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.vehicle import MavlinkVehicle
 from sitl.px4sim.plan_store import Command, MissionItem, MissionType
 from sitl.px4sim.state import FlightMode
-from sitl.rehearsal.stand_ins.station import Send, Station
 
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _EXCLUSION: Final = 5002
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-ZONE_M: Final = 15.0
-STOP_M: Final = 12.0
+_ZONE_M: Final = 15.0
+_STOP_M: Final = 12.0
+
+_GROUND_CONTROL: Final = 190
+_SET_MODE, _CHANGE_SPEED, _SET_HOME, _ARM_DISARM = 176, 178, 179, 400  # MAV_CMD
+_FORCED: Final = 21196.0
+
+Send = Callable[[MessagePacker, str, Mapping[str, Any]], object]
+"""Takes a message: who says it, its name and its fields."""
+
+
+class Station:
+    """A ground station with a pilot's transmitter.
+
+    Args:
+        system: Its system id.
+        send: Takes every message that it sends to the vehicle.
+    """
+
+    def __init__(self, system: int, send: Send) -> None:
+        self._sender = MessagePacker(system, _GROUND_CONTROL)
+        self._send = send
+
+    def say(self, name: str, **fields: Any) -> None:
+        """Send a message to the vehicle; fields that are not given are 0."""
+        self._send(self._sender, name, self._sender.addressed(name, 1, fields))
+
+    def command(self, number: int, *params: float) -> None:
+        """A COMMAND_LONG."""
+        fields = {f"param{n}": value for n, value in enumerate(params, start=1)}
+        self.say("COMMAND_LONG", command=number, **fields)
+
+    def choose(self, mode: FlightMode) -> None:
+        """DO_SET_MODE."""
+        self.command(_SET_MODE, 1.0, *mode.value[:2])
+
+    def disarm(self, *, forced: bool) -> None:
+        """As it is: refused in the air, unless it is forced."""
+        self.command(_ARM_DISARM, 0.0, _FORCED if forced else 0.0)
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """DO_CHANGE_SPEED over ground."""
+        self.command(_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
+
+    def move_home(self, latitude_deg: float, longitude_deg: float, amsl_m: float) -> None:
+        """DO_SET_HOME to a place."""
+        place = {"x": latitude_deg * 1e7, "y": longitude_deg * 1e7, "z": amsl_m, "frame": 5}
+        self.say("COMMAND_INT", command=_SET_HOME, **place)
+
+    def sticks(self, pitch: float = 0.0, roll: float = 0.0) -> None:
+        """The transmitter says where its sticks are, -1 to 1; throttle in the middle."""
+        self.say("MANUAL_CONTROL", x=pitch * 1000, y=roll * 1000, z=500)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """PARAM_SET of a real number."""
+        self.say("PARAM_SET", param_id=name, param_value=value, param_type=_REAL32)
 
 
 class Stations:
@@ -94,12 +147,12 @@ class Stations:
         north, east = airframe.velocity_north_m_s, airframe.velocity_east_m_s
         speed_m_s = math.hypot(north, east)
         north, east = (north / speed_m_s, east / speed_m_s) if speed_m_s > 1.0 else (0.0, 1.0)
-        ahead_m += STOP_M + ZONE_M
+        ahead_m += _STOP_M + _ZONE_M
         middle = airframe.north_m + north * ahead_m, airframe.east_m + east * ahead_m
         projection = self._vehicle.autopilot.situation.projection
         zone = []
         for n, e in _AHEAD:
-            corner = middle[0] + n * ZONE_M / 1.5, middle[1] + e * ZONE_M / 1.5
+            corner = middle[0] + n * _ZONE_M / 1.5, middle[1] + e * _ZONE_M / 1.5
             x, y = (round(degrees * 1e7) for degrees in projection.to_global(*corner))
             params = (float(len(_AHEAD)), 0.0, 0.0, 0.0)
             zone.append(MissionItem(5, Command(_EXCLUSION), False, params, x, y, 0.0))
