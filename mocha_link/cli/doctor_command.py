@@ -10,8 +10,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from mocha_link.cli.program import examples
 from mocha_link.clock import Instant
@@ -30,8 +30,7 @@ AHEAD_S = 1.0  # clocks closer than that do no harm
 IN, OUT = Direction.IN, Direction.OUT
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(NamedTuple):
     """One thing that was tried: about which peer (None: this computer), and what came of it."""
 
     peer: str | None
@@ -65,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     findings = diagnose(team, options.robot, keys=options.keys, seconds=options.seconds)
     good = all(finding.good for finding in findings)
     if options.json:
-        print(json.dumps({"good": good, "findings": [asdict(each) for each in findings]}))
+        print(json.dumps({"good": good, "findings": [each._asdict() for each in findings]}))
         return 0 if good else 1
     for peer in (None, *team.robot(options.robot).peers):
         print(peer or f"{options.robot}, here")
@@ -109,12 +108,12 @@ class _Trial:
         with closing(self._transport()), self._radio():
             self._watch()
         for peer in self._robot.peers:
-            self._judge_asking(peer)
+            self.findings.append(self._asking(peer))
             if self._serves:
-                self._judge_answering(peer)
-            self._judge_clock(peer)
+                self.findings.append(self._answering(peer))
+            self.findings.extend(self._clock(peer))
             if self._robot.radio:
-                self._judge_signal(peer)
+                self.findings.append(self._signal(peer))
 
     def _transport(self) -> Transport:
         """With the robot's ports, or without if a node has them."""
@@ -133,18 +132,18 @@ class _Trial:
             try:
                 transport.start()
             except PortInUseError:
-                self._find(
-                    None,
-                    good=True,
-                    text=f"the ports of {self._robot.name} are taken, by its node no doubt: "
-                    "'mocha-link monitor' shows who asks it ('out')",
+                text = (
+                    f"the ports of {self._robot.name} are taken, by its node no doubt: "
+                    "'mocha-link monitor' shows who asks it ('out')"
                 )
+                self.findings.append(Finding(None, True, text))
             except ListenError as error:
-                self._find(None, good=False, text=str(error))
+                self.findings.append(Finding(None, False, str(error)))
             else:
                 if self._serves:
                     ports = ", ".join(str(self._robot.port_for(p)) for p in self._robot.peers)
-                    self._find(None, good=True, text=f"listens on {self._robot.listen}: {ports}")
+                    text = f"listens on {self._robot.listen}: {ports}"
+                    self.findings.append(Finding(None, True, text))
                 return transport
             self._serves = False
 
@@ -157,7 +156,7 @@ class _Trial:
             radio = open_radio(self._robot.radio, self._team, self._robot.name)
             radio.start(lambda peer, reading: self._heard.update({peer: as_reading(reading)}))
         except RadioError as error:
-            self._find(None, good=False, text=f"radio: {error}")
+            self.findings.append(Finding(None, False, f"radio: {error}"))
             yield
             return
         with closing(radio):
@@ -179,16 +178,15 @@ class _Trial:
                 if isinstance(event, SyncEnded):
                     wanted.discard((event.peer, event.direction))
 
-    def _judge_asking(self, peer: str) -> None:
+    def _asking(self, peer: str) -> Finding:
         robot = self._team.robot(peer)
         place = f"{robot.address}:{robot.port_for(self._robot.name)}"
         end = self._ends.get((peer, IN))
-        link = self._gossip.links(_now())[peer]
         if isinstance(end, SyncEnded):
+            link = self._gossip.links(_now())[peer]
             rtt = "" if link.rtt_s is None else f", round trip {link.rtt_s * 1000:.1f} ms"
             kind = "an original node" if link.path == "original" else "a node"
-            self._find(peer, good=True, text=f"{kind} answers at {place}{rtt}")
-            return
+            return Finding(peer, True, f"{kind} answers at {place}{rtt}")
         why = end.reason if end else f"no answer within {self._seconds:g} s"
         hint = ""
         if "refused" in why and "key" not in why:
@@ -203,25 +201,24 @@ class _Trial:
             )
         elif "no byte" in why:
             hint = f"; something takes connections there that is no node of {peer}, or hangs"
-        self._find(peer, good=False, text=f"asked at {place}: {why}{hint}")
+        return Finding(peer, False, f"asked at {place}: {why}{hint}")
 
-    def _judge_answering(self, peer: str) -> None:
-        end = self._ends.get((peer, OUT))
-        port = self._robot.port_for(peer)
-        if isinstance(end, SyncEnded):
-            self._find(peer, good=True, text=f"it asks this robot, at port {port}")
-        elif end:
-            self._find(peer, good=False, text=f"it asks this robot, at port {port}: {end.reason}")
-        else:
-            self._find(
+    def _answering(self, peer: str) -> Finding:
+        end, port = self._ends.get((peer, OUT)), self._robot.port_for(peer)
+        if end is None:
+            return Finding(
                 peer,
-                good=False,
-                text=f"it has not asked this robot within {self._seconds:g} s: it does not hear "
-                f"this robot by radio, its team file has another address than "
+                False,
+                f"it has not asked this robot within {self._seconds:g} s: it does not hear this "
+                "robot by radio, its team file has another address than "
                 f"{self._robot.address}:{port}, or a firewall here stops TCP and UDP",
             )
+        asks = f"it asks this robot, at port {port}"
+        if isinstance(end, SyncEnded):
+            return Finding(peer, True, asks)
+        return Finding(peer, False, f"{asks}: {end.reason}")
 
-    def _judge_clock(self, peer: str) -> None:
+    def _clock(self, peer: str) -> Iterator[Finding]:
         robot_id = self._team.robot(peer).robot_id
         stamps_s = [
             record.stamp_s
@@ -231,22 +228,18 @@ class _Trial:
         ahead_s = max(stamps_s, default=0.0) - _now().unix_s
         if ahead_s > AHEAD_S:
             text = f"its clock is {ahead_s:.0f} s or more ahead of this one: set both by NTP or GPS"
-            self._find(peer, good=False, text=text)
+            yield Finding(peer, False, text)
 
-    def _judge_signal(self, peer: str) -> None:
+    def _signal(self, peer: str) -> Finding:
         reading = self._heard.get(peer)
         if reading is None:
             where = "it reports of others" if self._heard else "it reports nothing at all"
-            self._find(peer, good=False, text=f"the radio does not hear it ({where})")
-            return
+            return Finding(peer, False, f"the radio does not hear it ({where})")
         limit = threshold(self._team.trigger, reading.unit)
         text = f"the radio hears it at {reading.value:g} {reading.unit.value}"
         good = reading.value >= limit
         less = "a contact begins at" if good else "too weak: no contact begins below"
-        self._find(peer, good=good, text=f"{text}; {less} {limit:g}")
-
-    def _find(self, peer: str | None, *, good: bool, text: str) -> None:
-        self.findings.append(Finding(peer, good, text))
+        return Finding(peer, good, f"{text}; {less} {limit:g}")
 
 
 def _now() -> Instant:
