@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import http.client
 import json
-import math
 import socket
 import subprocess
 import sys
@@ -14,8 +13,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
 from mocha_link.links.metrics import LinkMetrics, LinkState
@@ -63,12 +60,6 @@ def node(clock):
     return FakeNode(clock, io=IO, europa=LinkMetrics("europa"))
 
 
-def test_whether_messages_get_to_the_disk(node):
-    assert 'mocha_link_storage_failed{robot="titan"} 0.0' in exposition(node)
-    node.storage_fault = "no room"
-    assert 'mocha_link_storage_failed{robot="titan"} 1.0' in exposition(node)
-
-
 def samples(text):
     """Every sample, by its name and labels without the robot's; each family has its help."""
     found = {}
@@ -85,7 +76,10 @@ def samples(text):
 
 
 def test_what_prometheus_reads(node):
+    assert samples(exposition(node))["mocha_link_storage_failed",] == 0
+    node.storage_fault = "no room"
     found = samples(exposition(node))
+    assert found["mocha_link_storage_failed",] == 1
     io = ("peer", "io")
     assert found["mocha_link_clock_timestamp_seconds",] == node.clock.now_s()
     assert found["mocha_link_state", io, ("state", "ended")] == 1
@@ -117,19 +111,6 @@ def test_each_unit_has_its_metric(clock, unit, name):
     found = samples(exposition(node))
     assert found[f"mocha_link_{name}", ("peer", "io"), ("source", "x")] == 7
     assert sum(key[0].startswith("mocha_link_signal") for key in found) == 1
-
-
-@given(st.text(min_size=1, max_size=12), st.text(max_size=12), st.floats(), st.integers(0, 2**80))
-def test_any_text_and_number_is_readable(peer, topic, age_s, count):
-    class Clock:
-        def now_s(self):
-            return age_s
-
-    link = LinkMetrics(peer, topic_ages_s={topic: age_s}, bytes_in=count)
-    found = samples(exposition(FakeNode(Clock(), **{peer: link})))
-    age = found["mocha_link_topic_age_seconds", ("peer", peer), ("topic", topic)]
-    assert age == age_s or (math.isnan(age) and math.isnan(age_s))
-    assert found["mocha_link_bytes_total", ("direction", "in"), ("peer", peer)] == float(count)
 
 
 @pytest.fixture
@@ -164,13 +145,6 @@ def test_over_http(node, server):
         ("POST", "/metrics", 501),
     ]:
         assert ask(server, method, path)[0].status == code
-
-
-def test_a_real_node(field):
-    node, _, _ = field.node("titan")
-    with PrometheusServer(node, f"{field.host}:0") as server:
-        found = samples(ask(server)[1])
-    assert found["mocha_link_state", ("peer", "io"), ("state", "idle")] == 1
 
 
 def test_a_node_of_the_command_line(field, tmp_path):

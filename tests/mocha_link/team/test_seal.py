@@ -26,24 +26,13 @@ def test_the_peer_opens_what_was_sealed_for_it(packet):
     assert OUT.seal(packet) != sealed
 
 
-def test_both_ways():
-    assert OUT.open(IN.seal(b"back")) == b"back"
-
-
-def test_a_packet_sent_back_to_its_sender_does_not_open():
-    assert OUT.open(OUT.seal(b"mine")) is None
-
-
 def test_others_open_nothing():
+    assert OUT.open(IN.seal(b"back")) == b"back"
     sealed = OUT.seal(b"for io")
+    assert OUT.open(sealed) is None  # sent back to its sender
     assert Seal(EUROPA, TITAN.public).open(sealed) is None
     assert Seal(IO, EUROPA.public).open(sealed) is None
     assert IN.open(Seal(EUROPA, IO.public).seal(b"as if from titan")) is None
-
-
-@given(st.binary(max_size=100))
-def test_noise_does_not_open(noise):
-    assert IN.open(noise) is None
 
 
 def test_no_bit_may_change():
@@ -54,6 +43,7 @@ def test_no_bit_may_change():
         assert IN.open(bytes(damaged)) is None
         assert IN.open(sealed[:at]) is None
     assert IN.open(sealed + b"\0") is None
+    assert IN.open(os.urandom(100)) is None
 
 
 def test_the_cipher_is_the_one_of_the_docs():
