@@ -173,11 +173,6 @@ def test_a_report_that_was_cut_off_spoils_only_itself():
     assert reports(text.replace("      peer {", noise + "      peer {"), step_s=0) == whole
 
 
-def test_noise_between_lines_does_not_end_a_report():
-    text = SAMPLES["rajant_lines.txt"]
-    assert reports(text.replace("Ts:", "\nWARN reconnect {\nTs:")) == reports(text)
-
-
 def test_the_monitor_lost_its_radio():
     with pytest.raises(RadioError, match="has lost its radio"):
         Monitor().feed("ERR\n", 0)
