@@ -118,7 +118,9 @@ class _ListeningRadio(BackgroundRadio):
     def close(self) -> None:
         """Stop listening, and hang up on connected programs."""
         super().close()
-        self._socket = None
+        if self._socket:
+            self._socket.close()  # also if the thread has not come to it
+            self._socket = None
 
     def _accept(self, raw: bytes) -> None:
         """Pass one report of a program on to the node, or refuse it."""
@@ -190,7 +192,9 @@ class TcpRadio(_ListeningRadio):
 
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
-        self._begin(report, self._serve(self._bound(socket.SOCK_STREAM)))
+        listener = self._bound(socket.SOCK_STREAM)
+        listener.listen(MAX_PROGRAMS)
+        self._begin(report, self._serve(listener))
 
     async def _serve(self, listener: socket.socket) -> None:
         server = await asyncio.start_server(self._hear, sock=listener, limit=MAX_LINE_BYTES)

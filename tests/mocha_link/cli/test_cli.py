@@ -292,7 +292,7 @@ def test_a_node_in_its_own_process(field, team_file, tmp_path):
     with process, contextlib.ExitStack() as stack:
         stack.callback(process.kill)  # whatever fails here; an ended process does not mind
         assert any(line.startswith("metrics on tcp://") for line in lines)
-        assert f"{storage} has 1 message\n" in lines
+        assert any(line.startswith(f"{storage} has ") for line in lines)
         assert any("says that io runs the original node" in line for line in lines)
         # It has no radio, so the timer pulls.
         assert saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages == 1
