@@ -10,7 +10,7 @@ from typing import Any
 from air_router.control.command_request import View
 from air_router.controller.controller import Controller
 from air_router.flight.flight_stats import FlightStats
-from air_router.live.scenery import scenery
+from air_router.live.scene import scenery
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
 from air_router.web.outlines import degrees

@@ -1,16 +1,47 @@
-"""One page for several flights, each of which serves a page of its own elsewhere."""
+"""One page for several flights, each of which serves a page of its own elsewhere.
 
+Texts are carried between browsers and those pages. Nothing is kept, and nothing read: for each
+browser there is a connection of its own to the flight, so that a browser is served as if it were
+there. What one end does not take is not read from the other.
+"""
+
+from __future__ import annotations
+
+import asyncio
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
-from typing import Any
+from http import HTTPStatus
+from typing import Any, Final
 from urllib.parse import quote
 
-from aiohttp import web
+import aiohttp
+from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 
+from air_router.errors import AirRouterError
 from air_router.live.page_address import PageAddress
-from air_router.live.relay import PageRelay
+from air_router.web.guard import cookie_of
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site
+
+MOST_BYTES: Final = 16 * 1024 * 1024
+"""No text of a flight is longer; the longest are its map, and the track of a long day."""
+
+ANSWER_S: Final = 5.0
+"""A flight's page that has not answered by then is not there."""
+
+_HEARTBEAT_S: Final = 10.0
+_CLOSE_S: Final = 1.0
+
+_NO_ANSWER: Final = "does not answer"
+_NO_FLIGHT: Final = "is no flight's page"
+_NO_TOKEN: Final = "asks for another token"  # noqa: S105 - what is said
+_TOO_LONG: Final = "says too much"
+
+_Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse
+
+
+class GoneError(AirRouterError):
+    """The flight's page cannot be reached; the page says the message behind the flight's name."""
 
 
 class JointPage:
@@ -24,7 +55,7 @@ class JointPage:
     def __init__(self, names: Iterable[str], web: Web = HERE) -> None:
         self._places: dict[str, PageAddress | None] = dict.fromkeys(names)  # None until it is known
         self._web = web
-        self._relay: PageRelay  # while it serves
+        self._session: aiohttp.ClientSession  # while it serves
         self._site = Site(web, "air_router.live", "live")
         self._site.add_values("/flights", self._flights)
         self._site.add_socket("/flights/{name}/socket", self._converse)
@@ -40,8 +71,13 @@ class JointPage:
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
+        # Neither their cookies nor where they send us to are of interest.
         async with (
-            PageRelay.opened() as self._relay,
+            aiohttp.ClientSession(
+                cookie_jar=aiohttp.DummyCookieJar(),
+                middlewares=(_stay,),
+                connector=aiohttp.TCPConnector(limit=0),
+            ) as self._session,
             self._site.serving() as address,
         ):
             say(f"the flights are shown at {address}")
@@ -58,4 +94,71 @@ class JointPage:
         }
 
     async def _converse(self, request: web.Request, browser: web.WebSocketResponse) -> None:
-        await self._relay.converse(browser, self._places.get(request.match_info["name"]))
+        """Let a browser talk with a flight until one of them leaves, and then neither is there."""
+        address, why = self._places.get(request.match_info["name"]), _NO_ANSWER
+        try:
+            if address is not None:
+                async with await self._reach(address) as flight:
+                    why = await _carry(browser, flight)
+        except GoneError as error:
+            why = str(error)
+        await browser.close(code=WSCloseCode.TRY_AGAIN_LATER, message=why.encode())
+
+    async def _reach(self, address: PageAddress) -> aiohttp.ClientWebSocketResponse:
+        headers = {}
+        if address.token is not None:
+            headers["Cookie"] = f"{cookie_of(address.port)}={address.token}"
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                return await self._session.ws_connect(
+                    address.socket,
+                    headers=headers,
+                    heartbeat=_HEARTBEAT_S,
+                    max_msg_size=MOST_BYTES,
+                    timeout=ClientWSTimeout(ws_close=_CLOSE_S),
+                )
+        except aiohttp.ClientResponseError as error:
+            unknown = error.status == HTTPStatus.UNAUTHORIZED
+            raise GoneError(_NO_TOKEN if unknown else _NO_FLIGHT) from None
+        except (aiohttp.ClientError, OSError, TimeoutError):
+            raise GoneError(_NO_ANSWER) from None
+        except ValueError:  # an address or a token that no request can have
+            raise GoneError(_NO_FLIGHT) from None
+
+
+async def _carry(browser: web.WebSocketResponse, flight: aiohttp.ClientWebSocketResponse) -> str:
+    """Carry texts both ways until one end says no more; returns why that is."""
+    ways = [
+        asyncio.create_task(_forward(browser, flight)),
+        asyncio.create_task(_forward(flight, browser)),
+    ]
+    try:
+        await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for way in ways:
+            way.cancel()
+        await asyncio.gather(*ways, return_exceptions=True)
+    return _TOO_LONG if flight.close_code == WSCloseCode.MESSAGE_TOO_BIG else _NO_ANSWER
+
+
+async def _forward(source: _Socket, target: _Socket) -> None:
+    try:
+        async for message in source:
+            if message.type is not WSMsgType.TEXT:
+                return
+            await target.send_str(message.data)
+    except (aiohttp.ClientError, OSError):
+        return  # the other end has just left
+
+
+async def _stay(
+    request: aiohttp.ClientRequest, handler: aiohttp.ClientHandlerType
+) -> aiohttp.ClientResponse:
+    """A flight's page redirects no client; whatever does is none."""
+    response = await handler(request)
+    if HTTPStatus.MULTIPLE_CHOICES <= response.status < HTTPStatus.BAD_REQUEST:
+        response.close()
+        raise aiohttp.ClientResponseError(
+            response.request_info, response.history, status=response.status
+        )
+    return response

@@ -97,7 +97,7 @@ class RecordedFlight:
         while not self.go_on(self.end_s, scene):
             pass
         self.rewind()
-        return {"type": "record", "rows": scene.rows(), "marks": scene.news()}
+        return {"type": "record", "rows": scene.rows.since(), "marks": scene.news.since()}
 
     def go_on(self, until_s: float, page: RecordConsumer, most: int = _STEPS) -> bool:
         """Go through the record up to a time; False if there was too much for once."""

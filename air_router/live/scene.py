@@ -1,21 +1,25 @@
-"""What moves on the live page, put together from the events and actions that are recorded.
+"""What the live page shows: a mission as it lies there, and what moves in it.
 
-Pure: what a flight hands in as it happens, a recorded flight can hand in again.
+Pure: what moves is put together from the events and actions that are recorded, so that what a
+flight hands in as it happens, a recorded flight can hand in again.
 """
 
 import math
 from collections import Counter, deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from air_router.compass import wind_words
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
+from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
+from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry
-from air_router.web.outlines import degrees
+from air_router.web.outlines import area_beside, buffer, degrees
+from geo.airspace.zone import Shape
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted, SyncTimedOut
 
@@ -30,6 +34,31 @@ SAMPLE_S, MOST_ROWS = 1.0, 3_600
 
 _LIT_S: Final = 1.0
 """A link stays lit for so long after a sync, so that a short one can be seen."""
+
+_MOST_EDGES: Final = 20_000
+
+Item = TypeVar("Item")
+
+
+class History(Generic[Item]):
+    """What was added one after the other; the oldest is forgotten beyond a limit.
+
+    Attributes:
+        count: How many there ever were.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self.count = 0
+        self._kept: deque[Item] = deque(maxlen=most)  # the newest are last
+
+    def add(self, item: Item) -> None:
+        """Add the newest."""
+        self.count += 1
+        self._kept.append(item)
+
+    def since(self, start: int = 0) -> list[Item]:
+        """From the n-th on, as far as they are kept."""
+        return list(self._kept)[max(start - self.count + len(self._kept), 0) :]
 
 
 @dataclass(slots=True)
@@ -47,6 +76,13 @@ class LiveScene:
         mission: For its frame and name.
         controller: What the mission does now, and how long; it is only read.
         name: The vehicle's.
+
+    Attributes:
+        track: Latitude and longitude of the points of the flown track.
+        news: The lines of the log.
+        rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
+            metres to the nearest border, and of each peer its signal, whether data crossed, and
+            bytes in all.
     """
 
     def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
@@ -55,18 +91,16 @@ class LiveScene:
         self._controller = controller
         self._name = name
         self._now_s = 0.0  # vehicle's clock
-        self._track: list[list[float]] = []  # latitude, longitude
+        self.track: History[list[float]] = History()
         self._track_end: Point | None = None  # position of its last point
         self._robots: dict[str, _Robot] = {}  # heard of, by name
         self._syncing: dict[tuple[str, Direction], float] = {}  # when each began
         self._synced_s: dict[str, float] = {}  # pulled from, by peer
         self._syncs: Counter[str] = Counter()  # ended well, by peer
         self._links: Mapping[str, LinkMetrics] = {}  # metrics, refreshed by the server
-        self._rows: deque[list[Any]] = deque(maxlen=MOST_ROWS)  # samples for the charts
-        self._row_count = 0  # how many rows there ever were
+        self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
-        self._news: list[dict[str, Any]] = []  # the newest are last
-        self._news_count = 0  # how many news there ever were
+        self.news: History[dict[str, Any]] = History(MOST_NEWS)
 
     # What happens.
 
@@ -192,8 +226,7 @@ class LiveScene:
         self._sampled_s = self._now_s
         airspace = self._controller.router.graph.mission.airspace
         away_m, to = airspace.nearest(telemetry.position)
-        self._row_count += 1
-        self._rows.append(
+        self.rows.add(
             [
                 round(self._now_s, 1),
                 _shown(telemetry.altitude_m),
@@ -207,38 +240,10 @@ class LiveScene:
             ]
         )
 
-    def rows(self, start: int = 0) -> list[list[Any]]:
-        """What is plotted, from the n-th row on; the oldest are forgotten.
-
-        Each: seconds, altitude and speed in metres (per second), charge (0..1), metres to the
-        nearest border, and of each peer its signal, whether data crossed, and bytes in all.
-        """
-        first = self._row_count - len(self._rows)
-        return list(self._rows)[max(start - first, 0) :]
-
     @property
-    def row_count(self) -> int:
-        """How many rows there were."""
-        return self._row_count
-
-    def track(self, start: int = 0) -> list[list[float]]:
-        """The flown track from its n-th point on."""
-        return self._track[start:]
-
-    @property
-    def track_length(self) -> int:
-        """How many points the track has."""
-        return len(self._track)
-
-    def news(self, start: int = 0) -> list[dict[str, Any]]:
-        """Lines of news from the n-th on; the oldest are forgotten."""
-        first = self._news_count - len(self._news)
-        return self._news[max(start - first, 0) :]
-
-    @property
-    def news_count(self) -> int:
-        """How many lines of news there were."""
-        return self._news_count
+    def histories(self) -> dict[str, History[Any]]:
+        """What grows, by what messages to the page call it."""
+        return {"rows": self.rows, "track": self.track, "news": self.news}
 
     @property
     def now_s(self) -> float:
@@ -248,14 +253,11 @@ class LiveScene:
     def _fly(self, position: Point) -> None:
         if self._track_end is None or math.dist(self._track_end, position) >= TRACK_STEP_M:
             self._track_end = position
-            self._track.append(self._pair(position))
+            self.track.add(self._pair(position))
 
     def _tell(self, kind: str, text: str) -> None:
-        self._news_count += 1
-        self._news.append(
-            {"n": self._news_count, "t": round(self._now_s, 1), "kind": kind, "text": text}
-        )
-        del self._news[:-MOST_NEWS]
+        number, t = self.news.count + 1, round(self._now_s, 1)
+        self.news.add({"n": number, "t": t, "kind": kind, "text": text})
 
     def _pair(self, point: Point) -> list[float]:
         return degrees(self._frame, point)
@@ -264,3 +266,50 @@ class LiveScene:
 def _shown(value: float | None, digits: int = 1) -> float | None:
     """A number for the page; none for what is no number."""
     return None if value is None or not math.isfinite(value) else round(value, digits)
+
+
+def scenery(mission: Mission, router: Router) -> dict[str, Any]:
+    """Everything of a mission that the page draws, in degrees."""
+    frame = mission.frame
+    idle = {entry.zone.name: entry.reason for entry in mission.idle_zones}
+    planner = mission.planner
+
+    def area(
+        name: str, shape: Shape, clearance_m: float, notes: Sequence[str] = (), sign: int = 1
+    ) -> dict[str, Any]:
+        kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
+        buffers = [buffer(frame, shape, sign * distance_m) for distance_m in kept_m]
+        outline = buffer(frame, shape, 0.0)
+        return area_beside(name, outline, buffers, [*notes], is_fence=sign < 0)
+
+    areas = [area("fence", fence, planner.clearance_m, sign=-1) for fence in mission.fences]
+    for zone in (*mission.zones, *mission.climb_corridors):
+        own_m = zone.clearance_m
+        notes = [] if own_m is None else [f"clearance {own_m:g} m"]
+        notes += [idle[zone.name]] if zone.name in idle else []
+        clearance_m = planner.clearance_m if own_m is None else own_m
+        areas.append(area(zone.name, zone.shape, clearance_m, notes))
+    graph = router.graph
+    positions = {node: degrees(frame, place) for node, place in graph.positions.items()}
+    places: list[dict[str, Any]] = [
+        {"kind": "home" if node == HOME_NODE else "waypoint", "node": node, "at": at}
+        for node, at in sorted(positions.items())
+    ]
+    places += [
+        {"kind": "rally", "node": None, "at": degrees(frame, place)}
+        for place in mission.rally_points
+    ]
+    edges = [
+        [
+            degrees(frame, point)
+            for point in (graph.position(a), *graph.via(a, b), graph.position(b))
+        ]
+        for a, b in list(graph.graph.edges)[:_MOST_EDGES]
+    ]
+    return {
+        "name": mission.name,
+        "file": mission.path.name,
+        "areas": areas,
+        "places": places,
+        "edges": edges,
+    }

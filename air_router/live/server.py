@@ -19,8 +19,7 @@ from air_router.controller.model.events import Event
 from air_router.gossip.mapper import Mapper
 from air_router.live.map_feed import MapFeed
 from air_router.live.page_address import SHOWN_AT
-from air_router.live.scene import LiveScene
-from air_router.live.scenery import scenery
+from air_router.live.scene import LiveScene, scenery
 from air_router.mission.mission import Mission
 from air_router.web.browsers import Browsers, PageOutbox
 from air_router.web.serving import HERE, Say, Web
@@ -40,6 +39,9 @@ _LOG = logging.getLogger(__name__)
 
 _MOST_FAULTS: Final = 3
 """So many of them are logged."""
+
+_HISTORIES: Final = {"rows": "rows", "track": "points", "news": "lines"}
+"""What grows in the scene, and what a message calls its parts."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
 """Takes what a page asks of a recorded flight; raises CommandRequestError."""
@@ -106,7 +108,7 @@ class LivePage:
         self._map_feed = MapFeed(mapper, mission.frame)
         self._controller = controller
         self._draw_scenery()
-        self._sent_track = self._sent_news = self._sent_rows = 0
+        self._sent_counts = dict.fromkeys(_HISTORIES, 0)  # what the pages have of each
 
     def restart(self, controller: Controller, mapper: Mapper) -> None:
         """Show another flight from its beginning, or the same one anew."""
@@ -170,15 +172,11 @@ class LivePage:
         for link in links:
             link["map_share"] = self._map_feed.share(link["peer"])
         self.tell("links", {"links": links})
-        if scene.row_count > self._sent_rows and not self.record:
-            start, self._sent_rows = self._sent_rows, scene.row_count
-            self._browsers.broadcast(f"rows {start}", self._rows(start))
-        if scene.track_length > self._sent_track:
-            start, self._sent_track = self._sent_track, scene.track_length
-            self._browsers.broadcast(f"track {start}", self._track(start))
-        if scene.news_count > self._sent_news:
-            start, self._sent_news = self._sent_news, scene.news_count
-            self._browsers.broadcast(f"news {start}", self._news(start))
+        for kind, start in self._sent_counts.items():
+            count = scene.histories[kind].count
+            if count > start and not (kind == "rows" and self.record):
+                self._sent_counts[kind] = count
+                self._browsers.broadcast(f"{kind} {start}", self._since(kind, start))
 
     def tell(self, kind: str, values: dict[str, Any]) -> None:
         """Tell all pages, unless they know."""
@@ -193,15 +191,12 @@ class LivePage:
         mission = self._router.graph.mission
         self._scenery = as_json({"type": "scenery", **scenery(mission, self._router)})
 
-    def _track(self, start: int) -> str:
-        return as_json({"type": "track", "from": start, "points": self.scene.track(start)})
-
-    def _rows(self, start: int) -> str:
-        return as_json({"type": "rows", "rows": self.scene.rows(start)})
-
-    def _news(self, start: int) -> str:
-        scene = self.scene
-        return as_json({"type": "news", "now_s": scene.now_s, "lines": scene.news(start)})
+    def _since(self, kind: str, start: int = 0) -> str:
+        """What is new since a page knew so many of a kind."""
+        now_s = self.scene.now_s
+        known: dict[str, Any] = {"track": {"from": start}, "news": {"now_s": now_s}}.get(kind, {})
+        items = {_HISTORIES[kind]: self.scene.histories[kind].since(start)}
+        return as_json({"type": kind, **known, **items})
 
     def _flights(self) -> dict[str, Any]:
         """What flights this page shows: its own; see JointPage."""
@@ -212,9 +207,9 @@ class LivePage:
         yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop})
         yield "scenery", self._scenery
         yield "map", as_json({"type": "map", **self._map_feed.whole()})
-        yield "track", self._track(0)
-        yield "news", self._news(0)
-        yield "rows", as_json(self.record) if self.record else self._rows(0)
+        yield "track", self._since("track")
+        yield "news", self._since("news")
+        yield "rows", as_json(self.record) if self.record else self._since("rows")
         yield from self._sent.items()
 
     def _welcome(self, outbox: PageOutbox) -> None:

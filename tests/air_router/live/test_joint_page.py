@@ -14,10 +14,9 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from air_router.cli import watch as watch_command
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
-from air_router.live.joint import JointPage
+from air_router.live.joint import MOST_BYTES, JointPage
 from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
-from air_router.live.relay import MOST_BYTES
 from air_router.web.browsers import Browsers
 from air_router.web.serving import Web, shown_beside
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site

@@ -157,17 +157,20 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene.step(flight.telemetry(), (), 52.5)  # the same second counts once
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 53.0)
     scene.step(flight.telemetry(), (), 53.1)
-    rows = scene.rows()
+    rows = scene.rows.since()
     assert [row[0] for row in rows] == [52.0, 53.1]
     assert [row[-1] for row in rows] == [{"io": [None, 0, 0]}, {"io": [None, 1, 0]}]
     away_m = flight.mission.airspace.nearest(flight.telemetry().position)[0]
     assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
-    assert scene.rows(1) == rows[1:]
+    assert scene.rows.since(1) == rows[1:]
     for number in range(MOST_NEWS + 10):
         scene.step(None, (CommandAck(str(number), "eve", False, "no"),), 53.0)
-    assert scene.news_count == MOST_NEWS + 10
-    assert len(scene.news()) == MOST_NEWS
-    assert [line["n"] for line in scene.news(MOST_NEWS + 8)] == [MOST_NEWS + 9, MOST_NEWS + 10]
+    assert scene.news.count == MOST_NEWS + 10
+    assert len(scene.news.since()) == MOST_NEWS
+    assert [line["n"] for line in scene.news.since(MOST_NEWS + 8)] == [
+        MOST_NEWS + 9,
+        MOST_NEWS + 10,
+    ]
     flight.controller.handle(HoldNow(), flight.now_s)
     assert scene.vehicle()["what"] == State.HOLD.value
 
