@@ -193,10 +193,12 @@ class LivePage:
 
     def _since(self, kind: str, start: int = 0) -> str:
         """What is new since a page knew so many of a kind."""
-        now_s = self.scene.now_s
-        known: dict[str, Any] = {"track": {"from": start}, "news": {"now_s": now_s}}.get(kind, {})
-        items = {_HISTORIES[kind]: self.scene.histories[kind].since(start)}
-        return as_json({"type": kind, **known, **items})
+        message = {"type": kind, _HISTORIES[kind]: self.scene.histories[kind].since(start)}
+        if kind == "track":
+            message["from"] = start
+        elif kind == "news":
+            message["now_s"] = self.scene.now_s
+        return as_json(message)
 
     def _flights(self) -> dict[str, Any]:
         """What flights this page shows: its own; see JointPage."""
