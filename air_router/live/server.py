@@ -193,7 +193,8 @@ class LivePage:
 
     def _since(self, kind: str, start: int = 0) -> str:
         """What is new since a page knew so many of a kind."""
-        message = {"type": kind, _HISTORIES[kind]: self.scene.histories[kind].since(start)}
+        items = self.scene.histories[kind].since(start)
+        message: dict[str, Any] = {"type": kind, _HISTORIES[kind]: items}
         if kind == "track":
             message["from"] = start
         elif kind == "news":
