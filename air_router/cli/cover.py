@@ -134,7 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write("\n".join(f"# {line}" for line in lines) + "\n")
         sys.stdout.write(place_text(field, waypoints))
     if arguments.png is not None:
-        from air_router.report.picture_coverage import draw_coverage  # noqa: PLC0415 - an extra
+        from air_router.report.picture import draw_coverage  # noqa: PLC0415 - an extra
 
         draw_coverage(field, plan, arguments.png, lines[0])
         sys.stderr.write(f"drawn: {arguments.png}\n")

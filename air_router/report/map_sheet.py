@@ -1,124 +1,254 @@
-"""The sheet that a mission is drawn on: axes in metres, title, legend, scale and north."""
+"""The sheet that a map is drawn on: axes in metres, marks, title, legend, scale and north.
+
+Needs matplotlib.
+"""
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
 
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.transforms import blended_transform_factory
+from shapely import LineString, Polygon
+from shapely import Point as ShapelyPoint
+from shapely.geometry.base import BaseGeometry
 
-from air_router.mission.faults import far
-from air_router.mission.mission import Mission
+from air_router.errors import PictureError
+from air_router.report.palette import colours
+from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import Point
+from mocha_link.errors import needs_extra
+
+with needs_extra("a picture", "plot", "air-router"):
+    from matplotlib import patheffects
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+    from matplotlib.transforms import blended_transform_factory
+
+_NAMES: Final = ("fence", "zone", "graph", "route", "leg", "wrong", "around", "good")
+FENCE, ZONE, EDGE, ROUTE, TRACK, WRONG, ROBOT, HOME = (colours()[name] for name in _NAMES)
+RALLY = AROUND = ROBOT
+IDLE: Final = "#9aa1a8"
+ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"
+"""Those of zones on white paper: paler and darker."""
 
 GROUND, BEYOND, INK, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
-WIDTH_INCH = 8.0
-_FLATTEST, _TALLEST = 0.4, 1.8
+_WIDTH_INCH: Final = 8.0
+_FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
+_DPI: Final = 130
 
 
-def new_sheet(mission: Mission, more: Sequence[Point]) -> tuple[Figure, Axes]:
-    """A figure in the proportions of what it shows, with quiet axes in metres.
+class MapSheet:
+    """A picture in the proportions of what it shows, with quiet axes in metres.
+
+    Of several things with one label the legend names one. What is drawn with a higher `zorder`
+    covers what has a lower one.
 
     Args:
-        mission: its places and fences (without these, its zones) are on the sheet, as far as they
-            are not impossibly far from home.
-        more: what else is.
+        points: There is room for all of them.
+        ground: The colour below everything.
+
+    Attributes:
+        axes: Matplotlib's; east and north in metres.
     """
-    points = [mission.home, *(w.position for w in mission.waypoints), *more, *mission.rally_points]
-    shapes = mission.fences or [zone.shape for zone in mission.zones]
-    points += [corner for shape in shapes for corner in shape.corners]
-    points = [point for point in points if not far(point, mission)]
-    return sheet_of(points, ground=GROUND if not mission.fences else BEYOND)
 
-
-def sheet_of(points: Sequence[Point], ground: str) -> tuple[Figure, Axes]:
-    """A sheet with room for all points."""
-    west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
-    pad_m = 0.04 * max(east - west, north - south, 50.0)
-    west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
-    missing_m = _FLATTEST * (east - west) - (north - south)
-    if missing_m > 0:
+    def __init__(self, points: Sequence[Point], ground: str) -> None:
+        west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
+        pad_m = 0.04 * max(east - west, north - south, 50.0)
+        west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
+        missing_m = max(_FLATTEST * (east - west) - (north - south), 0.0)
         south, north = south - missing_m / 2, north + missing_m / 2
-    missing_m = (north - south) / _TALLEST - (east - west)
-    if missing_m > 0:
+        missing_m = max((north - south) / _TALLEST - (east - west), 0.0)
         west, east = west - missing_m / 2, east + missing_m / 2
-    figure = Figure(figsize=(WIDTH_INCH, WIDTH_INCH * (north - south) / (east - west)))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_xlim(west, east)
-    axes.set_ylim(south, north)
-    axes.set_aspect("equal")
-    axes.set_facecolor(ground)
-    axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
-    axes.set_xlabel("metres east", color=FAINT, fontsize=7, labelpad=2)
-    axes.set_ylabel("metres north", color=FAINT, fontsize=7, labelpad=1)
-    for spine in axes.spines.values():
-        spine.set(color=FAINT, linewidth=0.5)
-    return figure, axes
+        self._height_inch = _WIDTH_INCH * (north - south) / (east - west)
+        self._figure = Figure(figsize=(_WIDTH_INCH, self._height_inch))
+        self._labels: set[str] = set()  # in the legend
+        self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self.axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=ground)
+        self.axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
+        self.axes.set_xlabel("metres east", color=FAINT, fontsize=7, labelpad=2)
+        self.axes.set_ylabel("metres north", color=FAINT, fontsize=7, labelpad=1)
+        for spine in self.axes.spines.values():
+            spine.set(color=FAINT, linewidth=0.5)
 
-
-def label_sheet(figure: Figure, axes: Axes, title: str, subtitle: str, warning: str = "") -> None:
-    """Write what the picture shows around it; a warning stands in red above the title."""
-    for text, rise, size, weight, colour in (
-        (warning, 36, 9.5, "bold", "#e00010"),
-        (title, 18, 13, "bold", INK),
-        (subtitle, 6, 8.5, "normal", FAINT),
-    ):
-        axes.annotate(
-            text,
-            xy=(0, 1),
-            xytext=(0, rise),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            fontsize=size,
-            fontweight=weight,
-            color=colour,
+    def shape(self, shape: BaseGeometry, label: str = "_", **style: Any) -> None:
+        """A polygon, or several, with holes; without borders unless the style has them."""
+        rings = [ring for p in polygons_of(shape) for ring in (p.exterior, *p.interiors)]
+        outline = Outline.make_compound_path(
+            *(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings)
         )
-    height_inch = float(figure.get_size_inches()[1])
-    axes.legend(
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.36 / height_inch),
-        ncols=4,
-        frameon=False,
-        fontsize=8,
-        labelcolor=INK,
-        handlelength=1.6,
-        columnspacing=1.8,
-    )
-    _draw_scale(axes, height_inch)
+        self.axes.add_patch(
+            PathPatch(outline, label=self._once(label), **({"edgecolor": "none"} | style))
+        )
+
+    def lines(
+        self,
+        lines: Sequence[Sequence[Point]],
+        colour: str,
+        width: float,
+        label: str = "_",
+        **style: Any,
+    ) -> None:
+        """Lines of one colour."""
+        drawn = LineCollection(
+            lines, colors=colour, linewidths=width, label=self._once(label), **style
+        )
+        self.axes.add_collection(drawn)
+
+    def way(self, points: Sequence[Point], colour: str, width: float, label: str, z: float) -> None:
+        """A line along points, in white where it lies over others."""
+        east, north = zip(*points, strict=True)
+        round_ends: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round"}
+        self.axes.plot(east, north, color="white", linewidth=2 * width, zorder=z, **round_ends)
+        self.axes.plot(
+            east, north, color=colour, linewidth=width, zorder=z + 0.1, label=label, **round_ends
+        )
+
+    def marks(
+        self,
+        places: Sequence[Point],
+        marker: str,
+        size: float,
+        colour: str,
+        label: str = "_",
+        **style: Any,
+    ) -> None:
+        """Marks of one kind at places; nothing without any."""
+        if places:
+            look: dict[str, Any] = {"edgecolor": "white", "linewidth": 1, "zorder": 7} | style
+            east, north = zip(*places, strict=True)
+            self.axes.scatter(
+                east, north, s=size, marker=marker, color=colour, label=self._once(label), **look
+            )
+
+    def home(self, home: Point) -> None:
+        """Where the vehicle takes off and lands."""
+        self.marks([home], "^", 85, HOME, "home", zorder=8)
+
+    def name(
+        self, text: str, place: Point, colours: tuple[str, str], *, below: bool = False, z: float
+    ) -> None:
+        """A name in a colour and one around it, at a place or below what is there."""
+        self._write(text, place, (0, -10 if below else 0), *colours, zorder=z)
+
+    def number(self, text: str, place: Point, angle: float, *, wrong: bool = False) -> None:
+        """The number of a waypoint, beside it."""
+        off = (7.5 * math.cos(angle), 6.5 * math.sin(angle))
+        look = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
+        self._write(text, place, off, WRONG if wrong else INK, "white", **look)
+
+    def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
+        """Write what the picture shows around it, and the whole into a file.
+
+        Args:
+            path: Its ending (.png, .svg, .pdf) chooses the format.
+            title: Stands above the map.
+            subtitle: Stands below the title.
+            warning: Stands in red above the title.
+
+        Raises:
+            PictureError: the file cannot be written, or its ending is not a picture's.
+        """
+        for text, rise, size, weight, colour in (
+            (warning, 36, 9.5, "bold", "#e00010"),
+            (title, 18, 13, "bold", INK),
+            (subtitle, 6, 8.5, "normal", FAINT),
+        ):
+            self.axes.annotate(
+                text,
+                xy=(0, 1),
+                xytext=(0, rise),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=size,
+                fontweight=weight,
+                color=colour,
+            )
+        self.axes.legend(
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.36 / self._height_inch),
+            ncols=4,
+            frameon=False,
+            fontsize=8,
+            labelcolor=INK,
+            handlelength=1.6,
+            columnspacing=1.8,
+        )
+        self._draw_scale()
+        look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.12, "dpi": _DPI}
+        try:
+            self._figure.savefig(path, facecolor="white", **look)
+        except (OSError, ValueError) as error:
+            raise PictureError(f"cannot write the picture {path}: {error}") from None
+
+    def _once(self, label: str) -> str:
+        """A label, unless the legend has it already."""
+        known, self._labels = label in self._labels, self._labels | {label}
+        return "_" if known else label
+
+    def _write(
+        self, text: str, place: Point, off: tuple[float, float], ink: str, halo: str, **style: Any
+    ) -> None:
+        """Words at so many points off a place."""
+        look: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "va": "center"} | style
+        self.axes.annotate(
+            text,
+            place,
+            xytext=off,
+            textcoords="offset points",
+            color=ink,
+            annotation_clip=True,
+            path_effects=[patheffects.withStroke(linewidth=2.4, foreground=halo)],
+            **look,
+        )
+
+    def _draw_scale(self) -> None:
+        """A scale bar and an arrow to the north, above the upper right corner."""
+        west, east = self.axes.get_xlim()
+        width_m = east - west
+        power = 10 ** math.floor(math.log10(width_m / 5))
+        bar_m = max(step * power for step in (1, 2, 5) if step * power <= width_m / 5)
+        place = blended_transform_factory(self.axes.transData, self.axes.transAxes)
+        low, high, foot, top = (1 + pt / 72 / self._height_inch for pt in (8, 12, 5, 30))
+        corners = ((east - bar_m, high), (east - bar_m, low), (east, low), (east, high))
+        bar = Line2D(*zip(*corners, strict=True), transform=place, color=INK, linewidth=1.0)
+        bar.set_clip_on(False)
+        self.axes.add_line(bar)
+        look: dict[str, Any] = {"ha": "center", "color": INK}
+        middle_m, arrow_m = east - bar_m / 2, east - bar_m - 0.03 * width_m
+        self.axes.text(middle_m, high, f"{bar_m:g} m", transform=place, fontsize=7.5, **look)
+        self.axes.annotate(
+            "N",
+            xy=(arrow_m, top),
+            xytext=(arrow_m, foot),
+            xycoords=place,
+            textcoords=place,
+            fontsize=8,
+            arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.1},
+            annotation_clip=False,
+            **look,
+        )
 
 
-def _draw_scale(axes: Axes, height_inch: float) -> None:
-    """A scale bar and an arrow to the north, above the upper right corner."""
-    west, east = axes.get_xlim()
-    width_m = east - west
-    power = 10 ** math.floor(math.log10(width_m / 5))
-    bar_m = max(step * power for step in (1, 2, 5) if step * power <= width_m / 5)
-    place = blended_transform_factory(axes.transData, axes.transAxes)
-    high, low = (1 + points / 72 / height_inch for points in (12, 8))
-    corners = ((east - bar_m, high), (east - bar_m, low), (east, low), (east, high))
-    bar = Line2D(*zip(*corners, strict=True), transform=place, color=INK, linewidth=1.0)
-    bar.set_clip_on(False)
-    axes.add_line(bar)
-    axes.text(
-        east - bar_m / 2,
-        high,
-        f"{bar_m:g} m",
-        transform=place,
-        ha="center",
-        fontsize=7.5,
-        color=INK,
-    )
-    axes.annotate(
-        "N",
-        xy=(east - bar_m - 0.03 * width_m, 1 + 30 / 72 / height_inch),
-        xytext=(east - bar_m - 0.03 * width_m, 1 + 5 / 72 / height_inch),
-        xycoords=place,
-        textcoords=place,
-        ha="center",
-        fontsize=8,
-        color=INK,
-        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.1},
-        annotation_clip=False,
-    )
+def drawn(shape: Shape) -> BaseGeometry:
+    """A shape as it looks: circles round."""
+    if isinstance(shape, Circle):
+        return ShapelyPoint(shape.centre).buffer(shape.radius_m, quad_segs=48)
+    return shape.polygon
+
+
+def roomiest(polygon: Polygon) -> Point:
+    """Where a line of text fits best: on a long chord from west to east, near the middle."""
+    west, south, east, north = polygon.bounds
+    chords = []
+    for step in range(1, 16):
+        level = south + (north - south) * step / 16
+        line = LineString([(west, level), (east, level)]).intersection(polygon)
+        for chord in shapely.get_parts(line):
+            off_middle = abs(level - (south + north) / 2)
+            chords.append((chord.length - off_middle, chord.centroid.x, level))
+    _, east_m, north_m = max(chords)
+    return Point(east_m, north_m)

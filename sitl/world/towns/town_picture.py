@@ -16,9 +16,7 @@ from mocha_link.errors import needs_extra
 from sitl.world.towns.town import Town
 
 with needs_extra("a picture", "plot", "air-router"):
-    from air_router.report.map_marks import draw_shape
-    from air_router.report.map_sheet import INK, label_sheet, sheet_of
-    from air_router.report.picture import save
+    from air_router.report.map_sheet import INK, MapSheet
 
 OPEN, PAVED, ROAD, CROWN = "#e3dccb", "#eef0e4", "#aab4c4", "#8fb27c"
 HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"
@@ -37,7 +35,7 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
     """
     bounds = town.bounds
     corners = [Point(bounds.west_m, bounds.south_m), Point(bounds.east_m, bounds.north_m)]
-    figure, axes = sheet_of(corners, ground=OPEN)
+    sheet = MapSheet(corners, OPEN)
     roads = shapely.union_all(
         [shapely.LineString(road.points).buffer(road.width_m / 2) for road in town.roads]
     )
@@ -52,10 +50,12 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
         (yards, OPEN, "none"),
     ):
         if not shape.is_empty:
-            draw_shape(axes, shape, facecolor=colour, edgecolor=edge, linewidth=0.6)
+            sheet.shape(shape, facecolor=colour, edgecolor=edge, linewidth=0.6)
     if waypoints:
-        axes.plot(*zip(*waypoints, strict=True), ".", color=INK, markersize=2.5, label="waypoint")
-    axes.plot(
+        sheet.axes.plot(
+            *zip(*waypoints, strict=True), ".", color=INK, markersize=2.5, label="waypoint"
+        )
+    sheet.axes.plot(
         *zip(*town.starts, strict=True),
         "o",
         color=START,
@@ -63,9 +63,9 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
         markeredgewidth=0,
         label="start of a ground robot",
     )
-    axes.plot(*town.home, "^", color=INK, markersize=6, label="home")
+    sheet.axes.plot(*town.home, "^", color=INK, markersize=6, label="home")
     if town.goals:
-        axes.plot(
+        sheet.axes.plot(
             *zip(*(goal.position for goal in town.goals), strict=True),
             "s",
             color=GOAL,
@@ -75,5 +75,4 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
             label="vehicle to be found",
         )
     subtitle = f"{town.area_m2:,.0f} m², {counted(len(town.goals), 'vehicles')}"
-    label_sheet(figure, axes, town.name, subtitle)
-    save(figure, path)
+    sheet.save(path, town.name, subtitle)

@@ -5,10 +5,8 @@ import struct
 
 import matplotlib as mpl
 import pytest
-from matplotlib.figure import Figure
 
 from air_router.mission.loading import load_mission
-from air_router.report.map_marks import write_name
 from air_router.report.picture import draw_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -70,10 +68,3 @@ def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
     with mpl.rc_context({"svg.fonttype": "none"}):  # names stay text
         draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
     assert ">robot found<" in picture.read_text()
-
-
-def test_a_name_does_not_lie_under_what_is_marked_at_its_place():
-    axes = Figure().add_subplot()
-    write_name(axes, "mast", Point(0, 0), ("black", "white"))
-    write_name(axes, "mill", Point(0, 0), ("black", "white"), below=True)
-    assert [text.get_position() for text in axes.texts] == [(0, 0), (0, -10)]
