@@ -16,9 +16,9 @@ from sitl.cli.vehicle_command import (
     parameters_of,
     place_of,
 )
+from sitl.process.end_with_parent import stop_signal
 from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
-from sitl.process.stop_signal import stop_signal
 
 _EPILOG = f"""\
 Looks for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},

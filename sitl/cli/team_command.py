@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from air_router.cli.arguments import add_rover
 from air_router.cli.command_line import print_json
@@ -16,21 +16,14 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.pace import PaceClient
 from mocha_link.team.team import Team
 from sitl.cli.vehicle_command import epoch, pace_source
-from sitl.process.stop_signal import stop_signal
+from sitl.process.end_with_parent import stop_signal
 from sitl.team.free_ports import derive_team
-from sitl.team.team import (
-    DEFAULT_CAMERA,
-    DEFAULT_TRUTH,
-    Places,
-    TeamError,
-    TeamSimulation,
-    roles_of,
-)
+from sitl.team.team import Places, TeamError, TeamSimulation, roles_of
 from sitl.world.default_world import default_team
 from sitl.world.world_file import load_world
 
-_log = logging.getLogger(__name__)
-
+_DEFAULT_TRUTH: Final = "udp://127.0.0.1:19410"
+_DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"
 _EPILOG = """\
 Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
 "truth": ..., "vehicle": ..., "robots": [...], "vehicles": {...}}. Runs until SIGINT or SIGTERM,
@@ -55,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[NAME=]URL",
-        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {DEFAULT_TRUTH}, PX4's SIH); "
+        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {_DEFAULT_TRUTH}, PX4's SIH); "
         "once for each UAV of a mission for several (default: the next ports)",
     )
     parser.add_argument(
@@ -63,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[NAME=]URL",
-        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {DEFAULT_CAMERA}); "
+        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {_DEFAULT_CAMERA}); "
         "once for each UAV of a mission for several (default: the next ports)",
     )
     parser.add_argument(
@@ -93,22 +86,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
-    _simulate(arguments)
-    return ExitCode.DONE
-
-
-def _simulate(arguments: argparse.Namespace) -> None:
     mission = load_mission(arguments.mission)
     team = _team(arguments, mission)
     roles = roles_of(mission, team)
     plan = load_world(arguments.world or mission.world, mission, roles.ground, arguments.seed)
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
+    rovers, epoch_s = dict(arguments.rover), arguments.epoch
     with stop_signal() as stopped:
-        places = _places(arguments, (roles.vehicle, *roles.others))
+        truths = _of_each("--truth", arguments.truth, roles.vehicles, _DEFAULT_TRUTH)
+        cameras = _of_each("--camera", arguments.camera, roles.vehicles, _DEFAULT_CAMERA)
+        places = {name: Places(truths[name], cameras[name]) for name in roles.vehicles}
         with (
             PaceClient(arguments.pace_from, "team") as pace,
-            TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation,
+            TeamSimulation(
+                mission, team, plan, places, rovers=rovers, epoch_s=epoch_s
+            ) as simulation,
         ):
             print_json(simulation.ready())
             simulation.run(stopped, pace.reached)
@@ -117,19 +110,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
             arguments.report.parent.mkdir(parents=True, exist_ok=True)
             text = json.dumps(content, indent=1, allow_nan=False)
             arguments.report.write_text(text + "\n", encoding="utf-8")
-
-
-def _places(arguments: argparse.Namespace, vehicles: Sequence[str]) -> Places:
-    """Where each vehicle's truth comes from and its camera publishes."""
-    truths = _of_each("--truth", arguments.truth, vehicles, DEFAULT_TRUTH)
-    cameras = _of_each("--camera", arguments.camera, vehicles, DEFAULT_CAMERA)
-    first, *others = vehicles
-    return Places(
-        truths[first],
-        cameras[first],
-        {name: Places(truths[name], cameras[name]) for name in others},
-        dict(arguments.rover),
-    )
+    return ExitCode.DONE
 
 
 def _of_each(

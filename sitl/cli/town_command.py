@@ -106,8 +106,7 @@ def _facts(town: Town) -> dict[str, Any]:
 
 
 def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
-    from sitl.world.towns.town_file import town_text  # noqa: PLC0415
-    from sitl.world.towns.town_mission import mission_text  # noqa: PLC0415 - it is slow to load
+    from sitl.world.towns.town_file import mission_text, town_text  # noqa: PLC0415 - slow to load
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

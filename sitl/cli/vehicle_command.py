@@ -20,11 +20,11 @@ from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
-from sitl.mavlink.udp_link import Address
 from sitl.mavlink.vehicle import VehicleSettings
+from sitl.process.end_with_parent import stop_signal
 from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.stop_signal import stop_signal
+from sitl.process.udp_link import Address
 from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS

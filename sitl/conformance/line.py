@@ -15,8 +15,8 @@ from enum import Enum
 from typing import Final, Protocol
 
 from sitl.mavlink.codec import Frame, frames
-from sitl.mavlink.udp_link import PortInUseError
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
+from sitl.process.udp_link import PortInUseError
 
 
 class Link(Enum):

@@ -1,19 +1,43 @@
-"""Runs a program that ends when its parent ends, also if that was killed.
+"""How a process of the simulated world ends: with its parent, and on SIGINT or SIGTERM.
 
     python -m sitl.process.end_with_parent PARENT_PID PROGRAM [ARGUMENT ...]
 
-Linux only; elsewhere the program is run as it is.
+runs a program that ends when its parent ends, also if that was killed. Linux only; elsewhere the
+program is run as it is.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Final
 
 _SET_PARENT_DEATH_SIGNAL: Final = 1  # prctl(2)
+
+
+@contextlib.contextmanager
+def stop_signal() -> Iterator[Callable[[], bool]]:
+    """While this lasts, whether SIGINT or SIGTERM has come.
+
+    Signals come in the middle of anything, also of each other: nothing here takes a lock.
+    """
+    stopped = False
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        stopped = True
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def main(arguments: list[str]) -> None:

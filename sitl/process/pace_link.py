@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from air_router.vehicle.clock import ALLOWANCE_S
 from air_router.vehicle.pace import PaceSource, line
-from sitl.mavlink.udp_link import Address, PortInUseError
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
+from sitl.process.udp_link import Address, PortInUseError
 
 _log = logging.getLogger(__name__)
 

@@ -19,13 +19,10 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import AirRouterError, NoVehicleError
-from mocha_link.errors import needs_extra
 from mocha_link.node.lifetime import Closeable
+from sitl.mavlink.codec import frames
 from sitl.process.px4_install import Px4Install
 from sitl.px4sim.state import Place
-
-with needs_extra("the simulator", "sim", "air-router"):
-    from pymavlink.dialects.v20 import common as mavlink
 
 _log = logging.getLogger(__name__)
 
@@ -250,9 +247,8 @@ def _is_free(port: int) -> bool:
 
 
 def _can_arm(datagram: bytes) -> bool:
-    parser = mavlink.MAVLink(None)
-    parser.robust_parsing = True
-    for message in parser.parse_buffer(datagram) or ():
-        if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == _AUTOPILOT:
-            return bool(message.system_status >= _STANDBY)
-    return False
+    return any(
+        frame.fields()["system_status"] >= _STANDBY
+        for frame in frames(datagram)
+        if frame.name == "HEARTBEAT" and frame.component_id == _AUTOPILOT
+    )

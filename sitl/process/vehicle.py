@@ -12,9 +12,9 @@ from typing import Any, Final
 
 from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.udp_link import Address, UdpLink
 from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.process.pace import Pace
+from sitl.process.udp_link import Address, UdpLink
 
 _log = logging.getLogger(__name__)
 

@@ -10,8 +10,8 @@ import logging
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any
 
 import zmq
 
@@ -20,23 +20,19 @@ from air_router.gossip.mapper import RESOLUTION_M
 from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
 from geo.frame import FrameError
+from geo.grid import GridPatch
 from mocha_link.node.lifetime import Closeable
 from mocha_link.team.team import Team
-from sitl.mavlink.truth import TruthReceiver, VehicleState
-from sitl.team.clock import SimClock
-from sitl.team.ground_nodes import GroundNodes, RadioReadings
+from sitl.team.nodes import GroundNodes, RadioReadings, RosMessages, Rovers
 from sitl.team.relay import Relay, relayed_pairs
-from sitl.team.rovers import RosMessages, Rovers
-from sitl.team.team_report import Holdings, TeamPace, report
+from sitl.team.team_report import TeamPace, report
+from sitl.team.truth import SimClock, TruthReceiver, VehicleState
 from sitl.world.terrain import Raster
 from sitl.world.ugv import GroundRobot
 from sitl.world.world import Settings, Step, Truth, World
 from sitl.world.world_file import WorldPlan
 
 _log = logging.getLogger(__name__)
-
-DEFAULT_TRUTH: Final = "udp://127.0.0.1:19410"
-DEFAULT_CAMERA: Final = "tcp://127.0.0.1:24600"
 
 _STOP_LOOK_S = 0.1  # how often the loop looks whether it should stop, while no truth comes
 _SILENCE_NOTE_S = 5.0
@@ -56,31 +52,21 @@ class TeamError(AirRouterError):
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where the world listens: the vehicle's truth stream and the camera's subscribers.
+    """Where the world listens for one vehicle: its truth stream, and its camera's subscribers."""
 
-    `others` are the same of the other vehicles, by name. `rovers` are the robots that programs
-    play, and where the node of each is served to its program.
-    """
-
-    truth: str = DEFAULT_TRUTH
-    camera: str = DEFAULT_CAMERA
-    others: Mapping[str, Places] = field(default_factory=dict)
-    rovers: Mapping[str, str] = field(default_factory=dict)
-
-
-_ANYWHERE: Final = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
+    truth: str = "udp://127.0.0.1:0"
+    camera: str = "tcp://127.0.0.1:0"
 
 
 @dataclass(frozen=True, slots=True)
 class TeamRoles:
-    """Who is who in a team: the vehicle that flies the mission, and the robots on the ground.
+    """Who is who in a team: the vehicles that fly the mission, and the robots on the ground.
 
-    `others` are the other vehicles of a mission for several.
+    The first vehicle is the one whose clock is the world's.
     """
 
-    vehicle: str
+    vehicles: tuple[str, ...]
     ground: tuple[str, ...]
-    others: tuple[str, ...] = ()
 
 
 def roles_of(mission: Mission, team: Team) -> TeamRoles:
@@ -101,7 +87,8 @@ def roles_of(mission: Mission, team: Team) -> TeamRoles:
     ground = tuple(name for name in team.robots if name != vehicle and name not in flying)
     if not ground:
         raise TeamError(f"{team.path}: no robot drives on the ground; add a robot of another kind")
-    return TeamRoles(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
+    others = (layer.uav for layer in mission.layers if layer.uav != vehicle)
+    return TeamRoles((vehicle, *others), ground)
 
 
 def make_world(
@@ -119,8 +106,7 @@ def make_world(
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     settings = Settings(
         frame=mission.frame,
-        vehicle=roles.vehicle,
-        others=roles.others,
+        vehicles=roles.vehicles,
         radio=plan.radio,
         camera=plan.camera,
         raster=Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m),
@@ -138,6 +124,42 @@ def make_world(
     return World(settings, robots, topics)
 
 
+class _Vehicle(Closeable):
+    """What the world has to do with one vehicle.
+
+    Attributes:
+        truth: Where its position comes from.
+        state: The newest of it; None: not heard yet.
+    """
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], places: Places) -> None:
+        self.state: VehicleState | None = None
+        with ExitStack() as stack:
+            self.truth = TruthReceiver(places.truth)
+            stack.callback(self.truth.close)
+            self._camera = stack.enter_context(_publisher(context, places.camera))
+            self._stack = stack.pop_all()
+
+    def places(self) -> dict[str, str]:
+        """Where it is listened to, and where its pictures are."""
+        camera = self._camera.getsockopt_string(zmq.LAST_ENDPOINT)
+        return {"truth": self.truth.url, "camera": camera}
+
+    def listen(self, timeout_s: float) -> bool:
+        """Renew `state`; whether something came in time."""
+        state = self.truth.receive(timeout_s)
+        self.state = state or self.state
+        return state is not None
+
+    def show(self, patch: GridPatch) -> None:
+        """Publish what its camera sees."""
+        self._camera.send(patch.encode())
+
+    def close(self) -> None:
+        """Free the ports."""
+        self._stack.close()
+
+
 class TeamSimulation(Closeable):
     """Carries out what a `World` says, with real sockets. A context manager.
 
@@ -145,52 +167,51 @@ class TeamSimulation(Closeable):
         mission: What the vehicle flies.
         team: Who is who, and where they listen.
         plan: The world.
-        places: Where to listen.
+        places: Where to listen for each vehicle; for one that is missing at free ports.
+        rovers: The robots that programs play, and where the node of each is served to its program.
         epoch_s: Unix time at the vehicle's time zero; None: such that the first packet of the truth
             stream comes at the present wall time.
+
+    Attributes:
+        world: The world.
+        clock: Its time.
 
     Raises:
         TruthError, CameraError, RelayError, mocha_link.errors.MochaLinkError: something cannot
             listen where it should.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - where each part of the world comes from
         self,
         mission: Mission,
         team: Team,
         plan: WorldPlan,
-        places: Places,
+        places: Mapping[str, Places] | None = None,
         *,
+        rovers: Mapping[str, str] | None = None,
         epoch_s: float | None = None,
     ) -> None:
-        roles = roles_of(mission, team)
-        rovers = places.rovers
+        roles, rovers, places = roles_of(mission, team), rovers or {}, places or {}
         if strangers := sorted(rovers.keys() - set(roles.ground)):
             raise TeamError(
                 f"{team.path}: no robot '{strangers[0]}' drives on the ground for a program to "
                 f"play; use one of {', '.join(roles.ground)}"
             )
         self.world = make_world(mission, team, roles, plan, rovers)
-        self._speech = RosMessages(team)
         self.clock = SimClock(epoch_s)
+        self._speech = RosMessages(team)
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
         self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
         self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
-        self._others: dict[str, VehicleState] = {}  # as heard last
         with ExitStack() as stack:
-            self._truth = TruthReceiver(places.truth)
-            stack.callback(self._truth.close)
             context: zmq.Context[zmq.Socket[bytes]] = stack.enter_context(zmq.Context())
-            self._camera = stack.enter_context(_publisher(context, places.camera))
-            self._other_truths: dict[str, TruthReceiver] = {}
-            self._other_cameras: dict[str, zmq.Socket[bytes]] = {}
-            for name in roles.others:
-                place = places.others.get(name) or _ANYWHERE
-                self._other_truths[name] = receiver = TruthReceiver(place.truth)
-                stack.callback(receiver.close)
-                self._other_cameras[name] = stack.enter_context(_publisher(context, place.camera))
+            self._vehicles = {
+                name: stack.enter_context(_Vehicle(context, places.get(name, Places())))
+                for name in roles.vehicles
+            }
+            self._first = self._vehicles[roles.vehicles[0]]  # whose time is the world's
             self._radio = stack.enter_context(RadioReadings(team))
             self._relay = stack.enter_context(
                 Relay(
@@ -210,17 +231,10 @@ class TeamSimulation(Closeable):
         return {
             "ready": True,
             "team": str(self._team.path),
-            "camera": self._camera.getsockopt_string(zmq.LAST_ENDPOINT),
-            "truth": self._truth.url,
-            "vehicle": self.world.settings.vehicle,
+            **self._first.places(),
+            "vehicle": self.world.settings.vehicles[0],
             "robots": list(self.world.robots),
-            "vehicles": {
-                self.world.settings.vehicle: _place(self._truth, self._camera),
-                **{
-                    name: _place(truth, self._other_cameras[name])
-                    for name, truth in self._other_truths.items()
-                },
-            },
+            "vehicles": {name: vehicle.places() for name, vehicle in self._vehicles.items()},
         }
 
     def run(
@@ -235,46 +249,50 @@ class TeamSimulation(Closeable):
         heard_s = time.monotonic()
         silent = False
         while not stopped():
-            state = self._truth.receive(_STOP_LOOK_S)
-            if state is not None:
+            heard = self._first.listen(_STOP_LOOK_S)
+            state = self._first.state
+            if heard and state is not None:
                 heard_s, silent = time.monotonic(), False
-                for name, receiver in self._other_truths.items():
-                    if (other := receiver.receive(0.0)) is not None:
-                        self._others[name] = other
+                for vehicle in self._vehicles.values():
+                    if vehicle is not self._first:
+                        vehicle.listen(0.0)
                 self.follow(state)
                 reached(state.time_s)
             elif not silent and time.monotonic() - heard_s > _SILENCE_NOTE_S:
                 silent = True
                 _log.warning(
                     "no truth packets on %s: waiting for the vehicle; start it, or give --truth",
-                    self._truth.url,
+                    self._first.truth.url,
                 )
 
     def follow(self, state: VehicleState) -> None:
         """Move the world on to a new state of the vehicle."""
+        self._first.state = state
         self.clock.advance(state.time_s)
         if not self.world.due(self.clock.elapsed_s):
             return
         if self._ground_amsl_m is None:
             self._ground_amsl_m = state.altitude_amsl_m
-        truth = self._truth_of(state, self._ground_amsl_m)
+        truths = {
+            name: truth
+            for name, vehicle in self._vehicles.items()
+            if (truth := self._truth_of(vehicle.state, self._ground_amsl_m)) is not None
+        }
+        truth = truths.get(self.world.settings.vehicles[0])
         if truth is None:
             return  # the next packet will be better
         self._pace.stepped(truth.time_s, time.monotonic())
         if not self._greeted:
             self._greeted = True
             self._greet(truth)
-        others = {
-            name: other
-            for name, there in self._others.items()
-            if (other := self._truth_of(there, self._ground_amsl_m)) is not None
-        }
         for name, place in self._rovers.places(truth.unix_s):
             self.world.robots[name].stand(place)
-        self._apply(self.world.step(truth, others))
+        self._apply(self.world.step(truths))
 
-    def _truth_of(self, state: VehicleState, ground_amsl_m: float) -> Truth | None:
-        """Where a vehicle is now; None if that is on the far side of the Earth."""
+    def _truth_of(self, state: VehicleState | None, ground_amsl_m: float) -> Truth | None:
+        """Where a vehicle is now; None: not known, or on the far side of the Earth."""
+        if state is None:
+            return None
         try:
             position = self._mission.frame.to_local(state.latitude_deg, state.longitude_deg)
         except FrameError:
@@ -290,9 +308,7 @@ class TeamSimulation(Closeable):
     def report(self) -> Mapping[str, Any]:
         """What became of all robots so far."""
         self._nodes.take_maps()
-        holdings = Holdings(self._nodes.messages(), self._nodes.links(), self._nodes.keepers)
-        now_s = self.clock.now_s()
-        told = report(self.world, holdings, now_s=now_s, elapsed_s=self.clock.elapsed_s)
+        told = report(self.world, self._nodes, self.clock)
         return {**told, "pace": self._pace.told()}
 
     def close(self) -> None:
@@ -306,10 +322,8 @@ class TeamSimulation(Closeable):
         self._radio.tell(step.readings)
         self._nodes.publish(map(self._speech.of, step.publications))
         self._nodes.take_maps()
-        if step.patch is not None:
-            self._camera.send(step.patch.encode())
-        for name, patch in step.other_patches:
-            self._other_cameras[name].send(patch.encode())
+        for name, patch in step.patches.items():
+            self._vehicles[name].show(patch)
 
     def _greet(self, truth: Truth) -> None:
         _log.info("the vehicle is there, at %.1f s of its time", truth.time_s)
@@ -323,10 +337,6 @@ class TeamSimulation(Closeable):
                 "at the mission's home",
                 away_m / 1000,
             )
-
-
-def _place(truth: TruthReceiver, camera: zmq.Socket[bytes]) -> dict[str, str]:
-    return {"truth": truth.url, "camera": camera.getsockopt_string(zmq.LAST_ENDPOINT)}
 
 
 def _publisher(context: zmq.Context[zmq.Socket[bytes]], url: str) -> zmq.Socket[bytes]:

@@ -4,35 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from typing import Any
 
-from mocha_link.links.metrics import LinkMetrics
 from mocha_link.node.node import Message
-from sitl.team.ground_nodes import MapKeeper
+from sitl.team.nodes import GroundNodes, MapKeeper
+from sitl.team.truth import SimClock
 from sitl.world.world import World
 
 
-@dataclass(frozen=True, slots=True)
-class Holdings:
-    """What the nodes of the ground robots hold, by robot; taken before the nodes are closed.
-
-    Attributes:
-        messages: The newest message of every robot and topic.
-        links: The state of each link, by peer.
-        keepers: The maps that came.
-    """
-
-    messages: Mapping[str, Sequence[Message]]
-    links: Mapping[str, Mapping[str, LinkMetrics]]
-    keepers: Mapping[str, MapKeeper]
-
-
-def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) -> dict[str, Any]:
+def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
     """The report of a simulation, ready for JSON. Times are Unix seconds of the simulation."""
+    now_s = clock.now_s()
+    messages = {name: node.messages() for name, node in nodes.nodes.items()}
     return {
         "ended_s": now_s,
-        "simulated_s": elapsed_s,
+        "simulated_s": clock.elapsed_s,
         "robots": {
             name: {
                 **_motion(world, name),
@@ -45,7 +32,7 @@ def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) 
                         "bytes_out": link.bytes_out,
                         "timeouts": link.timeouts,
                     }
-                    for peer, link in holdings.links[name].items()
+                    for peer, link in nodes.nodes[name].links().items()
                 },
                 "holds": [
                     {
@@ -54,13 +41,13 @@ def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) 
                         "stamp_s": message.stamp_s,
                         "age_s": now_s - message.stamp_s,
                     }
-                    for message in holdings.messages[name]
+                    for message in messages[name]
                 ],
-                **_maps(holdings.keepers[name]),
+                **_maps(nodes.keepers[name]),
             }
             for name in world.robots
         },
-        "carried": carried(world, holdings.messages),
+        "carried": _carried(world, messages),
         "vehicles": [
             {
                 "pair": [a, b],
@@ -77,7 +64,7 @@ def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) 
     }
 
 
-def carried(world: World, messages: Mapping[str, Sequence[Message]]) -> list[list[str]]:
+def _carried(world: World, messages: Mapping[str, Sequence[Message]]) -> list[list[str]]:
     """Pairs [a, b] of ground robots that never heard each other while a holds data of b."""
     return [
         [holder, maker]
@@ -105,29 +92,23 @@ def _motion(world: World, name: str) -> dict[str, Any]:
 
 
 def _contacts(world: World, name: str) -> dict[str, Any]:
-    vehicles = (world.settings.vehicle, *world.settings.others)
-    peers = [peer for peer in (*vehicles, *world.robots) if peer != name]
+    peers = (*world.settings.vehicles, *world.robots)
+    contacts = {peer: world.contact(name, peer) for peer in peers if peer != name}
     return {
         peer: {
-            "count": world.contact(name, peer).count,
-            "seconds": round(world.contact(name, peer).seconds, 3),
-            "last_s": world.contact(name, peer).last_s,
-            "closest_m": _finite(world.contact(name, peer).closest_m),
+            "count": contact.count,
+            "seconds": round(contact.seconds, 3),
+            "last_s": contact.last_s,
+            "closest_m": _finite(contact.closest_m),
         }
-        for peer in peers
+        for peer, contact in contacts.items()
     }
 
 
 def _maps(keeper: MapKeeper) -> dict[str, Any]:
     newest = keeper.newest
     return {
-        "map": None
-        if newest is None
-        else {
-            "robot": newest.maker,
-            "stamp_s": newest.stamp_s,
-            "known_cells": newest.known_cells,
-        },
+        "map": None if newest is None else asdict(newest),
         "map_history": [[at_s, cells] for at_s, cells in keeper.history],
         "maps_refused": keeper.refused,
     }

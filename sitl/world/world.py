@@ -23,9 +23,8 @@ from air_router.messages import (
 )
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
-from sitl.world.camera import Camera
 from sitl.world.radio import Antenna, RadioModel
-from sitl.world.terrain import Raster
+from sitl.world.terrain import Camera, Raster
 from sitl.world.ugv import GroundRobot
 
 STEP_S = 0.1
@@ -89,14 +88,17 @@ class Publication:
 class Step:
     """What happened in one step, for the shell to carry out.
 
-    `patch` is what the camera of the vehicle sees, `other_patches` those of the other vehicles.
+    Attributes:
+        links: Radios that came up or went down.
+        readings: What radios say.
+        publications: What robots publish.
+        patches: What the cameras of vehicles see, by vehicle.
     """
 
     links: tuple[LinkChange, ...] = ()
     readings: tuple[Reading, ...] = ()
     publications: tuple[Publication, ...] = ()
-    patch: GridPatch | None = None
-    other_patches: tuple[tuple[str, GridPatch], ...] = ()
+    patches: Mapping[str, GridPatch] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -159,8 +161,7 @@ class Settings:
 
     Attributes:
         frame: The mission's local frame.
-        vehicle: The vehicle's name in the team.
-        others: Names of other vehicles.
+        vehicles: Their names in the team; the time of the first is the world's.
         radio: Who hears whom.
         camera: What the vehicle sees.
         raster: What there is to see.
@@ -169,13 +170,12 @@ class Settings:
     """
 
     frame: LocalFrame
-    vehicle: str
+    vehicles: tuple[str, ...]
     radio: RadioModel
     camera: Camera
     raster: Raster
     camera_interval_s: float = 1.0
     reading_interval_s: float = 0.5
-    others: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -209,9 +209,9 @@ class World:
         topics: Mapping[str, Collection[str]],
     ) -> None:
         self.settings = settings
-        # By name; a pair is in the order of vehicle, other vehicles, robots.
+        # By name; a pair is in the order of vehicles, robots.
         self._ugvs = {name: _Ugv(robot, topics[name]) for name, robot in robots.items()}
-        vehicles = (settings.vehicle, *settings.others)
+        vehicles = settings.vehicles
         # Who hears whom; and how near vehicles came, which `sitl.team.team_report` reads.
         self._pairs = {pair: Contact() for pair in itertools.combinations((*vehicles, *robots), 2)}
         self.approaches = {pair: Approach() for pair in itertools.combinations(vehicles, 2)}
@@ -233,14 +233,14 @@ class World:
         """Whether enough simulated time has passed for another step."""
         return self._now_s is None or time_s >= self._now_s + STEP_S - 1e-9
 
-    def step(self, truth: Truth, others: Mapping[str, Truth] | None = None) -> Step:
-        """Move on to a later time, with the vehicle where it is then.
+    def step(self, vehicles: Mapping[str, Truth]) -> Step:
+        """Move on to a later time, with the vehicles where they are then.
 
         Args:
-            truth: The vehicle's; its time is the world's.
-            others: What is known of the other vehicles; one that is missing is not heard.
+            vehicles: What is known of them; of the others than the first one may be missing, and
+                is not heard.
         """
-        vehicles = {self.settings.vehicle: truth, **(others or {})}
+        truth = vehicles[self.settings.vehicles[0]]
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
         if self._took_off_s is not None:
@@ -251,11 +251,8 @@ class World:
         links, readings = self._hear(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
         patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
-        publications = tuple(
-            message for ugv in self._ugvs.values() for message in self._speak(ugv, truth)
-        )
-        patch = patches.pop(self.settings.vehicle, None)
-        return Step(links, readings, publications, patch, tuple(patches.items()))
+        said = [message for ugv in self._ugvs.values() for message in self._speak(ugv, truth)]
+        return Step(links, readings, tuple(said), patches)
 
     def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
         looks = {
@@ -317,11 +314,11 @@ class World:
         return tuple(changes), tuple(readings)
 
     def _speak(self, ugv: _Ugv, truth: Truth) -> list[Publication]:
-        robot = ugv.robot
+        robot, frame = ugv.robot, self.settings.frame
         time_s, stamp_s = truth.time_s, truth.unix_s
         said: list[Publication] = []
         if ugv.pose.due(time_s) and POSE_TOPIC in ugv.topics:
-            here = self.settings.frame.to_geodetic(robot.position)
+            here = frame.to_geodetic(robot.position)
             pose = PoseMessage(
                 stamp_s=stamp_s,
                 latitude_deg=here.latitude_deg,
@@ -332,17 +329,11 @@ class World:
         path_due = ugv.path.due(time_s)
         if (path_due or robot.path != ugv.told_path) and PATH_TOPIC in ugv.topics:
             ugv.told_path = robot.path
-            points = tuple(self.settings.frame.to_geodetic(point) for point in robot.path)
-            path = PathMessage(stamp_s=stamp_s, points=points)
+            path = PathMessage(stamp_s=stamp_s, points=tuple(map(frame.to_geodetic, robot.path)))
             said.append(Publication(robot.name, PATH_TOPIC, path.encode()))
         if ugv.sightings.due(time_s) and SIGHTINGS_TOPIC in ugv.topics:
-            objects = tuple(self._seen(place) for place in robot.sightings)
+            seen = map(frame.to_geodetic, robot.sightings)
+            objects = tuple(SeenObject(kind="vehicle", **place._asdict()) for place in seen)
             sightings = SightingsMessage(stamp_s=stamp_s, objects=objects)
             said.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))
         return said
-
-    def _seen(self, place: Point) -> SeenObject:
-        there = self.settings.frame.to_geodetic(place)
-        return SeenObject(
-            kind="vehicle", latitude_deg=there.latitude_deg, longitude_deg=there.longitude_deg
-        )

@@ -18,8 +18,7 @@ from geo.grid import Terrain
 from mocha_link.errors import needs_extra
 from sitl.experiment.robots.explorer import NO_VEHICLE_M
 from sitl.experiment.settings import ExplorerSettings
-from sitl.world.towns.lattice import GRAIN_M
-from sitl.world.towns.town import Town
+from sitl.world.towns.town import GRAIN_M, Town
 from sitl.world.towns.ways import PASSABLE, Ways
 
 with needs_extra("an experiment", "experiments", "air-router"):

@@ -121,9 +121,9 @@ class WorldRun:
             map_interval_s=MAP_INTERVAL_S - STEP_S / 2,  # looked at every step
         )
         flight_plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))
-        setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicle)
+        setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicles[0])
         self.uav = uav = Uav(
-            *(roles.vehicle, mission, flight_plan, settings, queue, log),
+            *(roles.vehicles[0], mission, flight_plan, settings, queue, log),
             setup.controller(router, flight_plan),
             MapPainter(mission.frame.origin, self._world.settings.raster, plan.camera),
             plan.picture_interval_s,
@@ -132,7 +132,7 @@ class WorldRun:
         drives: dict[str, Any] = {"publish": list, "hear": lambda _event: None}
         self.nodes = {
             name: Node(number, name, team, queue, triggered=True, **(drives if number else flies))
-            for number, name in enumerate((roles.vehicle, *roles.ground))
+            for number, name in enumerate((roles.vehicles[0], *roles.ground))
         }
         uav.node = self.nodes[uav.name]
         channel = _WorldChannel()
@@ -154,7 +154,7 @@ class WorldRun:
         uav.tick()
         place, height_m = uav.flyer.position, uav.flyer.altitude_m
         truth = Truth(now.steady_s, now.unix_s, place, height_m, uav.heading_deg)
-        self._sim.step = step = self._world.step(truth)
+        self._sim.step = step = self._world.step({uav.name: truth})
         for said in step.publications:
             self.nodes[said.robot].publish(said.topic, said.data)
         for topic, data in uav.map_due():

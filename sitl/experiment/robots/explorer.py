@@ -24,8 +24,7 @@ from sitl.experiment.robots.messages import (
     read_sightings,
 )
 from sitl.experiment.settings import ExplorerSettings
-from sitl.world.towns.lattice import Cell
-from sitl.world.towns.town import Town
+from sitl.world.towns.town import Cell, Town
 from sitl.world.towns.ways import PASSABLE, Ways, length_m
 
 PACE: Final = {

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from geo.frame import Geodetic, Point
 from geo.grid import Cells, GridError, SemanticGrid, Terrain
-from sitl.world.towns.lattice import GRAIN_M, Cell, Lattice, coarse
+from sitl.world.towns.town import GRAIN_M, Cell, Lattice, coarse
 
 MOST_GOALS = 1_000
 """More are not remembered."""

@@ -19,8 +19,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from sitl.experiment.settings import RunSettings
 from sitl.world.towns.town import Town
-from sitl.world.towns.town_file import load_town
-from sitl.world.towns.town_mission import mission_over
+from sitl.world.towns.town_file import load_town, mission_over
 
 _DAY: Final = datetime(2026, 6, 1, 12, tzinfo=UTC)
 """When missions are flown: zones that apply at certain times are the same in every run."""

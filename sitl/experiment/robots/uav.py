@@ -54,8 +54,7 @@ from sitl.experiment.robots.messages import degrees
 from sitl.experiment.robots.node import EPOCH_S, Fleet, Node
 from sitl.experiment.robots.scenery import Scenery
 from sitl.experiment.settings import RunSettings
-from sitl.world.camera import Camera
-from sitl.world.terrain import Raster
+from sitl.world.terrain import Camera, Raster
 
 
 class MapPainter:

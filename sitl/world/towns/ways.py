@@ -17,7 +17,7 @@ import numpy.typing as npt
 from geo.frame import Point
 from geo.grid import Cells, Terrain
 from mocha_link.errors import needs_extra
-from sitl.world.towns.lattice import GRAIN_M, Cell, Lattice
+from sitl.world.towns.town import GRAIN_M, Cell, Lattice
 
 with needs_extra("an experiment", "experiments", "air-router"):
     from scipy.sparse import csr_array

@@ -26,7 +26,7 @@ from mocha_link import Team
 from mocha_link.errors import MissingExtraError
 from mocha_link.ros.ros import RosCodec
 from mocha_link.team.document import Document
-from sitl.team.rovers import RosMessages
+from sitl.team.nodes import RosMessages
 from sitl.world.world import Publication
 
 DATUM = Geodetic(47.3977, 8.5456)

@@ -12,9 +12,9 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.cli.cli import main
-from sitl.mavlink.truth import TruthReceiver
-from sitl.mavlink.udp_link import PortInUseError, UdpLink
+from sitl.process.udp_link import PortInUseError, UdpLink
 from sitl.process.vehicle import px4_ports
+from sitl.team.truth import TruthReceiver
 
 MISSION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
 LIMIT_S = 60

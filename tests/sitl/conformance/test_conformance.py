@@ -9,8 +9,8 @@ from air_router.errors import ExitCode
 from sitl.cli import cli
 from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
 from sitl.conformance.line import Link, UdpLine
-from sitl.mavlink.udp_link import PortInUseError
 from sitl.mavlink.vehicle import VehicleSettings
+from sitl.process.udp_link import PortInUseError
 from sitl.process.vehicle import Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
 

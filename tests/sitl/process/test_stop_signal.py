@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from sitl.process.stop_signal import stop_signal
+from sitl.process.end_with_parent import stop_signal
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -14,9 +14,9 @@ from geo.frame import Point
 from mocha_link.service.service_client import ServiceClient
 from mocha_link.team.team import Team
 from sitl.cli.cli import main
-from sitl.mavlink.truth import VehicleState
 from sitl.team.free_ports import derive_team
-from sitl.team.team import Places, TeamSimulation, roles_of
+from sitl.team.team import TeamSimulation, roles_of
+from sitl.team.truth import VehicleState
 from sitl.world.world_file import load_world
 
 ROOT = Path(__file__).parents[3]
@@ -103,8 +103,7 @@ def test_a_place_that_is_no_url_is_told(tmp_path, capsys):
 def simulation(tmp_path, mission):
     team = derive_team(Team.load(mission.team), tmp_path)
     plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
-    places = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
-    with TeamSimulation(mission, team, plan, places, epoch_s=EPOCH_S) as simulation:
+    with TeamSimulation(mission, team, plan, epoch_s=EPOCH_S) as simulation:
         yield simulation
 
 
@@ -135,13 +134,13 @@ def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp
     team = derive_team(Team.load(mission.team), tmp_path)
     plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
     endpoint = f"ipc://{tmp_path}/io"
-    places = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0", rovers={"io": endpoint})
+    rovers = {"io": endpoint}
     there = Point(-30.0, 20.0)
     latitude_deg, longitude_deg = mission.frame.to_geodetic(there)
     pose = PoseMessage(stamp_s=0.0, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
     seconds = iter(range(1, 10))
     with (
-        TeamSimulation(mission, team, plan, places, epoch_s=EPOCH_S) as simulation,
+        TeamSimulation(mission, team, plan, rovers=rovers, epoch_s=EPOCH_S) as simulation,
         ServiceClient(endpoint, timeout_s=WAIT_S) as program,
     ):
         io = simulation.world.robots["io"]
@@ -162,8 +161,7 @@ def test_closing_leaves_no_threads_and_frees_the_ports(tmp_path, mission):
     before = set(threading.enumerate())
     team = derive_team(Team.load(mission.team), tmp_path)
     plan = load_world(None, mission, ("callisto", "europa", "io"), seed=1)
-    places = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
     for _ in range(2):
-        with TeamSimulation(mission, team, plan, places):
+        with TeamSimulation(mission, team, plan):
             pass
     assert set(threading.enumerate()) == before

@@ -5,10 +5,10 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link.team.team import Team
-from sitl.mavlink.truth import TruthError, TruthParser, TruthReceiver
 from sitl.team.free_ports import NoFreePortsError, derive_team
-from sitl.team.ground_nodes import RadioReadings
+from sitl.team.nodes import RadioReadings
 from sitl.team.relay import relayed_pairs
+from sitl.team.truth import TruthError, TruthParser, TruthReceiver
 from sitl.world.world import Reading
 
 TEAM = Path(__file__).parents[3] / "missions" / "pennovation" / "team.yaml"

@@ -5,10 +5,9 @@ import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.team.clock import SimClock
-from sitl.world.camera import Camera
+from sitl.team.truth import SimClock
 from sitl.world.radio import RadioModel
-from sitl.world.terrain import Raster, Scene
+from sitl.world.terrain import Camera, Raster, Scene
 from sitl.world.ugv import GroundRobot, Patrol
 from sitl.world.world import STEP_S, Every, Settings, Truth, World
 
@@ -21,7 +20,7 @@ WEST, EAST = Point(-200, 0), Point(200, 0)
 def make_world(**topics) -> World:
     settings = Settings(
         frame=FRAME,
-        vehicle="titan",
+        vehicles=("titan",),
         radio=RadioModel(),
         camera=Camera(),
         raster=Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0),
@@ -37,9 +36,13 @@ def truth(time_s: float, position: Point, height_m: float = 40.0) -> Truth:
     return Truth(time_s, UNIX_S + time_s, position, height_m, 0.0)
 
 
+def at(world: World, time_s: float, position: Point, height_m: float = 40.0):
+    return world.step({"titan": truth(time_s, position, height_m)})
+
+
 def drive(world: World, seconds: float, position: Point, start_s: float = 0.0):
     return [
-        world.step(truth(start_s + count * STEP_S, position))
+        at(world, start_s + count * STEP_S, position)
         for count in range(round(seconds / STEP_S) + 1)
     ]
 
@@ -49,11 +52,11 @@ def test_robots_set_off_when_the_vehicle_takes_off_however_long_it_got_ready():
     for ready_s in (1.0, 60.0):
         world = make_world()
         for count in range(round(ready_s / STEP_S)):
-            world.step(truth(count * STEP_S, EAST, height_m=0.1))
+            at(world, count * STEP_S, EAST, height_m=0.1)
         assert world.robots["io"].driven_m == 0
         drive(world, 20, EAST, start_s=ready_s)
         drive(world, 1, EAST, start_s=ready_s + 20)
-        world.step(truth(ready_s + 22, EAST, height_m=0.1))  # landed: they drive on
+        at(world, ready_s + 22, EAST, height_m=0.1)  # landed: they drive on
         driven.append(world.robots["io"].driven_m)
     assert driven[0] == pytest.approx(driven[1]) == pytest.approx(22, abs=2 * STEP_S)
 
@@ -129,15 +132,15 @@ def test_a_robot_keeps_to_itself_what_its_kind_does_not_publish():
 
 def test_the_camera_looks_once_a_second_while_the_vehicle_is_up():
     world = make_world()
-    assert sum(step.patch is not None for step in drive(world, 5, WEST)) == 6
-    low = [world.step(truth(10 + t / 10, WEST, height_m=3.0)) for t in range(50)]
-    assert all(step.patch is None for step in low)
+    assert sum(bool(step.patches) for step in drive(world, 5, WEST)) == 6
+    low = [at(world, 10 + t / 10, WEST, height_m=3.0) for t in range(50)]
+    assert not any(step.patches for step in low)
 
 
 def test_a_vehicle_on_the_ground_has_a_low_antenna():
     def heard(height_m: float) -> bool:
         world = make_world()
-        world.step(truth(0.0, Point(-160, 0), height_m))
+        at(world, 0.0, Point(-160, 0), height_m)
         return world.contact("titan", "io").up
 
     assert heard(10.0)
@@ -149,7 +152,7 @@ def test_the_world_acts_at_most_every_tenth_of_a_second():
     acted = 0
     for count in range(251):  # 10 s at 25 Hz
         if world.due(count / 25):
-            world.step(truth(count / 25, WEST))
+            at(world, count / 25, WEST)
             acted += 1
     assert acted == 84  # every third packet
     assert world.robots["io"].driven_m == pytest.approx(10, abs=0.1)
@@ -157,8 +160,8 @@ def test_the_world_acts_at_most_every_tenth_of_a_second():
 
 def test_a_gap_in_the_truth_stream_is_driven_through():
     world = make_world()
-    world.step(truth(0.0, WEST))
-    step = world.step(truth(30.0, WEST))
+    at(world, 0.0, WEST)
+    step = at(world, 30.0, WEST)
     assert world.robots["io"].driven_m == pytest.approx(30)
     assert len([p for p in step.publications if p.topic == "/pose"]) == 2
 
@@ -197,39 +200,36 @@ def test_without_an_epoch_the_clock_starts_at_the_wall_time_of_the_first_packet(
 
 def two_vehicles() -> World:
     one = make_world()
-    settings = dataclasses.replace(one.settings, others=("atlas",))
+    settings = dataclasses.replace(one.settings, vehicles=("titan", "atlas"))
     return World(settings, one.robots, dict.fromkeys(one.robots, ALL_TOPICS))
 
 
 def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below_it():
     world = two_vehicles()
-    apart = world.step(truth(0.0, WEST), {"atlas": truth(0.0, EAST)})
+    apart = world.step({"titan": truth(0.0, WEST), "atlas": truth(0.0, EAST)})
     up = {(change.a, change.b) for change in apart.links}
     assert up == {("titan", "io"), ("atlas", "europa")}
-    assert apart.patch is not None
-    ((name, patch),) = apart.other_patches
-    assert name == "atlas"
-    assert patch.west_m > 100 > apart.patch.west_m
-    near = world.step(truth(1.0, WEST), {"atlas": truth(1.0, WEST, 55.0)})
+    assert apart.patches["atlas"].west_m > 100 > apart.patches["titan"].west_m
+    near = world.step({"titan": truth(1.0, WEST), "atlas": truth(1.0, WEST, 55.0)})
     assert ("titan", "atlas", True) in {(c.a, c.b, c.up) for c in near.links}
 
 
 def test_a_vehicle_that_was_not_heard_of_yet_is_not_heard():
     world = two_vehicles()
-    step = world.step(truth(0.0, WEST))
+    step = at(world, 0.0, WEST)
     assert {name for r in step.readings for name in (r.robot, r.peer)} == {"titan", "io", "europa"}
-    assert step.other_patches == ()
+    assert step.patches.keys() == {"titan"}
     assert world.approaches["titan", "atlas"].at_s is None
 
 
 def test_how_near_two_vehicles_came_counts_from_take_off_on():
     world = two_vehicles()
     beside = Point(WEST.east_m + 20, WEST.north_m)
-    world.step(truth(0.0, WEST, 0.2), {"atlas": truth(0.0, beside, 0.1)})
+    world.step({"titan": truth(0.0, WEST, 0.2), "atlas": truth(0.0, beside, 0.1)})
     approach = world.approaches["titan", "atlas"]
     assert approach.closest_m == math.inf
-    world.step(truth(1.0, WEST, 40.0), {"atlas": truth(1.0, EAST, 30.0)})
-    world.step(truth(2.0, WEST, 40.0), {"atlas": truth(2.0, Point(-197, 4), 28.0)})
-    world.step(truth(3.0, WEST, 40.0), {"atlas": truth(3.0, EAST, 39.0)})
+    world.step({"titan": truth(1.0, WEST, 40.0), "atlas": truth(1.0, EAST, 30.0)})
+    world.step({"titan": truth(2.0, WEST, 40.0), "atlas": truth(2.0, Point(-197, 4), 28.0)})
+    world.step({"titan": truth(3.0, WEST, 40.0), "atlas": truth(3.0, EAST, 39.0)})
     assert (approach.closest_m, approach.across_m, approach.up_m) == (13.0, 5.0, 12.0)
     assert (approach.at_s, approach.level_m) == (2.0, 12.0)

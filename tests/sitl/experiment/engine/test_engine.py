@@ -22,7 +22,7 @@ from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.result import STAGES, measured
 from sitl.experiment.robots import explorer, uav
 from sitl.experiment.settings import PaperModel, PathLossModel, RunSettings
-from sitl.world import camera
+from sitl.world import terrain
 
 ROOT = Path(__file__).parents[4]
 URBAN = ROOT / "missions" / "urban"
@@ -248,7 +248,7 @@ class OtherLibrary:
 
 
 def test_the_last_digits_of_another_machine_change_nothing(original, monkeypatch):
-    for module in (channel, uav, explorer, camera):
+    for module in (channel, uav, explorer, terrain):
         monkeypatch.setattr(module, "math", OtherLibrary())
     to_local, to_geodetic = LocalFrame.to_local, LocalFrame.to_geodetic
 

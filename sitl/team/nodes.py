@@ -1,0 +1,284 @@
+"""The gossip nodes of the simulated ground robots: what they say, hear and hold.
+
+Some robots may be played by the user's own programs, which their nodes are served to; the others
+say their poses and paths in the types that the team file has for them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import queue
+import socket
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from air_router.controller.model.events import RobotPose
+from air_router.gossip.ros_messages import MAP_FRAME, Datum, readers_of, stamp
+from air_router.gossip.team_messages import TeamMessageDecoder
+from air_router.messages import (
+    JSON_PACKAGE,
+    PATH_TOPIC,
+    POSE_TOPIC,
+    MessageError,
+    PathMessage,
+    PoseMessage,
+)
+from air_router.mission.found_by import FIX, POSE, path_topic, pose_topic
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.grid import GridError, SemanticGrid
+from mocha_link.clock import Clock
+from mocha_link.links.metrics import LinkEvent, MessageStored
+from mocha_link.node.lifetime import Closeable
+from mocha_link.node.node import Message, Node
+from mocha_link.ros.typed import Types
+from mocha_link.service.service import ServiceServer
+from mocha_link.team.team import Robot, Team, Topic
+from sitl.world.world import Publication, Reading
+
+_log = logging.getLogger(__name__)
+
+MAP_TYPE: Final = "grid/SemanticMap"
+MAP_HISTORY_LIMIT: Final = 100_000
+
+
+class RadioReadings(Closeable):
+    """Sends readings to each robot's `radio` endpoint; robots without one get none."""
+
+    def __init__(self, team: Team) -> None:
+        self._endpoints = {  # host and port, by robot
+            robot.name: _endpoint(robot.radio)
+            for robot in team.robots.values()
+            if robot.radio is not None
+        }
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # sends only
+        self._socket.setblocking(False)
+
+    def tell(self, readings: Iterable[Reading]) -> None:
+        """Send readings; one that has no listener is lost, as on any radio."""
+        for reading in readings:
+            endpoint = self._endpoints.get(reading.robot)
+            if endpoint is None:
+                continue
+            data = json.dumps({"peer": reading.peer, "rssi_dbm": reading.rssi_dbm}).encode()
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, endpoint)
+
+    def close(self) -> None:
+        """Free the socket."""
+        self._socket.close()
+
+
+def _endpoint(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)  # the team file has checked its form
+    return parts.hostname or "", parts.port or 0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldMap:
+    """The newest map that a robot holds: who made it, when, and how much of it is known."""
+
+    robot: str
+    stamp_s: float
+    known_cells: int
+
+
+@dataclass(slots=True)
+class MapKeeper:
+    """Takes the maps that reach a robot.
+
+    Attributes:
+        newest: The map in use.
+        history: (Unix seconds of the simulation, known cells) at every map that came.
+        refused: Maps that could not be read.
+    """
+
+    newest: HeldMap | None = None
+    history: list[tuple[float, int]] = field(default_factory=list)
+    refused: int = 0
+
+    def take(self, message: Message, now_s: float) -> None:
+        """Use a map message from now on; one that makes no sense is counted and left alone."""
+        try:
+            grid = SemanticGrid.decode(message.data)
+        except GridError as error:
+            self.refused += 1
+            _log.warning("a map of %s makes no sense: %s", message.robot, error)
+            return
+        self.newest = HeldMap(message.robot, message.stamp_s, grid.known_cells)
+        if len(self.history) < MAP_HISTORY_LIMIT:
+            self.history.append((now_s, self.newest.known_cells))
+
+
+class GroundNodes(Closeable):
+    """One gossip node per ground robot, each with its own sockets and thread.
+
+    Args:
+        team: Who listens where.
+        names: The ground robots.
+        clock: The simulation's clock, which the nodes stamp with.
+
+    Raises:
+        mocha_link.errors.MochaLinkError: a node cannot listen.
+    """
+
+    def __init__(self, team: Team, names: Iterable[str], clock: Clock) -> None:
+        self._team = team
+        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()  # maps
+        self._unsubscribe: list[Callable[[], object]] = []  # from each node
+        self.keepers = {name: MapKeeper() for name in names}  # the maps that reach each robot
+        self.nodes: dict[str, Node] = {}
+        try:
+            for name in self.keepers:
+                node = self.nodes[name] = Node(team, name, clock=clock)
+                self._unsubscribe.append(node.subscribe(partial(self._note, name)))
+                node.start()
+        except BaseException:
+            self.close()
+            raise
+
+    def publish(self, publications: Iterable[Publication]) -> None:
+        """Let robots say something."""
+        for said in publications:
+            self.nodes[said.robot].publish(said.topic, said.data)
+
+    def take_maps(self) -> None:
+        """Let each robot look at the maps that have arrived since the last call."""
+        while True:
+            try:
+                name, event = self._arrivals.get_nowait()
+            except queue.Empty:
+                return
+            message = self.nodes[name].latest(event.robot, event.topic)
+            if message is not None:
+                self.keepers[name].take(message, event.at_s)
+
+    def close(self) -> None:
+        """Stop all nodes, at the same time."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+        if self.nodes:
+            with ThreadPoolExecutor(len(self.nodes)) as pool:
+                list(pool.map(lambda node: node.close(), self.nodes.values()))
+
+    def _note(self, name: str, event: LinkEvent) -> None:
+        """On the node's thread, so quick: maps are looked at later."""
+        if not isinstance(event, MessageStored) or event.robot == name:
+            return
+        if self._team.topic(event.robot, event.topic).type == MAP_TYPE:
+            self._arrivals.put((name, event))
+
+
+class Rovers(Closeable):
+    """The nodes of such robots, served to programs; a robot is where its program says.
+
+    Args:
+        team: Who says what.
+        frame: The mission's.
+        nodes: Those of the robots, by name; they run.
+        endpoints: Where each of them is served, by its name.
+
+    Raises:
+        mocha_link.errors.MochaLinkError: an endpoint cannot be served.
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        frame: LocalFrame,
+        nodes: Mapping[str, Node],
+        endpoints: Mapping[str, str],
+    ) -> None:
+        self._decoder = TeamMessageDecoder(frame, readers=readers_of(team))
+        self._nodes = {name: nodes[name] for name in endpoints}  # without the others of the team
+        self._topics = {name: pose_topic(team, name) for name in endpoints}  # None: it has none
+        with ExitStack() as stack:
+            for name, endpoint in endpoints.items():
+                served = stack.enter_context(ServiceServer(nodes[name], endpoint))
+                _log.info("%s waits for its program at %s", name, served.endpoint)
+            self._stack = stack.pop_all()
+
+    def places(self, unix_s: float) -> Iterator[tuple[str, Point]]:
+        """Where robots say that they are, by name, as far as they have said so."""
+        for name, node in self._nodes.items():
+            topic = self._topics[name]
+            message = None if topic is None else node.latest(name, topic.name)
+            if message is None:
+                continue
+            data = message.parts[-1] if message.parts else message.data
+            try:
+                said = self._decoder.event_of(name, message.topic, data, peer=name, unix_s=unix_s)
+            except (MessageError, FrameError) as error:
+                _log.debug("%s stays where it was: %s", name, error)
+                continue
+            if isinstance(said, RobotPose):
+                yield name, said.position
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._stack.close()
+
+
+class RosMessages:
+    """Turns what simulated robots say into the types that the team file has for it."""
+
+    def __init__(self, team: Team) -> None:
+        self._team = team
+        # None: no robot says anything in ROS types.
+        self._types = Types(team.definitions) if any(map(self._ros_topics, team.robots)) else None
+
+    def topics(self, name: str) -> set[str]:
+        """What a robot may say, as the world calls it."""
+        return {topic.name for topic in self._team.topics_of(name)} | set(self._ros_topics(name))
+
+    def of(self, said: Publication) -> Publication:
+        """A pose or path as its robot's team file has it; anything else as it is."""
+        topic = self._ros_topics(said.robot).get(said.topic)
+        if topic is None or self._types is None:
+            return said
+        robot = self._team.robot(said.robot)
+        as_ros = _pose_of if said.topic == POSE_TOPIC else _path_of
+        value = as_ros(said.data, topic, robot)
+        data = self._types.encode(topic.type, value, robot.ros)
+        return Publication(said.robot, topic.name, data)
+
+    def _ros_topics(self, name: str) -> dict[str, Topic]:
+        """The topics of ROS types that stand for a robot's pose and path."""
+        found = {POSE_TOPIC: pose_topic(self._team, name), PATH_TOPIC: path_topic(self._team, name)}
+        return {
+            said: topic
+            for said, topic in found.items()
+            if topic is not None and not topic.type.startswith(JSON_PACKAGE)
+        }
+
+
+def _pose_of(data: bytes, topic: Topic, robot: Robot) -> dict[str, Any]:
+    said = PoseMessage.decode(data)
+    header = _header(said.stamp_s)
+    if topic.type == FIX:
+        place = {"latitude": said.latitude_deg, "longitude": said.longitude_deg}
+        return {"header": header, **place}
+    pose = _position(robot, said.latitude_deg, said.longitude_deg)
+    return {"header": header, "pose": pose if topic.type == POSE else {"pose": pose}}
+
+
+def _path_of(data: bytes, _topic: Topic, robot: Robot) -> dict[str, Any]:
+    said = PathMessage.decode(data)
+    poses = [{"pose": _position(robot, *point)} for point in said.points]
+    return {"header": _header(said.stamp_s), "poses": poses}
+
+
+def _header(stamp_s: float) -> dict[str, Any]:
+    return {"stamp": stamp(stamp_s), "frame_id": MAP_FRAME}
+
+
+def _position(robot: Robot, latitude_deg: float, longitude_deg: float) -> dict[str, Any]:
+    datum = Datum.of(robot)
+    x, y = datum.to_local(Geodetic(latitude_deg, longitude_deg)) if datum else (0.0, 0.0)
+    return {"position": {"x": x, "y": y}}
