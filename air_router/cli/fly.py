@@ -5,9 +5,8 @@ import asyncio
 import dataclasses
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, number
 from air_router.cli.command_line import print_json
@@ -27,8 +26,6 @@ from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
 from air_router.record.recording import (
-    RecordingOptions,
-    ViewerAddress,
     add_recording,
     add_viewer,
     recording_of,
@@ -38,7 +35,7 @@ from air_router.report.report import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
-from air_router.web.serving import Web, web_of
+from air_router.web.serving import web_of
 from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
@@ -53,54 +50,29 @@ _UNUSABLE = (  # the gossip node cannot begin, so the flight does not
 )
 
 
-@dataclass(frozen=True, slots=True)
-class FlyOptions:
-    """What a flight needs to know beside its mission.
+def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightResult:
+    """Fly a mission to its end; the exceptions say why one did not start.
 
-    Attributes:
-        url: MAVSDK connection URL of the vehicle.
-        team: Team file, None for the mission's own.
-        camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
-        control: Endpoint at which other programs may ask for something.
-        web: Where the live page is served; None: nowhere.
-        keys: The folder with the UAV's secret, if the team has a key for it.
-        resume: Go on with a flight that is under way.
-        duration_s: Come home after so long in the air, None for the mission's own.
-        recording: Where the flight is recorded.
-        foxglove: Where Foxglove finds the flight; None: nowhere.
-        pace: Of a simulation that waits for this flight; None: nothing waits.
+    Args:
+        mission: What is flown.
+        arguments: Those of `fly`.
+        stem: How the name of a record begins.
     """
-
-    url: str = DEFAULT_URL
-    system_id: int = 1  # of the vehicle
-    team: Path | None = None
-    camera: str | None = None
-    metrics: str | None = None  # endpoint, see `camera`
-    control: str | None = None
-    web: Web | None = None
-    keys: Path | None = None
-    duration_s: float | None = None
-    arm: bool = False  # arm and start; otherwise the pilot does
-    resume: bool = False
-    recording: RecordingOptions = field(default_factory=RecordingOptions)
-    foxglove: ViewerAddress | None = None
-    pace: PaceSource | None = None
-
-
-def fly(mission: Mission, options: FlyOptions) -> FlightResult:
-    """Fly a mission to its end; the exceptions say why one did not start."""
-    if options.duration_s is not None:
-        mission = dataclasses.replace(mission, duration_s=options.duration_s)
-    team, uav = team_of(mission, options.team)
+    if arguments.duration is not None:
+        mission = dataclasses.replace(mission, duration_s=arguments.duration)
+    team, uav = team_of(mission, arguments.team)
     mission = dataclasses.replace(mission, uav=uav)
     try:
-        return _fly(mission, options, team, uav)
+        return _fly(mission, team, uav, arguments, stem)
     except _UNUSABLE as error:
         raise RefusedError(str(error)) from None
 
 
-def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightResult:
-    clock = VehicleClock(ceiling=None if options.pace is None else options.pace.speed)
+def _fly(
+    mission: Mission, team: Team, uav: str, arguments: argparse.Namespace, stem: str
+) -> FlightResult:
+    recording, source = recording_of(arguments, stem), arguments.pace_from
+    clock = VehicleClock(ceiling=None if source is None else source.speed)
     mapper = Mapper(mission)
     gossip = Gossip(
         mission.frame,
@@ -108,21 +80,21 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
         uav,
         clock,
         mapper,
-        metrics=options.metrics,
-        keys=options.keys,
+        metrics=arguments.metrics,
+        keys=arguments.keys,
         goals_from=mission.goals_from,
     )
-    recording, status = options.recording, StatusLine()
+    status = StatusLine()
     with (
-        PaceClient(options.pace, uav) as pace,
-        viewing(options.foxglove, uav) as viewer,
+        PaceClient(source, uav) as pace,
+        viewing(arguments.foxglove, uav) as viewer,
         Recorder(
             recording.folder,
             str(mission.path),
             unix_s=clock.now_s,
             stem=recording.stem,
             name=uav,
-            must=recording.must and not options.resume,
+            must=recording.must and not arguments.resume,
             viewer=viewer,
         ) as recorder,
     ):
@@ -130,7 +102,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             status.say(f"Foxglove: open a connection to {viewer.address}")
         for path in (mission.path, team.path):
             recorder.file(path)
-        vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
+        vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
         vehicle.telemetry.subscribe(pace.heard)
         flight = Flight(
             mission,
@@ -141,10 +113,10 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             seek=sought(team, uav, mission.seek, mission.goals_from),
             recorder=recorder,
             status=status,
-            camera=options.camera,
-            control=options.control,
-            arm=options.arm,
-            resume=options.resume,
+            camera=arguments.camera,
+            control=arguments.control,
+            arm=arguments.arm,
+            resume=arguments.resume,
             survey=lambda router: PreflightSurvey(
                 mission,
                 router,
@@ -155,7 +127,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             ),
         )
         flight.page = page_of(
-            options.web,
+            web_of(arguments),
             mission,
             flight.controller,
             flight.commands,
@@ -255,19 +227,6 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of(arguments: argparse.Namespace, stem: str, **others: Any) -> FlyOptions:
-    """What `add_flight_arguments` has read; a record's name begins with `stem`."""
-    return FlyOptions(
-        metrics=arguments.metrics,
-        control=arguments.control,
-        web=web_of(arguments),
-        duration_s=arguments.duration,
-        recording=recording_of(arguments, stem),
-        foxglove=arguments.foxglove,
-        **others,
-    )
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Fly, and report on stdout."""
     mission = load_flown(
@@ -284,21 +243,7 @@ def run(arguments: argparse.Namespace) -> int:
         mission = dataclasses.replace(mission, window=window)
     if arguments.arm and not arguments.yes and not _confirmed(mission):
         raise RefusedError("not confirmed: the vehicle stays disarmed")
-    result = fly(
-        mission,
-        options_of(
-            arguments,
-            "sim" if arguments.part else "flight",
-            url=arguments.connect,
-            system_id=arguments.sysid,
-            team=arguments.team,
-            camera=arguments.camera,
-            keys=arguments.keys,
-            arm=arguments.arm,
-            resume=arguments.resume,
-            pace=arguments.pace_from,
-        ),
-    )
+    result = fly(mission, arguments, "sim" if arguments.part else "flight")
     return finish(mission, result, arguments)
 
 

@@ -3,7 +3,6 @@
 import argparse
 import asyncio
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -26,17 +25,6 @@ from mocha_link.cli.program import coloured
 
 TELEMETRY_S: Final = 4.0
 """Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""
-
-
-@dataclass(frozen=True, slots=True)
-class PreflightOptions:
-    """What to look at; `upload`: put the plan on board, as a flight would."""
-
-    url: str  # of the vehicle's connection
-    system_id: int  # of the vehicle
-    team: Path | None  # None: the mission's own
-    log_dir: Path | None  # where a flight would be recorded
-    upload: bool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,14 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Look, and print the card on stdout."""
     mission = load_flown(arguments.mission, arguments.uav)
-    options = PreflightOptions(
-        url=arguments.connect,
-        system_id=arguments.sysid,
-        team=arguments.team,
-        log_dir=recording_of(arguments).folder,
-        upload=not arguments.look,
-    )
-    card = asyncio.run(preflight(mission, options))
+    card = asyncio.run(_preflight(mission, arguments))
     if arguments.json:
         print_json(card.as_json())
     else:
@@ -79,37 +60,30 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE if card.ready else ExitCode.REFUSED
 
 
-async def preflight(mission: Mission, options: PreflightOptions) -> Card:
-    """Connect, look, and let go.
-
-    Raises:
-        NoVehicleError: with a diagnosis.
-    """
-    team, uav = (None, "") if _alone(mission, options) else team_of(mission, options.team)
+async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
+    """Connect, look, and let go. Raises NoVehicleError, with a diagnosis."""
+    alone = arguments.team is None and mission.team is None
+    team, uav = (None, "") if alone else team_of(mission, arguments.team)
     clock = VehicleClock()
     survey = PreflightSurvey(
         mission,
         Router(WaypointGraph(mission)),
         team=team,
         uav=uav,
-        log_dir=options.log_dir,
+        log_dir=recording_of(arguments).folder,
         rate=lambda: clock.rate,
     )
-    vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
+    vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
     try:
         info = await vehicle.connect()
-        telemetry = await _first_telemetry(vehicle, options.url)
+        telemetry = await _first_telemetry(vehicle, arguments.connect)
         card = await survey.card(vehicle, info, telemetry)
         if not (telemetry.armed or telemetry.in_air):
-            check = await _plan(vehicle, FlightPlan.of(mission), upload=options.upload)
+            check = await _plan(vehicle, FlightPlan.of(mission), upload=not arguments.look)
             card = Card((*card.checks, check))
         return card
     finally:
         await vehicle.close()
-
-
-def _alone(mission: Mission, options: PreflightOptions) -> bool:
-    return options.team is None and mission.team is None
 
 
 async def _first_telemetry(vehicle: Vehicle, url: str) -> Telemetry:

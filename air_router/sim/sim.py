@@ -15,7 +15,7 @@ from typing import Any
 
 from air_router.cli.arguments import add_rover, add_start, speed_factor
 from air_router.cli.command_line import print_json
-from air_router.cli.fly import PART, add_flight_arguments, finish, fly, options_of
+from air_router.cli.fly import PART, add_flight_arguments, finish, fly
 from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
@@ -72,19 +72,17 @@ def run(arguments: argparse.Namespace) -> int:
         SimWorld(arguments.mission, options, folder) as world,
     ):
         (seat,) = world.seats
-        result = fly(
-            mission,
-            options_of(
-                arguments,
-                "sim",
-                url=seat.url,
-                system_id=seat.system_id,
-                team=world.team,
-                camera=seat.camera,
-                pace=world.pace,
-                arm=True,
-            ),
-        )
+        flown = {
+            "connect": seat.url,
+            "sysid": seat.system_id,
+            "team": world.team,
+            "camera": seat.camera,
+            "keys": None,
+            "pace_from": world.pace,
+            "arm": True,
+            "resume": False,
+        }
+        result = fly(mission, argparse.Namespace(**{**vars(arguments), **flown}), "sim")
         result.report["world"] = world.stop()
     return finish(mission, result, arguments)
 

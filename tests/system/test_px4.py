@@ -10,7 +10,7 @@ from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedErro
 from air_router.mission.flight_plan import Command, FlightPlan, Frame
 from air_router.mission.loading import load_mission
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.px4 import px4_connection, px4_plan
+from air_router.vehicle.px4 import px4, px4_connection, px4_plan
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -52,7 +52,7 @@ def standing(shared_command, shared_mission):
 @pytest.fixture
 def impatient(monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
-    monkeypatch.setattr(px4_connection, "DATA_S", 0.5)
+    monkeypatch.setattr(px4, "DATA_S", 0.5)
 
 
 def run(mission, port, script, **options):

@@ -11,7 +11,7 @@ from typing import Final
 
 from mavsdk.plugins.events.events import Events
 
-from air_router.errors import ArmingRefusedError, NotConfirmedError
+from air_router.errors import ArmingRefusedError, NotConfirmedError, NoVehicleError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.clock import VehicleClock
@@ -35,10 +35,17 @@ from air_router.vehicle.vehicle import (
 
 _log = logging.getLogger(__name__)
 
+DATA_S: Final = 4.0
+"""Wall-clock limit for positions, which come tens of times a second."""
+
 SILENT_S: Final = 3.0
+"""A vehicle that is not heard for so long, wall-clock time, is told to be silent."""
+
 HEALTH_S: Final = 60.0
-NOTICE: Final = 5
-TEXT_LIMIT: Final = 50
+"""Wall-clock limit for its health checks to pass before arming."""
+
+NOTICE: Final = 5  # MAV_SEVERITY
+TEXT_LIMIT: Final = 50  # bytes of a STATUSTEXT
 
 
 class Px4Vehicle(Px4Motions, Vehicle):
@@ -61,7 +68,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         system_id: int = 1,
         connection: Callable[[str, int], Px4Connection] = Px4Connection,
     ) -> None:
-        self._connection = connection(url, system_id)
+        self._url, self._connection = url, connection(url, system_id)
         telemetry = Px4Telemetry(mission.frame, clock)
         super().__init__(mission, telemetry, Px4Commands(telemetry))
         self._events: Callable[[], Events]  # from `connect` on: makes the plugin; reports on arming
@@ -84,7 +91,11 @@ class Px4Vehicle(Px4Motions, Vehicle):
         telemetry.listen(plugins.direct, self._connection.system_id)
         self._commands.listen()
         await px4_requests.begin(telemetry)
-        await self._connection.heard(telemetry.complete, "positions")
+        if not await telemetry.shows(telemetry.complete, DATA_S):
+            raise NoVehicleError(
+                f"{self._url}: PX4 answers but sends no positions within {DATA_S:.0f} s; "
+                "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
+            )
         await telemetry.shows(telemetry.introduced, ONCE_S)
         work = (self._watch_silence(), px4_requests.keep_streams(telemetry))
         self._watches = [asyncio.create_task(watch) for watch in work]

@@ -37,9 +37,6 @@ OTHERS_S: Final = 1.5
 ELSEWHERE_S: Final = 1.5
 """For how long other ports are listened on, at last, when nothing is heard."""
 
-DATA_S: Final = 4.0
-"""Wall-clock limit for positions, which come tens of times a second."""
-
 USUAL_PORTS: Final = (*range(14540, 14550), 14550)
 """PX4's: its API links by instance, and the ground station's."""
 
@@ -131,18 +128,6 @@ class Px4Connection:
             f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
             f"if it is the right one, say --sysid {found_id}"
         )
-
-    async def heard(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait until `condition` holds, once a second of nothing is not yet a fault."""
-        try:
-            async with asyncio.timeout(DATA_S):
-                while not condition():  # noqa: ASYNC110 - a handful of turns, once per flight
-                    await asyncio.sleep(0.02)
-        except TimeoutError:
-            raise NoVehicleError(
-                f"{self._url}: PX4 answers but sends no {what} within {DATA_S:.0f} s; "
-                "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
-            ) from None
 
     async def close(self) -> None:
         """Let go of the connection and of MAVSDK's threads."""

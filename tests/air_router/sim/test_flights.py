@@ -8,8 +8,7 @@ import sys
 import pytest
 
 from air_router.errors import ExitCode
-from air_router.sim.flights import Flights
-from air_router.sim.status_block import StatusBlock
+from air_router.sim.flights import Flights, StatusBlock
 
 WAITS = """
 import signal, sys
