@@ -248,7 +248,7 @@ class Vehicle(Protocol):
         """Hand every event to `callback`, in order, on the event loop."""
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
-        """Ask for what a pre-flight check looks at, with these parameters."""
+        """Ask for what a pre-flight check looks at, with the values of these parameters."""
 
     async def upload(self, plan: FlightPlan) -> None:
         """Put nodes and fence on board and read both back."""
@@ -277,11 +277,18 @@ class Vehicle(Protocol):
     async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
         """Fly straight to a plan item and hover there, in Mission mode.
 
-        `objection` is asked again if that takes time: why the leg must not be begun any more.
+        Args:
+            item: Sequence number in the plan on board.
+            objection: Asked again if that takes time: why the leg must not be begun any more.
         """
 
     async def reposition(self, point: Point, altitude_m: float) -> None:
-        """Fly straight to a point at an altitude above home and hover there, in Hold mode."""
+        """Fly straight to a point and hover there, in Hold mode.
+
+        Args:
+            point: Metres east/north in the mission's local frame.
+            altitude_m: Metres above the home of the take-off, whichever home PX4 has now.
+        """
 
     async def hold(self) -> None:
         """Stop and hover here."""
