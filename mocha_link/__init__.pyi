@@ -36,9 +36,9 @@ from mocha_link.service.prometheus import PrometheusError as PrometheusError
 from mocha_link.service.prometheus import PrometheusServer as PrometheusServer
 from mocha_link.service.server import MetricsServer as MetricsServer
 from mocha_link.service.service_client import MetricsError as MetricsError
-from mocha_link.store.payload import PayloadError as PayloadError
-from mocha_link.store.record import Header as Header
-from mocha_link.store.record import HeaderError as HeaderError
+from mocha_link.store.wire import Header as Header
+from mocha_link.store.wire import HeaderError as HeaderError
+from mocha_link.store.wire import PayloadError as PayloadError
 from mocha_link.team.document import Document as Document
 from mocha_link.team.document import DocumentError as DocumentError
 from mocha_link.team.document import Problem as Problem

@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass
 
 from mocha_link.links.reading import Reading
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 
 
 class Direction(enum.Enum):

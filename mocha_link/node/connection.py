@@ -14,11 +14,11 @@ from zmq.utils.monitor import parse_monitor_message
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import protect_contact
 from mocha_link.node.zmtp import Part
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.team.keys import PublicKey, SecretKey
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
-MAX_REPLY_BYTES = payload.MAX_BYTES + 1024 * 1024
+MAX_REPLY_BYTES = wire.MAX_BYTES + 1024 * 1024
 # Requests leave so long after our handshake even if the peer's has not come: see `zmtp`.
 EAGER_S = 0.015
 

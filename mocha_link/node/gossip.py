@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from mocha_link.clock import Instant
@@ -27,22 +27,22 @@ from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
 from mocha_link.node.publisher import Publisher
 from mocha_link.store.config_hash import config_hash_of, difference
 from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Header, Record
+from mocha_link.store.record import Record
 from mocha_link.store.signature import Signer, Verifier
-from mocha_link.sync.actions import (
+from mocha_link.store.wire import Header
+from mocha_link.sync.peer import NodeContext, Peer
+from mocha_link.sync.protocol import (
+    ID_BYTES,
     Action,
     Connect,
     Disconnect,
+    Frame,
     Reply,
     ReplyDatagram,
+    Route,
 )
-from mocha_link.sync.frames import Frame, Step
-from mocha_link.sync.peer_state import PeerState
-from mocha_link.sync.protocol import ID_BYTES
-from mocha_link.sync.pull import PullContext
 from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Route, Server
+from mocha_link.sync.server import Server
 from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
 
 TIMEOUT_S = 5.0
@@ -56,6 +56,18 @@ def _random_id() -> bytes:
     return os.urandom(ID_BYTES)
 
 
+@dataclass(slots=True)
+class _Link:
+    """What belongs to one peer."""
+
+    peer: Peer
+    puller: Puller
+    server: Server
+    differs: bool = False  # its team file is another one, as was told
+    warned_s: float | None = None  # when that was logged last
+    refused: bool = False  # something was, and the first was logged
+
+
 class Gossip:
     """One robot's node: what it holds, whom it pulls from and when, what it answers.
 
@@ -67,6 +79,11 @@ class Gossip:
         signer: signs what the robot publishes.
         datagrams: whether there are sockets for them.
         follow: take in at once what a peer stores between two pulls.
+        protected: peers to which the links are encrypted.
+
+    Attributes:
+        me: this node's robot.
+        database: its messages.
     """
 
     def __init__(  # noqa: PLR0913 - what a node may be given
@@ -83,14 +100,10 @@ class Gossip:
         follow: bool = True,
         protected: Iterable[str] = (),
     ) -> None:
-        self.me = team.robot(name)  # this node's robot
-        history = team.history
-        self.database = database or Database(history)
+        self.me = team.robot(name)
+        self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
-        verifier = Verifier(team)
-        keyless = not any(robot.key for robot in team.robots.values())
-        verifies = team.trust is Trust.SIGNED or not keyless
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s)
         for peer in protected:
@@ -99,46 +112,36 @@ class Gossip:
         self._publisher = Publisher(
             self.me, team.topics_of(name), self.database, signer.of if signer else None
         )
-        self._pull_context = PullContext(
-            own=name,
+        self._context = NodeContext(
+            name=name,
             team=team,
             database=self.database,
-            reassembly=ReassemblyBuffer(
-                keeper=self.database.keeper, saved=self.database.take_parts()
-            ),
             new_id=new_id,
+            boot_id=int.from_bytes(os.urandom(BOOT_ID_BYTES), "big"),
+            config_hash=config_hash_of(team),
             timeout_s=timeout_s,
             follow=follow,
         )
-        boot_id = int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
-        config_hash = config_hash_of(team)
-        # state of each peer
-        self._known = {peer: PeerState(boot_id, history, config_hash) for peer in self.me.peers}
-        self._differs = dict.fromkeys(self.me.peers, False)  # whose team file is another one
-        self._warned_s: dict[str, float] = {}  # of that
-        self._servers = {  # by peer
-            peer: Server(peer, self.database, self._known[peer], pushed=team.pushed(self.me, peer))
-            for peer in self.me.peers
-        }
-        self._actions: deque[Action] = deque()  # for the transport
-        self._events: deque[LinkEvent] = deque()  # for listeners
-        self._refusals: Counter[str] = Counter()  # by peer; the first is logged
-        self._sequence = -1  # of the database, when peers were last pushed what is new
-        self._pullers = {  # by peer
-            peer: Puller(
-                peer,
-                self._pull_context,
-                self._known[peer],
-                verify=partial(verifier.verify, handed_by=peer) if verifies else None,
-                original=team.robot(peer).original,
+        verifier = Verifier(team)
+        keyless = not any(robot.key for robot in team.robots.values())
+        verifies = team.trust is Trust.SIGNED or not keyless
+        self._links: dict[str, _Link] = {}  # by peer
+        for each in self.me.peers:
+            known = Peer(
+                each,
+                self._context,
+                verify=partial(verifier.verify, handed_by=each) if verifies else None,
+                original=team.robot(each).original,
                 datagrams=datagrams,
                 budget_bytes=team.trigger.budget_bytes or 0,
-                link_table=self._link_table,
-                act=self._actions.append,
-                tell=self._tell_step,
+                pushed=team.pushed(self.me, each),
             )
-            for peer in self.me.peers
-        }
+            self._links[each] = _Link(known, Puller(known, self._link_table), Server(known))
+        self._events: list[LinkEvent] = []  # for listeners
+        self._counted = 0  # of these the link table has had so many
+        self._sequence = -1  # of the database, when peers were last pushed what is new
+
+    # --- the robot's own messages
 
     def publish(
         self,
@@ -161,19 +164,22 @@ class Gossip:
         """Store the message of a topic that waits for its interval, if there is one."""
         self._tell_own(self._publisher.flush(topic, now.unix_s), now)
 
+    # --- what the radio and the program say
+
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
-        self._check(peer)
+        link = self._link(peer)
         before = self._trigger.reading(peer)
         begins = self._trigger.heard(peer, reading, now.unix_s)
         if self._trigger.reading(peer) != before:
             self._tell_signal(peer, now)
-        self._tell_contacts()
+        self._tell_contacts(now)
         if begins:
-            self._pullers[peer].renew_budget()
-            self._servers[peer].on_contact(now)
-            self._after_server(peer, now)
-            self._pullers[peer].on_contact(now)
+            link.puller.renew_budget()
+            link.server.on_contact(now)
+            self._serve(link, now)
+            link.puller.on_contact(now)
+            self._tell(link, now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant) -> bool:
@@ -181,103 +187,113 @@ class Gossip:
 
         Nothing begins either when the contact's budget is used up.
         """
-        self._check(peer)
-        if self._by_timer and not self._pullers[peer].pull:
-            self._pullers[peer].renew_budget()
-        return self._pullers[peer].sync(now)
+        link = self._link(peer)
+        if self._by_timer and not link.puller.pull:
+            link.puller.renew_budget()
+        begun = link.puller.sync(now)
+        self._tell(link, now)
+        return begun
+
+    # --- what comes from the sockets
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
-        server = self._servers[peer]
-        reply = server.answer(route, parts, now)
+        link = self._links[peer]
+        reply = link.server.answer(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
-            self._actions.append(Reply(peer, route, reply))
-        self._after_server(peer, now)
+            self._context.actions.append(Reply(peer, route, reply))
+        self._serve(link, now)
 
     def route(self, peer: str) -> Route | None:
         """The connection on which the peer pulls, if it does."""
-        return self._servers[peer].route
+        return self._links[peer].server.route
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
-        supplied = self._servers[peer].supply()
+        supplied = self._links[peer].server.supply()
         if supplied:
             self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Take in a datagram that came to the port for a peer; says whether it made sense."""
-        known = self._servers[peer].packet(packet, now)
-        self._after_server(peer, now)
+        link = self._links[peer]
+        known = link.server.packet(packet, now)
+        self._serve(link, now)
         return known
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        self._pullers[peer].reply(parts, now)
+        link = self._links[peer]
+        link.puller.reply(parts, now)
+        self._tell(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        self._pullers[peer].packet(packet, now)
+        link = self._links[peer]
+        link.puller.packet(packet, now)
+        self._tell(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._pullers[peer].progress(now, rtt_s)
+        self._links[peer].puller.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
 
         Nothing more of it must be handed in: the peer's pull may be another one already.
         """
-        return any(a.peer == peer and isinstance(a, Connect | Disconnect) for a in self._actions)
+        actions = self._context.actions
+        return any(a.peer == peer and isinstance(a, Connect | Disconnect) for a in actions)
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        self._pullers[peer].lost(reason, now)
+        link = self._links[peer]
+        link.puller.lost(reason, now)
+        self._tell(link, now)
 
     def refused(self, peer: str, reason: str) -> None:
         """A connection was not let in at the port for a peer, or sent what is no message."""
-        self._refuse(peer, reason)
+        self._refuse(self._links[peer], reason)
 
     def storage(self, reason: str | None, now: Instant) -> None:
         """Messages are not written to disk any more (why), or are again (None)."""
         if reason is None:
-            self._emit(StorageRecovered(self.me.name, now.unix_s))
+            self._events.append(StorageRecovered(self.me.name, now.unix_s))
         else:
-            self._emit(StorageFailed(self.me.name, now.unix_s, reason))
+            self._events.append(StorageFailed(self.me.name, now.unix_s, reason))
 
-    def save(self, now: Instant) -> None:
-        """Hand to the storage what has come in part; at the end."""
-        self._pull_context.reassembly.save(now.steady_s, at_once=True)
+    # --- what the time brings
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often, and at `wake_s`."""
-        self._pull_context.reassembly.save(now.steady_s)
         for peer in self._trigger.silenced(now.unix_s):
             self._tell_signal(peer, now)
-        self._tell_contacts()
+        self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
-        for puller in self._pullers.values():
-            puller.tick(now)
+        for link in self._links.values():
+            link.puller.tick(now)
+            self._tell(link, now)
         stored, self._sequence = self.database.sequence != self._sequence, self.database.sequence
-        for peer, server in self._servers.items():
-            server.tick(now)
-            if stored or server.is_due(now):
-                self._after_server(peer, now)
+        for link in self._links.values():
+            link.server.tick(now)
+            if stored or link.peer.events or link.server.is_due(now):
+                self._serve(link, now)
         self._pull_due(now)
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
-        times = [puller.wake_s for puller in self._pullers.values()]
-        times += [server.wake_s for server in self._servers.values()]
+        times = [link.puller.wake_s for link in self._links.values()]
+        times += [link.server.wake_s for link in self._links.values()]
         return min((each for each in times if each is not None), default=None)
 
     @property
     def pulling(self) -> list[str]:
         """The peers from which a pull is under way."""
-        return [peer for peer, puller in self._pullers.items() if puller.pull]
+        return [peer for peer, link in self._links.items() if link.puller.pull]
 
     @property
     def due_s(self) -> float:
@@ -287,30 +303,32 @@ class Gossip:
     @property
     def is_busy(self) -> bool:
         """Whether a sync is under way: call `tick` often then."""
-        pulling = any(puller.is_busy for puller in self._pullers.values())
-        return pulling or any(server.is_busy for server in self._servers.values())
+        return any(link.puller.is_busy or link.server.is_busy for link in self._links.values())
+
+    # --- what it wants and says
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
-        actions, events = list(self._actions), list(self._events)
-        self._actions.clear()
-        self._events.clear()
+        self._count()
+        actions, events = list(self._context.actions), self._events
+        self._context.actions.clear()
+        self._events, self._counted = [], 0
         return actions, events
 
     def links(
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
         """The state of every link; `ages_s` is what `ages_s` has answered just now."""
+        self._count()
         return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
         """The ages of the newest messages by peer and topic; any thread may ask at any time."""
         return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
 
-    def held(self, peer: str) -> dict[tuple[int, int], int]:
-        """What a peer is known to hold; see `PeerState.newest`."""
-        self._check(peer)
-        return self._known[peer].newest
+    def held(self, peer: str) -> dict[int, int]:
+        """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
+        return self._link(peer).peer.newest
 
     def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
         robot_id = self._team.robot(peer).robot_id
@@ -319,74 +337,84 @@ class Gossip:
             if record:
                 yield topic.name, now.unix_s - record.stamp_s
 
+    def _count(self) -> None:
+        """Bring the link table up to date."""
+        for peer, link in self._links.items():
+            if link.peer.bytes_in:
+                self._link_table.count(peer, bytes_in=link.peer.bytes_in)
+                link.peer.bytes_in = 0
+        for event in self._events[self._counted :]:
+            self._link_table.update(event)
+        self._counted = len(self._events)
+
     def _pull_due(self, now: Instant) -> None:
         for peer in self._trigger.due(now.unix_s, self._followed()):
             self.sync(peer, now)
 
     def _followed(self) -> set[str]:
         """The peers that push what they store."""
-        return {peer for peer, puller in self._pullers.items() if puller.followed}
+        return {peer for peer, link in self._links.items() if link.puller.followed}
 
-    def _tell_step(self, peer: str, step: Step, now: Instant) -> None:
-        """Tell what a step of a pull has brought."""
-        for reason in step.refusals:
-            self._refuse(peer, reason)
-        self._compare_config(peer, now)
-        for event in step.events:
-            self._emit(event)
+    def _serve(self, link: _Link, now: Instant) -> None:
+        """Send a peer what its pull is to get by datagrams, and tell what has become of it."""
+        for packet in link.server.transmit(now):
+            self._link_table.count(link.peer.name, bytes_out=len(packet))
+            self._context.actions.append(ReplyDatagram(link.peer.name, packet))
+        self._tell(link, now)
+
+    def _tell(self, link: _Link, now: Instant) -> None:
+        """Tell what has come of a peer's syncs."""
+        peer = link.peer
+        for reason in peer.refusals:
+            self._refuse(link, reason)
+        peer.refusals.clear()
+        if peer.config_mismatch or link.differs:
+            self._tell_mismatch(link, now)
+        for event in peer.events:
+            self._events.append(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
+        peer.events.clear()
 
-    def _after_server(self, peer: str, now: Instant) -> None:
-        server = self._servers[peer]
-        for packet in server.transmit(now):
-            self._link_table.count(peer, bytes_out=len(packet))
-            self._actions.append(ReplyDatagram(peer, packet))
-        for event in server.take():
-            self._emit(event)
-        self._compare_config(peer, now)
-
-    def _compare_config(self, peer: str, now: Instant) -> None:
+    def _tell_mismatch(self, link: _Link, now: Instant) -> None:
         """Say it when a peer turns out to have another team file, and at times once more."""
-        differs = self._known[peer].config_mismatch
-        if differs != self._differs[peer]:
-            self._differs[peer] = differs
-            self._link_table.measure(peer, team_differs=differs)
-        warned_s = self._warned_s.get(peer)
-        if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
-            self._warned_s[peer] = now.steady_s
-            LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer))
+        peer = link.peer
+        if peer.config_mismatch != link.differs:
+            link.differs = peer.config_mismatch
+            self._link_table.measure(peer.name, team_differs=link.differs)
+        recently = link.warned_s is not None and now.steady_s - link.warned_s <= REMIND_S
+        if link.differs and not recently:
+            link.warned_s = now.steady_s
+            LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer.name))
 
-    def _refuse(self, peer: str, reason: str) -> None:
-        self._link_table.count(peer, refused=1)
-        first = not self._refusals[peer]
-        self._refusals[peer] += 1
-        LOG.log(logging.WARNING if first else logging.DEBUG, "refused from %s: %s", peer, reason)
+    def _refuse(self, link: _Link, reason: str) -> None:
+        self._link_table.count(link.peer.name, refused=1)
+        level = logging.DEBUG if link.refused else logging.WARNING
+        link.refused = True
+        LOG.log(level, "refused from %s: %s", link.peer.name, reason)
 
     def _tell_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
         if record and known:
-            robot, topic = known
-            size = len(record.body)
-            self._emit(
-                MessageStored(robot.name, now.unix_s, robot.name, topic.name, record.header, size)
-            )
+            name, topic = self.me.name, known[1].name
+            stored = MessageStored(name, now.unix_s, name, topic, record.header, len(record.body))
+            self._events.append(stored)
 
     def _tell_signal(self, peer: str, now: Instant) -> None:
         rssi_dbm, reading = self._trigger.rssi_dbm(peer), self._trigger.reading(peer)
-        self._emit(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
+        self._events.append(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
 
-    def _tell_contacts(self) -> None:
+    def _tell_contacts(self, now: Instant) -> None:
         for event in self._trigger.news():
-            self._emit(event)
+            self._events.append(event)
             if isinstance(event, ContactEnded):
-                self._pullers[event.peer].unfollow()
+                link = self._links[event.peer]
+                link.puller.unfollow()
+                self._tell(link, now)
 
-    def _emit(self, event: LinkEvent) -> None:
-        self._link_table.update(event)
-        self._events.append(event)
-
-    def _check(self, peer: str) -> None:
-        if peer not in self._servers:
+    def _link(self, peer: str) -> _Link:
+        """What belongs to a peer. Raises UnknownRobotError."""
+        if peer not in self._links:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
+        return self._links[peer]

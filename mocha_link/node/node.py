@@ -17,12 +17,13 @@ from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.node.lifetime import Startable
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
-from mocha_link.store import batch, payload
+from mocha_link.store import batch, wire
 from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Record
+from mocha_link.store.record import Record
 from mocha_link.store.signature import Signer
 from mocha_link.store.storage import Storage, StorageError
+from mocha_link.store.wire import Header
 from mocha_link.team.keys import peer_keys, secret_key
 from mocha_link.team.team import Priority, Robot, Team
 
@@ -116,7 +117,7 @@ class Node(Startable):
                 name,
                 by_timer=radio is None,
                 timeout_s=timeout_s,
-                database=Database(team.history, self._storage),
+                database=Database(team.histories, self._storage),
                 signer=Signer(self._secret, robot) if self._secret else None,
                 datagrams=datagrams,
                 protected=self._peer_keys,
@@ -185,8 +186,6 @@ class Node(Startable):
         if self._transport:
             self._transport.close()
         if self._storage:
-            with self._lock:
-                self._gossip.save(self._now())
             self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
         self._broadcast.close()
 
@@ -213,9 +212,9 @@ class Node(Startable):
                 f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
                 "json.dumps(value).encode(), or what mocha_link.ros.typed.Typed(team).encode makes"
             ) from None
-        payload.check_size(data)
+        wire.check_size(data)
         large = len(data) >= LARGE_BYTES and not known.aggregate
-        frame = payload.compress(data) if large else None  # meanwhile the node goes on
+        frame = wire.compress(data) if large else None  # meanwhile the node goes on
         with self._lock:
             header = self._gossip.publish(known, data, self._now(), at_once=now, frame=frame)
         self._wake()
@@ -300,8 +299,8 @@ class Node(Startable):
         """
         with self._lock:
             newest = self._gossip.held(peer)
-        known = ((self.team.by_ids(*ids), stamp_ms) for ids, stamp_ms in newest.items())
-        return {(of[0].name, of[1].name): stamp_ms / 1000 for of, stamp_ms in known if of}
+        known = ((self.team.topics_by_key.get(key), stamp) for key, stamp in newest.items())
+        return {(of[0].name, of[1].name): stamp / 1000 for of, stamp in known if of}
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
         """Call back on the node's thread for every event; call the answer to end it.
@@ -346,7 +345,7 @@ class Node(Startable):
         if known is None:
             raise MochaLinkError(f"{record.header} is not of this team")
         robot, topic = known
-        data = payload.unpack(record.body)
+        data = wire.unpack(record.body)
         return Message(
             robot=robot.name,
             topic=topic.name,

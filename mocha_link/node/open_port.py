@@ -20,13 +20,13 @@ from mocha_link.node import kernel
 from mocha_link.node.caller import OWED_BYTES, Caller
 from mocha_link.node.port import BURST, DEAD_PEER_S, IDLE_MS, Port, early_listener
 from mocha_link.node.zmtp import Part, ZmtpError
-from mocha_link.store import payload
-from mocha_link.sync.server import Route
+from mocha_link.store import wire
+from mocha_link.sync.protocol import Route
 from mocha_link.team.team import Robot
 
 MAX_CONNECTIONS = 32  # of a port; most beyond that are of links that broke
 MAX_ALL_CONNECTIONS = 256  # of a node: each may hold a request that has come in part
-MAX_WAITING_BYTES = 2 * payload.MAX_BYTES  # replies of a node that its peers have not taken yet
+MAX_WAITING_BYTES = 2 * wire.MAX_BYTES  # replies of a node that its peers have not taken yet
 HANDSHAKE_S = 30.0  # as libzmq has it
 
 _MAX_ACCEPTED = 8  # in a turn

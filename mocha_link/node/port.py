@@ -21,7 +21,7 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
 from mocha_link.node.curve import protect_port
 from mocha_link.node.zmtp import Part
-from mocha_link.sync.server import Route
+from mocha_link.sync.protocol import Route
 from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Robot
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from hashlib import blake2b
 from math import inf
 
-from mocha_link.store import batch, payload
+from mocha_link.store import batch, wire
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Record, as_ms, next_stamp_ms
+from mocha_link.store.record import Record
+from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
 from mocha_link.team.team import Robot, Topic
 
 Sign = Callable[[bytes], bytes]
@@ -69,12 +70,12 @@ class Publisher:
 
         A message that comes before the topic's interval since the last stored one is over is held
         until then; the next one replaces it, or joins it if the topic says `aggregate`. `frame` is
-        what `payload.compress` made of the data, if the caller has called it.
+        what `wire.compress` made of the data, if the caller has called it.
 
         Raises:
             PayloadError: larger than any node would accept.
         """
-        payload.check_size(data)
+        wire.check_size(data)
         stored = []
         draft = self._held.get(topic.name)
         if draft and topic.aggregate and draft.size + len(data) > batch.FULL_BYTES:
@@ -145,12 +146,12 @@ class Publisher:
         return record
 
     def _record(self, topic: Topic, draft: _Draft) -> Record:
-        body = payload.pack(
+        body = wire.pack(
             topic.dtype,
             topic.priority,
             batch.pack(draft.parts) if topic.aggregate else draft.parts[0],
             stamp_ms=draft.stamp_ms,
-            ids=payload.Ids(self._robot.robot_id, topic.topic_id),
+            ids=(self._robot.robot_id, topic.topic_id),
             sign=self._signs.get(topic.name),
             frame=draft.frame,
         )
@@ -175,3 +176,12 @@ def _stamp_after(earlier: Record, now_s: float, data: bytes | memoryview) -> int
         return next_stamp_ms(now_s, earlier.stamp_ms)
     leap_ms = int.from_bytes(blake2b(data, digest_size=8).digest(), "big") % LEAP_MS
     return next_stamp_ms(now_s, earlier.stamp_ms + leap_ms)
+
+
+def next_stamp_ms(now_s: float, last_ms: int | None) -> int:
+    """The time that a new message gets: now, but later than the last one and safe for old nodes."""
+    stamp = as_ms(now_s)
+    if last_ms is not None:
+        stamp = max(stamp, last_ms + 1)
+    early = UNSAFE_MS - stamp % WRAP_MS
+    return stamp + early + 1 if early >= 0 else stamp

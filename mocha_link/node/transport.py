@@ -20,7 +20,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
 from mocha_link.node.resolver import Resolver
-from mocha_link.sync.actions import (
+from mocha_link.sync.protocol import (
     Action,
     Connect,
     Disconnect,

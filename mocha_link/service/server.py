@@ -26,7 +26,7 @@ from mocha_link.links.reading import Reading
 from mocha_link.node.lifetime import Startable
 from mocha_link.node.node import Node
 from mocha_link.service.endpoint import bind
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 
 READ_BYTES = 4096
 LINKS, EVENT = b"links", b"event"

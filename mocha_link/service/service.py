@@ -28,7 +28,7 @@ from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
 from mocha_link.service.server import EndpointServer
-from mocha_link.store.payload import MAX_BYTES
+from mocha_link.store.wire import MAX_BYTES
 from mocha_link.team.team import Ros
 
 MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request

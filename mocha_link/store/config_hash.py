@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import blake2b
 
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 from mocha_link.team.team import Team
 
 MARK_BYTES = 8

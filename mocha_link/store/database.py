@@ -11,23 +11,23 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from hashlib import blake2b
 from math import isfinite
 from operator import xor
 
-from mocha_link.store.index import Floors, Kept, WireOrder, follows, rank
-from mocha_link.store.reassembly_buffer import FragmentStore, StoredFragment
-from mocha_link.store.record import WRAP_MS, Header, Knowledge, Record, latest_ms
+from mocha_link.store.record import Floors, Kept, Knowledge, Record, WireOrder, follows
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
+from mocha_link.store.wire import WRAP_MS, Header, latest_ms
 
 GROUPS = 16
 """A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
 
-_STAMP_LIMIT_MS = 1 << 47
+STAMP_BITS = 47
+_STAMP_LIMIT_MS = 1 << STAMP_BITS
 # Numbers that a crash took back may have been told to peers: after a restart ours go on beyond
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
@@ -38,40 +38,27 @@ class Database:
     """Messages by robot and topic: the newest `history` versions of each. Any thread may use it.
 
     Args:
-        history: how many versions to keep of a robot id and topic id; default: 1.
+        histories: how many versions to keep, by topic key (see `record`); 1 of those not in it.
         storage: where a copy is kept; what it has is here at once. Its owner closes it.
     """
 
     def __init__(
-        self,
-        history: Callable[[int, int], int] | None = None,
-        storage: Storage | None = None,
+        self, histories: Mapping[int, int] | None = None, storage: Storage | None = None
     ) -> None:
-        self._history = history
+        self._histories = histories or {}
         self._storage: Storage | None = None
         self._epoch = secrets.randbits(64) or 1  # random: another database has other numbers
         self._sequence = 0  # number of the newest record
         self._lock = threading.Lock()
-        self._versions: dict[int, list[Kept]] = {}  # by topic key (see index), newest first
+        self._versions: dict[int, list[Kept]] = {}  # by topic key, newest first
         self._by_raw: dict[bytes, Kept] = {}  # by their headers
         self._by_number: dict[int, Kept] = {}  # in the order of the numbers
         self._floors = Floors()
         self._wire = WireOrder()
         self._groups: dict[int, list[int]] = {}  # digests by robot id
         self._knowledge: dict[str, Knowledge] = {}  # of peers' databases
-        self._parts: list[StoredFragment] = []  # loaded, until they are taken over
         if storage:
             self._begin(storage)
-
-    @property
-    def keeper(self) -> FragmentStore | None:
-        """Where parts of messages are kept; None if everything is in memory."""
-        return self._storage
-
-    def take_parts(self) -> list[StoredFragment]:
-        """Once, for a `ReassemblyBuffer`: what was kept of messages that have not come whole."""
-        parts, self._parts = self._parts, []
-        return parts
 
     @property
     def epoch(self) -> int:
@@ -126,7 +113,8 @@ class Database:
         with self._lock:
             if header.pack() in self._by_raw:
                 return False
-            return follows(header.stamp_ms(now_s), self._floors[key], latest_ms(now_s))
+            floor_ms = self._floors.stamps_ms[key]
+            return follows(header.stamp_ms(now_s), floor_ms, latest_ms(now_s))
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -152,7 +140,7 @@ class Database:
         with self._lock:
             if Header.at(robot_id, topic_id, stamp_ms).pack() in self._by_raw:
                 return False
-            floor_ms = self._floors[key]
+            floor_ms = self._floors.stamps_ms[key]
             if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.extrapolated:
                 return stamp_ms > floor_ms
             return follows(stamp_ms, floor_ms, latest_ms(now_s))
@@ -163,8 +151,14 @@ class Database:
         One with a header that is already here is the same message and not stored again; nor is
         one whose stamp is not the time of its header, or that was received at no time.
         """
+        header = record.header
+        wrapped_ms = header.seconds * 1000 + header.milliseconds
+        if record.stamp_ms % WRAP_MS != wrapped_ms or not 0 <= record.stamp_ms < _STAMP_LIMIT_MS:
+            return False
+        if not isfinite(record.received_s):
+            return False
         with self._lock:
-            return self._insert(record, latest_ms(now_s))
+            return self._keep(record, self._sequence + 1, now_s)
 
     def since(self, sequence: int) -> list[Record]:
         """Everything kept that got a number after `sequence`, in the order of the numbers."""
@@ -216,39 +210,29 @@ class Database:
     def learn(self, peer: str, knowledge: Knowledge) -> None:
         """Remember it. What it speaks of must have been inserted before."""
         with self._lock:
-            self._learn(peer, knowledge)
+            self._knowledge[peer] = knowledge
+            if self._storage:
+                self._storage.learn(peer, knowledge)
 
-    def _learn(self, peer: str, knowledge: Knowledge) -> None:
-        self._knowledge[peer] = knowledge
-        if self._storage:
-            self._storage.learn(peer, knowledge)
-
-    def _insert(self, record: Record, latest: int) -> bool:
-        header = record.header
-        time_ms = header.seconds * 1000 + header.milliseconds
-        if record.stamp_ms % WRAP_MS != time_ms or not 0 <= record.stamp_ms < _STAMP_LIMIT_MS:
-            return False
-        if not isfinite(record.received_s):
-            return False
-        return self._keep(record, self._sequence + 1, latest)
-
-    def _keep(self, record: Record, number: int, latest: int) -> bool:
+    def _keep(self, record: Record, number: int, now_s: float) -> bool:
         header = record.header
         raw = header.pack()
         if raw in self._by_raw:
             return False
         key = header.robot_id << 8 | header.topic_id
         versions = self._versions.get(key, [])
-        depth = max(1, self._history(header.robot_id, header.topic_id)) if self._history else 1
+        depth = max(1, self._histories.get(key, 1))
         place = len(versions)
-        while place and _newer(record, versions[place - 1].record, latest):
+        while place and _newer(record, versions[place - 1].record, now_s):
             place -= 1
         if place >= depth:
             return False
         self._sequence = number
-        kept = Kept(record, raw, rank(record, key), number)
+        # Sorts as the wire does: most urgent first, then newest first, then by key.
+        rank = -((record.priority << STAMP_BITS | record.stamp_ms) << 16 | key)
         if place == 0:
-            self._wire.changed(key, versions[0].rank if versions else None)
+            self._wire.changed.setdefault(key, versions[0].rank if versions else None)
+        kept = Kept(record, raw, rank, number)
         versions.insert(place, kept)
         self._versions[key] = versions
         self._by_raw[raw] = self._by_number[number] = kept
@@ -259,7 +243,7 @@ class Database:
         while len(versions) > depth:
             self._drop(versions.pop(), group)
         if len(versions) == depth:
-            self._floors[key] = versions[-1].record.stamp_ms
+            self._floors.stamps_ms[key] = versions[-1].record.stamp_ms
         return True
 
     def _drop(self, old: Kept, group: list[int]) -> None:
@@ -271,11 +255,9 @@ class Database:
     def _begin(self, storage: Storage) -> None:
         """Take what the file has; if not all of it could be read, as a database of another name."""
         found = storage.load(self._epoch)
-        latest = found.latest_ms()
         for number, record in found.records.items():
-            self._keep(record, number if found.epoch else self._sequence + 1, latest)
+            self._keep(record, number if found.epoch else self._sequence + 1, found.last_s)
         if found.epoch:
-            self._parts = found.parts
             self._epoch = found.epoch
             self._knowledge.update(found.knowledge)
             self._sequence = max(found.records, default=0) + _GAP + secrets.randbits(_GAP_BITS)
@@ -297,15 +279,12 @@ class Database:
                     same.add(number)
                 else:
                     storage.drop(number)
-            latest = found.latest_ms()
             for number, record in found.records.items():
                 if number not in same:
-                    self._keep(record, self._sequence + 1, latest)
+                    self._keep(record, self._sequence + 1, found.last_s)
             for number, kept in self._by_number.items():
                 if number not in same:
                     storage.put(number, kept.record)
-            for part in found.parts:  # the reassembly buffer knows nothing of them
-                storage.drop_parts(part.message_id, part.total)
             for peer, known in found.knowledge.items():
                 self._knowledge.setdefault(peer, replace(known, own_sequence=0))
             for peer, known in self._knowledge.items():
@@ -317,7 +296,7 @@ def digest(header: bytes) -> int:
     return int.from_bytes(blake2b(header, digest_size=8).digest(), "big")
 
 
-def _newer(record: Record, stored: Record, latest: int) -> bool:
+def _newer(record: Record, stored: Record, now_s: float) -> bool:
     if not record.extrapolated and not stored.extrapolated:
         return record.stamp_ms > stored.stamp_ms
-    return follows(record.stamp_ms, stored.stamp_ms, latest)
+    return follows(record.stamp_ms, stored.stamp_ms, latest_ms(now_s))

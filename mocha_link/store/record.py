@@ -1,106 +1,25 @@
-"""What a database holds: messages with their headers, and what is known of a peer's database.
+"""What a database holds, and two indexes for long header lists: what is newer, in what order.
 
-A header is the 6-byte name of a message on the wire: who, what, and when modulo 65536 seconds.
+Topics of robots are numbered here: key = robot id * 256 + topic id, as the first two bytes of a
+header read.
 """
 
 from __future__ import annotations
 
-import struct
+from array import array
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from operator import attrgetter
 
-from mocha_link.errors import MochaLinkError
+import numpy as np
 
-WRAP_S = 65536
-WRAP_MS = WRAP_S * 1000
-# A stamp is taken for the one between 15.2 h ago and 3 h ahead: old messages are common, messages
-# from the future only come from badly set clocks.
-AHEAD_MS = 3 * 3600 * 1000
-# Original nodes stop for good over a message in the first second of the 65536.
-UNSAFE_MS = 1000
+from mocha_link.store.wire import AHEAD_MS, WRAP_MS, Header
 
-_LAYOUT = struct.Struct(">BBHH")
-
-
-class HeaderError(MochaLinkError):
-    """Bytes or numbers that are not a message header."""
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """`seconds` is Unix time modulo 65536; `milliseconds` 0 to 999. Raises HeaderError."""
-
-    SIZE: ClassVar[int] = _LAYOUT.size
-
-    robot_id: int  # see `Team`
-    topic_id: int  # see `Team`
-    seconds: int
-    milliseconds: int
-
-    def __post_init__(self) -> None:
-        limits = (256, 256, WRAP_S, 1000)
-        values = (self.robot_id, self.topic_id, self.seconds, self.milliseconds)
-        for value, limit in zip(values, limits, strict=True):
-            if not 0 <= value < limit:
-                raise HeaderError(f"{value} in header {values} is not within 0 to {limit - 1}")
-
-    @classmethod
-    def at(cls, robot_id: int, topic_id: int, stamp_ms: int) -> Self:
-        """The header of a message of that time, in whole milliseconds of Unix time."""
-        seconds, milliseconds = divmod(stamp_ms % WRAP_MS, 1000)
-        return cls(robot_id, topic_id, seconds, milliseconds)
-
-    @classmethod
-    def parse(cls, raw: bytes) -> Self:
-        """Read the 6 bytes of the wire. Raises HeaderError."""
-        if len(raw) != cls.SIZE:
-            raise HeaderError(f"a header has {cls.SIZE} bytes, not {len(raw)}")
-        return cls(*_LAYOUT.unpack(raw))
-
-    def pack(self) -> bytes:
-        """The 6 bytes of the wire, big endian."""
-        return _LAYOUT.pack(self.robot_id, self.topic_id, self.seconds, self.milliseconds)
-
-    @property
-    def hangs_old_nodes(self) -> bool:
-        """Whether its time is in the first second after a wrap (see UNSAFE_MS)."""
-        return self.wrapped_ms <= UNSAFE_MS
-
-    def stamp_s(self, near_s: float) -> float:
-        """Unix seconds of the message, as it is seen at Unix time `near_s`."""
-        return self.stamp_ms(near_s) / 1000
-
-    def stamp_ms(self, near_s: float) -> int:
-        """The same in milliseconds."""
-        latest = latest_ms(near_s)
-        return latest - (latest - self.wrapped_ms) % WRAP_MS
-
-    @property
-    def wrapped_ms(self) -> int:
-        """Its time in milliseconds, modulo 65536 s."""
-        return self.seconds * 1000 + self.milliseconds
-
-    def __str__(self) -> str:
-        return self.pack().hex()
-
-
-def as_ms(unix_s: float) -> int:
-    """Whole milliseconds, without losing one to binary fractions."""
-    return round(unix_s * 1_000_000) // 1000
-
-
-def latest_ms(now_s: float) -> int:
-    """The latest stamp that a header may stand for at Unix `now_s`; no stamp is before 1970."""
-    return max(as_ms(now_s) + AHEAD_MS, WRAP_MS - 1)
-
-
-def next_stamp_ms(now_s: float, last_ms: int | None) -> int:
-    """The time that a new message gets: now, but later than the last one and safe for old nodes."""
-    stamp = as_ms(now_s)
-    if last_ms is not None:
-        stamp = max(stamp, last_ms + 1)
-    early = UNSAFE_MS - stamp % WRAP_MS
-    return stamp + early + 1 if early >= 0 else stamp
+KEYS = 65_536
+_UNSET_MS = 50 * 365 * 86_400_000  # a clock that says 1970 or soon after was never set
+_FUTURE_MS = AHEAD_MS // 3
+_TURNED_MS = WRAP_MS - 2 * AHEAD_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,3 +62,139 @@ class Knowledge:
         for value in (self.epoch, self.sequence, self.own_sequence):
             if not 0 <= value < 1 << 64:
                 raise ValueError(f"{value} is not within 0 to 2**64 - 1")
+
+
+@dataclass(slots=True)
+class Kept:
+    """A record in the database with what is computed from it once."""
+
+    record: Record
+    raw: bytes  # its header
+    rank: int  # its place in the wire order
+    number: int  # in the sequence of what was stored
+
+
+def today(stamp_ms: int, latest_ms: int) -> int:
+    """A stamp as its header is seen now, if the node that made it up had another idea of the time.
+
+    It is from beyond `latest_ms`, because our clock was set back since, or from a clock that was
+    not set at all.
+    """
+    if stamp_ms > latest_ms or stamp_ms < _UNSET_MS:
+        return latest_ms - (latest_ms - stamp_ms) % WRAP_MS
+    return stamp_ms
+
+
+def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
+    """Whether a stamp is newer than the stored one, where a header is all that is known of it.
+
+    Both are seen as of now. If one of them is more than an hour in the future, a clock is wrong,
+    and the border between past and future may run between the two: what seems more than 12 h older
+    is newer then, and the other way round. If our clock is not set at all, the shorter way round
+    the 18 h counts.
+    """
+    if stored_ms < 0:
+        return True
+    seen, stored = today(stamp_ms, latest_ms), today(stored_ms, latest_ms)
+    border_ms, far_ms = _turn(latest_ms)
+    turned = max(seen, stored) > border_ms and far_ms <= abs(seen - stored) < WRAP_MS
+    return (seen > stored) != turned
+
+
+def _turn(latest_ms: int) -> tuple[int, int]:
+    """Beyond which time, and how far apart, two stamps are the other way round."""
+    if latest_ms < _UNSET_MS:
+        return -1, WRAP_MS // 2
+    return latest_ms - AHEAD_MS + _FUTURE_MS, _TURNED_MS
+
+
+class Floors:
+    """For every topic the stamp that a version must exceed to be among those that are kept."""
+
+    def __init__(self) -> None:
+        self.stamps_ms = array("q", [-1]) * KEYS  # by topic key; -1: any
+        self._view = np.frombuffer(self.stamps_ms, np.int64)  # the same, for numpy
+
+    def exceeded(self, headers: bytes, latest_ms: int) -> list[bytes]:
+        """Those of the headers whose time exceeds the floor, and those whose time is impossible.
+
+        A time is taken for the last one up to `latest_ms`.
+        """
+        fields = np.frombuffer(headers, ">u2").reshape(-1, 3).astype(np.int64)
+        milliseconds = fields[:, 2]
+        seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
+        floors = self._view[fields[:, 0]]
+        # As `follows` does.
+        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (floors >= 0))
+        stored = np.where(strange, latest_ms - (latest_ms - floors) % WRAP_MS, floors)
+        apart = np.abs(seen - stored)
+        border_ms, far_ms = _turn(latest_ms)
+        turned = (np.maximum(seen, stored) > border_ms) & (floors >= 0)
+        turned &= (apart >= far_ms) & (apart < WRAP_MS)
+        chosen = ((seen > stored) ^ turned) | (milliseconds > 999)
+        raws: list[bytes] = np.frombuffer(headers, f"V{Header.SIZE}")[chosen].tolist()
+        return raws
+
+    @staticmethod
+    def newest_of_each(headers: Sequence[bytes], latest_ms: int) -> list[bytes]:
+        """Of several headers of a topic only the newest, at the place of the first."""
+        fields = np.frombuffer(b"".join(headers), ">u2").reshape(-1, 3).astype(np.int64)
+        keys = fields[:, 0]
+        if np.bincount(keys).max(initial=0) < 2:
+            return list(headers)
+        ages = (latest_ms - fields[:, 1] * 1000 - fields[:, 2]) % WRAP_MS
+        best: dict[int, tuple[int, bytes]] = {}
+        for key, age, raw in zip(keys.tolist(), ages.tolist(), headers, strict=True):
+            if key not in best or age < best[key][0]:
+                best[key] = (age, raw)
+        return [raw for _, raw in best.values()]
+
+
+class WireOrder:
+    """The newest version of every topic, sorted. Brought up to date only on request.
+
+    Attributes:
+        changed: topics that have another newest version, by key, with the rank of the one that is
+            in the lists, if any is.
+    """
+
+    def __init__(self) -> None:
+        self._ranks: list[int] = []  # sorted
+        self._records: list[Record] = []  # in the same order
+        self._raws = bytearray()  # their headers in a row
+        self._headers = b""  # copy of `_raws`
+        self.changed: dict[int, int | None] = {}
+
+    def records(self, versions: Mapping[int, Sequence[Kept]]) -> tuple[Record, ...]:
+        """The newest records in order. `versions` by topic key, newest first."""
+        self._update(versions)
+        return tuple(self._records)
+
+    def headers(self, versions: Mapping[int, Sequence[Kept]]) -> bytes:
+        """Their headers in order."""
+        self._update(versions)
+        return self._headers
+
+    def _update(self, versions: Mapping[int, Sequence[Kept]]) -> None:
+        if not self.changed:
+            return
+        if len(self.changed) > 16 + len(self._ranks) // 16:
+            newest = sorted((each[0] for each in versions.values()), key=attrgetter("rank"))
+            self._ranks = [kept.rank for kept in newest]
+            self._records = [kept.record for kept in newest]
+            self._raws = bytearray(b"".join([kept.raw for kept in newest]))
+        else:
+            for key, old_rank in self.changed.items():
+                self._move(old_rank, versions[key][0])
+        self.changed.clear()
+        self._headers = bytes(self._raws)
+
+    def _move(self, old_rank: int | None, newest: Kept) -> None:
+        if old_rank is not None:
+            place = bisect_left(self._ranks, old_rank)
+            del self._ranks[place], self._records[place]
+            del self._raws[place * Header.SIZE : (place + 1) * Header.SIZE]
+        place = bisect_left(self._ranks, newest.rank)
+        self._ranks.insert(place, newest.rank)
+        self._records.insert(place, newest.record)
+        self._raws[place * Header.SIZE : place * Header.SIZE] = newest.raw

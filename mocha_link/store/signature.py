@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mocha_link.store import payload
-from mocha_link.store.payload import Body, PayloadError, Trailer
-from mocha_link.store.record import Header
+from mocha_link.store import wire
+from mocha_link.store.wire import Body, Header, PayloadError, Trailer
 from mocha_link.team.keys import SecretKey, public_key
 from mocha_link.team.team import Robot, Team, Topic, Trust
 
@@ -71,8 +70,14 @@ class Verifier:
         elif trailer is None or trailer.signature is None:
             if self._team.trust is Trust.SIGNED:
                 raise SignatureError(f"not signed by {robot.name}, handed on by {handed_by}")
-        elif not key.proves(trailer.signature, _about(robot, topic) + payload.statement(body)):
-            raise SignatureError(f"the signature is not of {robot.name}, handed on by {handed_by}")
+        else:
+            view = memoryview(body)
+            frame = view[wire.PREFIX : trailer.at]
+            statement = wire.statement(view[: wire.PREFIX], trailer.stamp_ms, frame)
+            if not key.proves(trailer.signature, _about(robot, topic) + statement):
+                raise SignatureError(
+                    f"the signature is not of {robot.name}, handed on by {handed_by}"
+                )
 
 
 def _about(robot: Robot, topic: Topic) -> bytes:

@@ -20,7 +20,6 @@ from pathlib import Path
 
 from mocha_link.store import storage_file
 from mocha_link.store.config_hash import TeamConfig
-from mocha_link.store.reassembly_buffer import StoredFragment
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage_file import (
     Changes,
@@ -148,19 +147,6 @@ class Storage:
             self._pending.knowledge[peer] = knowledge
             self._tell()
 
-    def keep_part(self, part: StoredFragment) -> None:
-        """For the reassembly buffer: a part of a message that has not come whole."""
-        with self._changed:
-            self._pending.parts.append(part)
-            self._tell()
-
-    def drop_parts(self, message_id: int, total: int) -> None:
-        """For the reassembly buffer: the parts of a message that need not be kept any longer."""
-        with self._changed:
-            self._pending.part_drops.add((message_id, total))
-            self._pending.parts = [p for p in self._pending.parts if p[:2] != (message_id, total)]
-            self._tell()
-
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until all that the database took before this call is on disk; whether it is.
 
@@ -246,9 +232,6 @@ class Storage:
         for number in changes.puts.keys() - self._pending.drops:
             self._pending.puts[number] = changes.puts[number]
         self._pending.drops |= changes.drops
-        self._pending.part_drops |= changes.part_drops
-        # Parts would fill the memory; they come again from peers if need be.
-        self._pending.parts.clear()
         self._pending.knowledge = changes.knowledge | self._pending.knowledge
 
     def _reopen(self) -> StorageFile:

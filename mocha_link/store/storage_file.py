@@ -6,8 +6,6 @@ Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOC
                received_s, body (as on the wire), checksum (CRC-32 of all the others)
     knowledge  peer, and epoch, sequence, own_sequence (u64 as 8 bytes, big endian), checksum
     about      epoch of the database (8 bytes), one row
-    part       of a message that has not come whole: message id (8 bytes), size of the whole,
-               offset, checksum, data
     terms      what the ids stand for (JSON) and a digest of the team's configuration, one row
 
 The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
@@ -22,7 +20,7 @@ import os
 import sqlite3
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,9 +28,8 @@ from typing import Any
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.store.config_hash import TeamConfig
-from mocha_link.store.payload import STAMP_MASK, is_body
-from mocha_link.store.reassembly_buffer import StoredFragment
-from mocha_link.store.record import Header, HeaderError, Knowledge, Record, latest_ms
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.wire import Header, HeaderError
 
 VERSION = 1
 APPLICATION_ID = int.from_bytes(b"MOCH", "big")
@@ -43,7 +40,6 @@ SPARE_PAGES = 256
 
 _MAGIC = b"SQLite format 3\0"
 _CHECKED = struct.Struct(">QBBQ?Bd")
-_PART = struct.Struct(">QII")
 _ALTERED = (struct.error, TypeError, ValueError, OverflowError, HeaderError)
 _TABLES = (
     """CREATE TABLE about (one INTEGER PRIMARY KEY CHECK (one = 1), epoch BLOB NOT NULL)""",
@@ -55,9 +51,6 @@ _TABLES = (
         stamp_ms INTEGER NOT NULL, inferred INTEGER NOT NULL, priority INTEGER NOT NULL,
         received_s REAL NOT NULL, checksum INTEGER NOT NULL, body BLOB NOT NULL)""",
 )
-_PARTS = """CREATE TABLE IF NOT EXISTS part (
-    long BLOB NOT NULL, total INTEGER NOT NULL, start INTEGER NOT NULL, checksum INTEGER NOT NULL,
-    data BLOB NOT NULL, PRIMARY KEY (long, total, start))"""
 _TERMS = """CREATE TABLE IF NOT EXISTS terms (
     one INTEGER PRIMARY KEY CHECK (one = 1), mark BLOB NOT NULL, names TEXT NOT NULL)"""
 
@@ -97,13 +90,11 @@ class Contents:
     epoch: int | None = None
     records: dict[int, Record] = field(default_factory=dict)  # by number
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
-    parts: list[StoredFragment] = field(default_factory=list)  # of messages not complete yet
 
-    def latest_ms(self) -> int:
-        """The latest stamp that a header could stand for when the last message came."""
-        if not self.records:
-            return 0
-        return latest_ms(self.records[max(self.records)].received_s)
+    @property
+    def last_s(self) -> float:
+        """Unix seconds at which the last message came; 0 if there is none."""
+        return self.records[max(self.records)].received_s if self.records else 0.0
 
 
 @dataclass(slots=True)
@@ -113,8 +104,6 @@ class Changes:
     drops: set[int] = field(default_factory=set)  # numbers of records
     puts: dict[int, Record] = field(default_factory=dict)  # by number
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
-    part_drops: set[tuple[int, int]] = field(default_factory=set)  # message id, total
-    parts: list[StoredFragment] = field(default_factory=list)  # of messages not complete yet
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -161,7 +150,7 @@ class StorageFile:
             for table in _TABLES:
                 run(table)
         run(_TERMS)
-        run(_PARTS)
+        run("DROP TABLE IF EXISTS part")  # of earlier releases
         run("COMMIT")
 
     def read(self, contents: Contents) -> None:
@@ -181,9 +170,6 @@ class StorageFile:
                 contents.knowledge[row[0]] = _knowledge(*row)
             except _ALTERED:
                 altered += 1
-        for row in run("SELECT long, total, start, checksum, data FROM part ORDER BY rowid"):
-            with suppress(*_ALTERED):  # it will come again
-                contents.parts.append(_part(*row))
         found = self._value("PRAGMA quick_check(1)")
         if altered or found != "ok":
             what = f"{altered} entries are altered" if altered else found
@@ -209,19 +195,12 @@ class StorageFile:
         void = [n for n, r in contents.records.items() if not config.keeps(r.header, earlier or {})]
         for number in void:
             del contents.records[number]
-        strange = {
-            (part.message_id, part.total)
-            for part in contents.parts
-            if not config.keeps(_header_of(part.message_id), earlier or {})
-        }
-        contents.parts = [p for p in contents.parts if (p.message_id, p.total) not in strange]
         if earlier is None:
             raise StorageDamagedError(_damaged(self._path, "its configuration is altered"))
         run("BEGIN IMMEDIATE")
         run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (config.mark, config.text))
         run("DELETE FROM knowledge")
         self._connection.executemany("DELETE FROM record WHERE number = ?", ((n,) for n in void))
-        self._drop_parts(strange)
         run("COMMIT")
         return len(void)
 
@@ -235,8 +214,7 @@ class StorageFile:
             # The journal may have the room that is missing.
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             self._commit(changes)
-        dropped = changes.drops or changes.part_drops
-        spare = self._value("PRAGMA freelist_count") if dropped else 0
+        spare = self._value("PRAGMA freelist_count") if changes.drops else 0
         if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
             self._connection.execute(f"PRAGMA incremental_vacuum({spare})").fetchall()
 
@@ -253,25 +231,11 @@ class StorageFile:
                 "INSERT OR REPLACE INTO knowledge VALUES (?, ?, ?, ?, ?)",
                 (_knowledge_row(peer, known) for peer, known in changes.knowledge.items()),
             )
-            self._drop_parts(changes.part_drops)
-            run_many(
-                "INSERT OR REPLACE INTO part VALUES (?, ?, ?, ?, ?)",
-                (
-                    (_u64(part.message_id), part.total, part.start, _part_checksum(part), part.data)
-                    for part in changes.parts
-                ),
-            )
             run("COMMIT")
         except BaseException:
             with suppress(sqlite3.Error):  # SQLite may have done it by itself
                 run("ROLLBACK")
             raise
-
-    def _drop_parts(self, keys: Iterable[tuple[int, int]]) -> None:
-        self._connection.executemany(
-            "DELETE FROM part WHERE long = ? AND total = ?",
-            ((_u64(message_id), total) for message_id, total in keys),
-        )
 
     def close(self) -> None:
         """Give the file up; what was not committed is gone."""
@@ -348,22 +312,6 @@ def _knowledge(peer: str, *row: Any) -> Knowledge:
     if _knowledge_row(peer, known) != (peer, *row):
         raise ValueError("altered")
     return known
-
-
-def _part(message_id: bytes, total: int, start: int, checksum: int, data: bytes) -> StoredFragment:
-    part = StoredFragment(int.from_bytes(message_id, "big"), total, start, data)
-    fits = start >= 0 and data and start + len(data) <= total and is_body(part.message_id, total)
-    if not fits or checksum != _part_checksum(part):
-        raise ValueError("altered")
-    return part
-
-
-def _part_checksum(part: StoredFragment) -> int:
-    return zlib.crc32(part.data, zlib.crc32(_PART.pack(*part[:3])))
-
-
-def _header_of(message_id: int) -> Header:
-    return Header.at(message_id >> 56, message_id >> 48 & 0xFF, message_id & STAMP_MASK)
 
 
 def _checksum(number: int, fields: Sequence[object], body: bytes | memoryview) -> int:

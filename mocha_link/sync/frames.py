@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.links.metrics import LinkEvent
-from mocha_link.store.payload import is_body
 from mocha_link.store.reassembly_buffer import Fragment
+from mocha_link.store.record import Record
+from mocha_link.sync.protocol import Frame
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW = range(1, 10)  # kinds of frames
 ROUNDS = 8  # OPENs of one pull
@@ -29,13 +27,11 @@ LARGE_BYTES = 32_768  # data from this size on are parts of their own, where fra
 MAX_LARGE = 48  # of them in one frame
 
 _MESSAGE = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
-_CHUNKS = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
-_COVERED = 5  # the checksum is over what follows it
+CHUNKS_HEAD = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
+COVERED = 5  # the checksum is over what follows it
 WHOLE = struct.Struct(">QI")  # message id, size
 PIECE = struct.Struct(">QIII")  # message id, size of the whole, offset, size of the piece
-MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _MESSAGE.size, _CHUNKS.size
-
-Frame = bytes | memoryview
+MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _MESSAGE.size, CHUNKS_HEAD.size
 
 
 class SyncFrameError(MochaLinkError):
@@ -45,6 +41,11 @@ class SyncFrameError(MochaLinkError):
 def message_id_of(robot_id: int, topic_id: int, stamp_ms: int) -> int:
     """The id of a message of a robot."""
     return robot_id << 56 | topic_id << 48 | stamp_ms
+
+
+def record_id(record: Record) -> int:
+    """The message id of a record."""
+    return message_id_of(record.header.robot_id, record.header.topic_id, record.stamp_ms)
 
 
 class SyncMessage(NamedTuple):
@@ -91,7 +92,7 @@ class MessageAssembler:
         if kind not in self._kinds:
             raise SyncFrameError(f"a frame of kind {kind}")
         view = memoryview(frame)
-        if zlib.crc32(view[_COVERED:], kind) != checksum:
+        if zlib.crc32(view[COVERED:], kind) != checksum:
             raise SyncFrameError("a damaged frame")
         part = view[MESSAGE_HEADER_BYTES:]
         end = offset + len(part)
@@ -110,37 +111,6 @@ class MessageAssembler:
         content = fragment.whole()
         self._open[kind] = (round_, fragment if content is None else None)
         return None if content is None else SyncMessage(kind, round_, content)
-
-
-class Chunks(NamedTuple):
-    """A frame of chunks, `number` of its round.
-
-    `data` has the whole messages one after another, then the pieces; `more` goes on with them.
-    """
-
-    round: int
-    number: int
-    wholes: list[tuple[int, int]]  # message id, size
-    pieces: list[tuple[int, int, int, int]]  # message id, size of the whole, offset, size
-    data: memoryview
-    more: tuple[memoryview, ...] = ()
-
-    def contents(self) -> Iterator[memoryview]:
-        """The data of each whole message, then of each piece; copied only across parts."""
-        parts = [self.data, *self.more]
-        sizes = [size for _, size in self.wholes] + [piece[-1] for piece in self.pieces]
-        index = at = 0
-        for size in sizes:
-            found: list[memoryview] = []
-            missing = size
-            while missing:
-                piece = parts[index][at : at + missing]
-                found.append(piece)
-                missing -= len(piece)
-                at += len(piece)
-                if at == len(parts[index]):
-                    index, at = index + 1, 0
-            yield found[-1] if len(found[-1]) == size else memoryview(b"".join(found))
 
 
 def chunks_parts(
@@ -172,47 +142,3 @@ def chunks_parts(
     if small:
         parts.append(b"".join(small))
     return parts
-
-
-def own(view: Frame) -> Frame:
-    """The same bytes, as something that does not keep much more than them in memory."""
-    whole = view.obj if isinstance(view, memoryview) else view
-    if len(view) >= LARGE_BYTES and len(view) * 8 >= len(whole) * 7:  # type: ignore[arg-type]
-        return view
-    return bytes(view)
-
-
-def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
-    """Read a frame of chunks that may be in several parts. Raises SyncFrameError."""
-    if len(frame) < CHUNKS_BYTES:
-        raise SyncFrameError(f"a frame of {len(frame)} bytes")
-    kind, checksum, round_, number, whole_count, piece_count = _CHUNKS.unpack_from(frame)
-    middle = CHUNKS_BYTES + whole_count * WHOLE.size
-    end = middle + piece_count * PIECE.size
-    view = memoryview(frame)
-    if end > len(frame) or kind != CHUNKS or zlib.crc32(view[_COVERED:end], kind) != checksum:
-        raise SyncFrameError("a damaged frame")
-    wholes = list(WHOLE.iter_unpack(view[CHUNKS_BYTES:middle]))
-    pieces = list(PIECE.iter_unpack(view[middle:end]))
-    sizes = [size for _, size in wholes]
-    if 0 in sizes:
-        raise SyncFrameError("a message of 0 bytes")
-    size = sum(sizes)
-    for message_id, total, offset, length in pieces:
-        if offset + length > total or not length or not is_body(message_id, total):
-            raise SyncFrameError(f"a piece of {length} bytes at {offset} of {total}")
-        size += length
-    room = len(frame) - end + sum(map(len, more))
-    if size != room:
-        raise SyncFrameError(f"chunks of {size} bytes in a frame with {room}")
-    return Chunks(round_, number, wholes, pieces, view[end:], tuple(map(memoryview, more)))
-
-
-@dataclass(slots=True)
-class Step:
-    """Frames and datagrams to send, events to tell, refusals to count."""
-
-    frames: list[bytes] = field(default_factory=list)  # for the connection
-    events: list[LinkEvent] = field(default_factory=list)  # for listeners
-    refusals: list[str] = field(default_factory=list)  # in words
-    packets: list[bytes] = field(default_factory=list)  # datagrams

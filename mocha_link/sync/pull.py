@@ -9,213 +9,145 @@ pull before has left standing it says SYNC1 alone.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Literal
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_events import Direction, SyncEnded, SyncTimedOut
+from mocha_link.links.link_events import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.links.metrics import throughput_bytes_s
-from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.sync.client import ClientSession
-from mocha_link.sync.credit import Credit
-from mocha_link.sync.frames import Frame, Step
-from mocha_link.sync.peer_state import PeerState
-from mocha_link.sync.protocol import ID_BYTES, SERRM, SYNC1, SYNCC, SYNCF, request
-from mocha_link.sync.sync_receiver import SyncReceiver, Verify
-from mocha_link.team.team import Team
+from mocha_link.sync.original import ClientSession
+from mocha_link.sync.peer import Credit, Peer
+from mocha_link.sync.protocol import (
+    ID_BYTES,
+    SERRM,
+    SYNC1,
+    SYNCC,
+    SYNCF,
+    Frame,
+    SendDatagram,
+    request,
+)
+from mocha_link.sync.sync_receiver import SyncReceiver
 
 Path = Literal["original", "zmq", "udp"]
 
-NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
 LOOK_S = 0.025  # a connection that stands within this time tells that an unknown peer is near
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
 MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
-MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
-RETRY_EVERY = 8  # then they are tried again only so often
 STANDS_S = 3.0  # without a byte for longer, a connection that stood is taken for gone
 
 
-@dataclass(slots=True)
-class PathStats:
-    """What earlier pulls have shown of the way to a peer."""
-
-    rtt_s: float | None = None  # the lowest of the last pull
-    rate_bytes_s: float | None = None  # of the last pull that moved enough
-    udp_misses: int = 0  # pulls in a row without a datagram
-    cut: dict[int, int] = field(default_factory=dict)  # see `client.PathHistory`
-
-    @property
-    def is_near(self) -> bool:
-        """Whether round trips are so short that connections serve best."""
-        return self.rtt_s is not None and self.rtt_s < NEAR_S
-
-    def may_use_datagrams(self) -> bool:
-        """Whether to try datagrams; asked once per pull."""
-        if self.udp_misses < MAX_MISSES:
-            return True
-        self.udp_misses += 1
-        return self.udp_misses % RETRY_EVERY == 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PullContext:
-    """What the pulls of a node share."""
-
-    own: str
-    team: Team
-    database: Database
-    reassembly: ReassemblyBuffer
-    new_id: Callable[[], bytes]
-    timeout_s: float
-    follow: bool = True
-
-
 class Pull:
-    """Brings over everything that is new at a peer; make one per pull, it is `over` at its end.
-
-    It is `broken` as well if it broke off. One that `follows` goes on taking in what the peer
-    stores after its end.
+    """Brings over everything that is new at a peer; make one per pull.
 
     Args:
-        original: the peer is known to run the original node: do not try anything newer.
-        datagrams: there is a socket for them.
         standing: the connection of the pull before stands, and the peer is a new node.
         budget: bytes that may come in; 0: no limit.
+
+    Attributes:
+        id: names it in every frame of a sync; empty if only the original protocol is tried.
+        over: it has ended, or broken off. One that `follows` goes on taking in what is stored.
+        broken: it has broken off.
+        standing: it relies on a connection of which is not known yet whether it still stands.
+        path: what the exchange goes over; None until it is known.
+        alive_s: when the peer was heard last, steady seconds.
+        flow: of datagrams, once one leaves.
     """
 
-    def __init__(  # noqa: PLR0913 - all it needs to know, once
-        self,
-        peer: str,
-        pull_context: PullContext,
-        path_stats: PathStats,
-        peer_state: PeerState,
-        *,
-        verify: Verify | None,
-        original: bool,
-        datagrams: bool,
-        standing: bool = False,
-        budget: int,
-    ) -> None:
-        self.peer = peer
-        self.id = b""  # names it in every frame
+    def __init__(self, peer: Peer, *, standing: bool = False, budget: int = 0) -> None:
+        self.id = b""
         self.over = False
         self.broken = False
-        self.standing = standing  # on a connection of which is not known yet whether it still does
-        # None until it is known
-        self.path: Path | None = "original" if original else "zmq" if standing else None
-        self.alive_s = 0.0  # when the peer was heard, steady clock
-        self.flow: Flow | None = None  # of datagrams, once one leaves
-        self._path_stats = path_stats
-        self._peer_state = peer_state
-        self._timeout_s = pull_context.timeout_s  # without a byte
-        self._session = ClientSession(
-            peer,
-            pull_context.own,
-            team=pull_context.team,
-            database=pull_context.database,
-            new_id=pull_context.new_id,
-            timeout_s=pull_context.timeout_s,
-            path_stats=path_stats,
-            verify=verify,
-            budget=budget,
-        )
-        self._receiver = SyncReceiver(
-            peer,
-            team=pull_context.team,
-            database=pull_context.database,
-            reassembly=pull_context.reassembly,
-            peer_state=peer_state,
-            verify=verify,
-            budget=budget,
-            room=MESSAGE_ROOM,
-            follow=pull_context.follow,
-        )
-        may = datagrams and not original and not standing
-        self._datagrams = may and path_stats.may_use_datagrams()
-        self._credit = Credit(path_stats.rate_bytes_s, path_stats.rtt_s)
+        self.standing = standing
+        self.path: Path | None = "original" if peer.original else "zmq" if standing else None
+        self.alive_s = 0.0
+        self.flow: Flow | None = None
+        self._peer = peer
+        self._session = ClientSession(peer, budget)
+        self._receiver = SyncReceiver(peer, room=MESSAGE_ROOM, budget=budget)
+        may = peer.datagrams and not peer.original and not standing
+        self._datagrams = may and peer.may_use_datagrams()
+        self._credit = Credit(peer.rate_bytes_s, peer.rtt_s)
         self._outbox: deque[bytes] = deque()  # frames for datagrams
         self._datagrams_at_s: float | None = None  # when the first leaves
         self._refused = False  # by SERRM: an original node
         self._began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
-    def start(self, now: Instant) -> Step:
-        """Begin; the frames are for a fresh connection, or for the one that stands."""
+    def start(self, now: Instant, *, again: bool = False) -> None:
+        """Begin on a fresh connection or the one that stands; `again`: that is no news."""
         self._began_s = self.alive_s = now.steady_s
-        step = self._session.start(now)
+        if not again:
+            started = SyncStarted(self._peer.name, now.unix_s, Direction.IN)
+            self._peer.events.append(started)
+        headers_request = self._session.start(now)
         if self.path == "original":
-            return step
-        self.id = step.frames[0][:ID_BYTES]
-        if self.standing:
-            step.frames.clear()
-        acquainted = self._peer_state.address_token != 0
-        opening = self._receiver.open(now).frames
-        first = request(self.id, SYNC1, self._credit.grant + opening[0])
-        rest = [request(self.id, SYNCF, frame) for frame in opening[1:]]
-        step.frames[:0] = [first, *rest]
+            self._peer.send(headers_request)
+            return
+        self.id = headers_request[:ID_BYTES]
+        acquainted = self._peer.address_token != 0
+        opening = self._receiver.open(now)
+        self._peer.send(request(self.id, SYNC1, self._credit.grant + opening[0]))
+        self._send_frames(opening[1:])
+        if not self.standing:
+            self._peer.send(headers_request)
         if self._datagrams:
             self._outbox.extend(opening)
             size = sum(map(len, opening))
             if not acquainted and size < MESSAGE_ROOM:
                 # The peer sends little more than it got before it knows that it is us.
                 self._outbox.append(bytes(MESSAGE_ROOM - size))
-            known = self._path_stats.rtt_s is not None
-            wait_s = PATIENCE_S if self._path_stats.is_near else 0.0 if known else LOOK_S
+            known = self._peer.rtt_s is not None
+            wait_s = PATIENCE_S if self._peer.is_near else 0.0 if known else LOOK_S
             self._datagrams_at_s = now.steady_s + wait_s
-            step.packets += self._due_datagrams(now)
-        return step
+            self.transmit(now)
 
-    def reply(self, parts: Sequence[Frame], now: Instant) -> Step:
+    def reply(self, parts: Sequence[Frame], now: Instant) -> None:
         """Take in the body parts of a reply on the connection.
 
         A good one has one part; only frames of a sync may have more.
         """
         frame: Frame = parts[0] if parts else b""
         if self.path == "original":
-            return self._reply_of_original(parts, now)
-        if frame[:ID_BYTES] != self.id:
-            return self._refuse("a reply to nothing that was asked", now)
-        if frame[ID_BYTES:] == SERRM and len(parts) == 1:
-            return self._reply_of_refusal(now)
-        if self._refused:
+            self._reply_of_original(parts, now)
+        elif frame[:ID_BYTES] != self.id:
+            self._peer.refusals.append("a reply to nothing that was asked")
+            self.fail("the peer answered what was not asked", now)  # the connection is ours alone
+        elif frame[ID_BYTES:] == SERRM and len(parts) == 1:
+            self._reply_of_refusal(now)
+        elif self._refused:
             self.path = "original"
-            return self._reply_of_original(parts, now)
-        first, self.path = self.path is None, "zmq"
-        step = self._take(memoryview(frame)[ID_BYTES:], now, parts[1:])
-        if first and step.refusals:
-            broken = self.fail("what answers there is not a node", now)
-            return Step(events=broken.events, refusals=step.refusals)
-        step.frames = [request(self.id, SYNCF, each) for each in step.frames]
-        size = sum(map(len, parts))
-        if self._credit.take(size, now.steady_s, self._path_stats.rtt_s) and self.goes_on:
-            step.frames.append(request(self.id, SYNCC, self._credit.grant))
-        return step
+            self._reply_of_original(parts, now)
+        else:
+            first, self.path = self.path is None, "zmq"
+            refusals = len(self._peer.refusals)
+            frames = self._take(memoryview(frame)[ID_BYTES:], now, parts[1:])
+            if first and len(self._peer.refusals) > refusals:
+                self.fail("what answers there is not a node", now)
+                return
+            if frames:
+                self._send_frames(frames)
+            size = sum(map(len, parts))
+            if self._credit.take(size, now.steady_s, self._peer.rtt_s) and self.goes_on:
+                self._peer.send(request(self.id, SYNCC, self._credit.grant))
 
-    def packet(self, packet: bytes, now: Instant) -> Step:
+    def packet(self, packet: bytes, now: Instant) -> None:
         """Take in a datagram of the peer."""
-        step = Step()
         if self.flow is None:
-            return step
+            return
         for frame in self.flow.receive(packet, now.steady_s):
             self.path = self.path or "udp"  # moved to the connection it stays there
-            taken = self._take(frame, now)
-            self._outbox.extend(taken.frames)
-            step.events += taken.events
-            step.refusals += taken.refusals
+            self._outbox.extend(self._take(frame, now))
         if self.flow.alive_s == now.steady_s:
-            self.progress(now, self.flow.rtt_s)
-        step.packets += self._due_datagrams(now)
-        return step
+            self.progress(now)
+            self._peer.rtt_s = self.flow.rtt_s or self._peer.rtt_s
+        self.transmit(now)
 
-    def progress(self, now: Instant, rtt_s: float | None = None) -> None:
+    def progress(self, now: Instant) -> None:
         """The connection stands, or bytes have arrived, though no whole reply yet."""
         self.alive_s = now.steady_s
         self.standing = False
-        if rtt_s is not None:
-            self._path_stats.rtt_s = rtt_s
         if self.path in ("original", None):
             self._session.progress(now)
 
@@ -223,47 +155,55 @@ class Pull:
         """The round trip of the connection, as far as it is known by now."""
         if self.path == "udp":
             return
-        self._path_stats.rtt_s = rtt_s
-        if self._path_stats.is_near and self._datagrams_at_s is not None:
+        self._peer.rtt_s = rtt_s
+        if self._peer.is_near and self._datagrams_at_s is not None:
             self._datagrams_at_s = max(self._datagrams_at_s, self._began_s + PATIENCE_S)
 
-    def on_contact(self, now: Instant) -> Step:
-        """A new contact begins while the pull is under way."""
-        if self.flow:
-            self.flow.on_contact(now.steady_s)
-        return Step(packets=self._due_datagrams(now))
-
-    def tick(self, now: Instant) -> Step:
+    def tick(self, now: Instant) -> None:
         """What the time alone brings: datagrams that are due, and the end of patience."""
+        timeout_s = self._peer.node.timeout_s
+        heard_s = max(self._last_s, self._began_s)
         if self.over:
-            return Step(packets=self._due_datagrams(now))
-        if now.steady_s - self.alive_s > self._timeout_s:
+            self.transmit(now)
+        elif now.steady_s - self.alive_s > timeout_s:
             midway = self.path not in ("original", None)
-            silent = f"no byte for {self._timeout_s:g} s in the middle of a sync"
-            return self.fail(silent if midway else self._session.why_silent(), now)
-        since_s = max(self._last_s, self._began_s)
-        if self._relies_on_datagrams and now.steady_s - since_s > IDLE * self._timeout_s:
-            self._path_stats.udp_misses += 1
-            return self.fail("only small datagrams of the peer get here", now)
-        return Step(packets=self._due_datagrams(now))
+            silent = f"no byte for {timeout_s:g} s in the middle of a sync"
+            self.fail(silent if midway else self._session.why_silent(), now)
+        elif self._relies_on_datagrams and now.steady_s - heard_s > IDLE * timeout_s:
+            self._peer.udp_misses += 1
+            self.fail("only small datagrams of the peer get here", now)
+        else:
+            self.transmit(now)
 
-    def fail(self, reason: str, now: Instant) -> Step:
+    def transmit(self, now: Instant) -> None:
+        """Send the datagrams that are due."""
+        if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
+            self._datagrams_at_s = None
+            if self.path is None and not self._refused:
+                self.flow = Flow(self.id, self._next_frame, rtt_s=self._peer.rtt_s)
+        if self.flow:
+            for packet in self.flow.transmit(now.steady_s):
+                self._peer.node.actions.append(SendDatagram(self._peer.name, packet))
+
+    def fail(self, reason: str, now: Instant) -> None:
         """Break off for a reason that is known outside, e.g. a closed connection."""
-        if self.over:
-            return Step()
+        if not self.over:
+            self.abandon()
+            timed_out = SyncTimedOut(self._peer.name, now.unix_s, Direction.IN, reason)
+            self._peer.events.append(timed_out)
+
+    def abandon(self) -> None:
+        """Break off, and say nothing of it."""
         self.over = self.broken = True
         self._learn()
         if self.path in ("original", None):
-            return self._session.fail(reason, now)
-        return Step(events=[SyncTimedOut(self.peer, now.unix_s, Direction.IN, reason)])
+            self._session.break_off()
 
-    def disconnected(self, reason: str, now: Instant) -> Step:
+    def disconnected(self, reason: str, now: Instant) -> None:
         """The connection broke; that does not matter while datagrams get through."""
-        if self.path == "udp":
-            return Step()
-        if self.path is None and self.flow is not None and self.flow.alive_s is not None:
-            return Step()
-        return self.fail(reason, now)
+        heard = self.flow is not None and self.flow.alive_s is not None
+        if self.path != "udp" and not (self.path is None and heard):
+            self.fail(reason, now)
 
     @property
     def follows(self) -> bool:
@@ -277,7 +217,7 @@ class Pull:
 
     def is_in_vain(self, now: Instant) -> bool:
         """Whether the connection that stood has brought nothing for too long: try a fresh one."""
-        patience_s = STANDS_S + 2 * (self._path_stats.rtt_s or 0.0)
+        patience_s = STANDS_S + 2 * (self._peer.rtt_s or 0.0)
         return self.standing and now.steady_s - self._began_s > patience_s
 
     @property
@@ -288,17 +228,18 @@ class Pull:
         return self.flow.wake_s if self.flow else None
 
     @property
-    def bytes_in(self) -> int:
-        """Bytes that came in so far."""
-        return self._session.bytes_in + self._receiver.bytes
-
-    @property
     def rtt_s(self) -> float | None:
         """The round trip on the way to the peer."""
-        return self._session.rtt_s or self._path_stats.rtt_s
+        return self._session.rtt_s or self._peer.rtt_s
 
     @property
-    def bandwidth_bytes_s(self) -> float | None:
+    def throughput_bytes_s(self) -> float | None:
+        """What it moved per second, if it was enough to say something of the link."""
+        rate, size = self._bandwidth_bytes_s, self._session.bytes_in + self._receiver.bytes
+        return throughput_bytes_s(size, size / rate, self.rtt_s) if rate else None
+
+    @property
+    def _bandwidth_bytes_s(self) -> float | None:
         """Bytes per second while messages came in; None without any message."""
         if self.path in ("original", None):
             return self._session.bandwidth_bytes_s
@@ -306,75 +247,73 @@ class Pull:
         return self._receiver.bytes / taken_s if self._receiver.messages and taken_s > 0 else None
 
     @property
-    def throughput_bytes_s(self) -> float | None:
-        """What it moved per second, if it was enough to say something of the link."""
-        rate = self.bandwidth_bytes_s
-        return throughput_bytes_s(self.bytes_in, self.bytes_in / rate, self.rtt_s) if rate else None
-
-    @property
     def _relies_on_datagrams(self) -> bool:
         """Whether nothing has come on the connection that says what the peer is."""
         return self.flow is not None and self.path in (None, "udp") and not self._refused
 
-    def _reply_of_refusal(self, now: Instant) -> Step:
+    def _reply_of_refusal(self, now: Instant) -> None:
         if self.path is not None:
-            return self.fail("the peer does not know of the sync any more", now)
-        if self._peer_state.config_mismatch:  # a node of ours, last time: no other one now
-            self._peer_state.config_mismatch = False
-            return self.fail(f"{self.peer} had another team file; asking once more", now)
-        self._refused = True  # an original node; its reply to GHEAD comes next
-        self.flow = self._datagrams_at_s = None
-        self.progress(now)
-        return Step()
+            self.fail("the peer does not know of the sync any more", now)
+        elif self._peer.config_mismatch:  # a node of ours, last time: no other one now
+            self._peer.config_mismatch = False
+            self.fail(f"{self._peer.name} had another team file; asking once more", now)
+        else:
+            self._refused = True  # an original node; its reply to GHEAD comes next
+            self.flow = self._datagrams_at_s = None
+            self.progress(now)
 
-    def _reply_of_original(self, parts: Sequence[Frame], now: Instant) -> Step:
-        step = self._session.reply(parts, now)
-        self.alive_s = self._session.alive_s
-        self.over, self.broken = self._session.over, self._session.broken
-        return step
+    def _reply_of_original(self, parts: Sequence[Frame], now: Instant) -> None:
+        session = self._session
+        for frame in session.reply(parts, now):
+            self._peer.send(frame)
+        self.alive_s = session.alive_s
+        if session.over and not self.over:
+            self.over, self.broken = True, session.failure is not None
+            name, at_s = self._peer.name, now.unix_s
+            if session.failure is not None:
+                ended = SyncTimedOut(name, at_s, Direction.IN, session.failure)
+                self._peer.events.append(ended)
+            else:
+                self._tell_end(session.messages, session.bytes_in, not session.cut_short, now)
 
-    def _refuse(self, why: str, now: Instant) -> Step:
-        """The connection is ours alone: what says such things is no node."""
-        broken = self.fail("the peer answered what was not asked", now)
-        return Step(events=broken.events, refusals=[why])
+    def _take(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
+        """Take in a frame of a sync; what to say to it."""
+        self.alive_s = self._last_s = now.steady_s
+        self._first_s = self._first_s or now.steady_s
+        self.standing = False
+        receiver = self._receiver
+        frames = receiver.receive(frame, now, more)
+        if receiver.rejection:
+            self.fail(receiver.rejection, now)
+        elif receiver.over and not self.over:
+            self.over = True
+            self._learn()
+            self._tell_end(receiver.messages, receiver.bytes, receiver.complete, now)
+        return frames
 
-    def _due_datagrams(self, now: Instant) -> list[bytes]:
-        """The datagrams to send now."""
-        if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
-            self._datagrams_at_s = None
-            if self.path is None and not self._refused:
-                self.flow = Flow(self.id, self._next_frame, rtt_s=self._path_stats.rtt_s)
-        return self.flow.transmit(now.steady_s) if self.flow else []
+    def _tell_end(self, messages: int, size: int, complete: bool, now: Instant) -> None:
+        self._peer.events.append(
+            SyncEnded(
+                self._peer.name,
+                now.unix_s,
+                Direction.IN,
+                messages=messages,
+                bytes=size,
+                duration_s=now.steady_s - self._began_s,
+                complete=complete,
+            )
+        )
+
+    def _send_frames(self, frames: Sequence[bytes]) -> None:
+        for frame in frames:
+            self._peer.send(request(self.id, SYNCF, frame))
 
     def _next_frame(self, _room: int) -> bytes | None:
         return self._outbox.popleft() if self._outbox else None
 
-    def _take(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> Step:
-        self.progress(now)
-        self._first_s = self._first_s or now.steady_s
-        self._last_s = now.steady_s
-        step = self._receiver.receive(frame, now, more)
-        if self._receiver.rejection:
-            step.events += self.fail(self._receiver.rejection, now).events
-        elif self._receiver.over and not self.over:
-            self.over = True
-            self._learn()
-            step.events.append(
-                SyncEnded(
-                    self.peer,
-                    now.unix_s,
-                    Direction.IN,
-                    messages=self._receiver.messages,
-                    bytes=self._receiver.bytes,
-                    duration_s=now.steady_s - self._began_s,
-                    complete=self._receiver.complete,
-                )
-            )
-        return step
-
     def _learn(self) -> None:
         """What nothing came of says nothing of datagrams: the contact may have been too short."""
         if self.path == "zmq":
-            self._path_stats.rate_bytes_s = self.bandwidth_bytes_s or self._path_stats.rate_bytes_s
+            self._peer.rate_bytes_s = self._bandwidth_bytes_s or self._peer.rate_bytes_s
         elif self.path == "udp" and (self._receiver.messages or self._receiver.complete):
-            self._path_stats.udp_misses = 0
+            self._peer.udp_misses = 0

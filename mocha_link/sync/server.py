@@ -7,45 +7,42 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Sequence
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.links.link_events import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store.config_hash import difference
-from mocha_link.store.database import Database
-from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.frames import HELLO, OPEN, Frame, SyncFrameError, message_frame
-from mocha_link.sync.peer_state import PeerState
+from mocha_link.sync.frames import HELLO, OPEN, SyncFrameError, message_frame
+from mocha_link.sync.original import ServerSession
+from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK, Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,
+    FOLLOW_S,
     GHEAD,
     ID_BYTES,
+    LINGER_S,
+    NEAR_S,
     PATIENCE_S,
     SERRM,
     SYNC1,
     SYNCC,
     SYNCF,
-    ServerSession,
+    Frame,
+    Route,
 )
-from mocha_link.sync.pull import NEAR_S
 from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
-LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said END
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
 MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
 UNHEARD_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
-FOLLOW_S = 60.0  # a peer that says nothing for longer does not follow any more
 
 _HELLO_ROOM = 64
-
-Route = tuple[bytes, ...]
-"""The frames in front of a request that say on which connection it came."""
 
 
 def _random_number() -> int:
@@ -81,31 +78,19 @@ class _Sync:
 class Server:
     """Answers one peer, whatever it sends, and tells when its pulls start and end."""
 
-    def __init__(
-        self,
-        peer: str,
-        database: Database,
-        peer_state: PeerState,
-        number: Callable[[], int] = _random_number,
-        pushed: Container[int] = (),
-    ) -> None:
+    def __init__(self, peer: Peer) -> None:
         self._peer = peer
-        self._database = database
-        self._peer_state = peer_state
-        self._pushed = pushed
-        self._session = ServerSession(peer, database)
+        self._session = ServerSession(peer)
         self._sync: _Sync | None = None  # under way, or followed
         self._flow: Flow | None = None  # of datagrams, of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0  # of the last sync
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
-        self._number = number
         self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
         self._deaf_until_s = 0.0  # datagrams open nothing
         self._rate_bytes_s: float | None = None  # of the last flow, for the next
         self._rtt_s: float | None = None  # likewise
-        self._events: list[LinkEvent] = []  # to be fetched
 
     def answer(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -115,9 +100,7 @@ class Server:
             return self._answer_sync(route, frame, now)
         if code == GHEAD and (request_id, route) in self._opened:
             return None  # the fallback for original nodes
-        reply, events = self._session.answer(parts, now)
-        self._events += events
-        return reply
+        return self._session.answer(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Take in a datagram; says whether it was one of a sync."""
@@ -155,8 +138,8 @@ class Server:
         return not self._sync.follows if self._sync else self._flow is not None
 
     def is_due(self, now: Instant) -> bool:
-        """Whether `transmit` or `take` has something, though nothing was stored meanwhile."""
-        if self.is_busy or self._events:
+        """Whether `transmit` has something, though nothing was stored meanwhile."""
+        if self.is_busy:
             return True
         wake_s = self.wake_s
         return wake_s is not None and wake_s <= now.steady_s
@@ -205,7 +188,7 @@ class Server:
 
     def tick(self, now: Instant) -> None:
         """What the peer's silence ends."""
-        self._events += self._session.tick(now)
+        self._session.tick(now)
         sync = self._sync
         if sync is None and self._flow and now.steady_s - self._ended_s > LINGER_S:
             self._close_flow()
@@ -228,11 +211,6 @@ class Server:
             sync.all_cast = sync.sender.done
             sync.again.extend(flow.reclaim())
 
-    def take(self) -> list[LinkEvent]:
-        """What is to be told since the last call."""
-        events, self._events = self._events, []
-        return events
-
     def _answer_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
@@ -243,9 +221,7 @@ class Server:
             self._opened.append((request_id, route))
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = _Sync(
-                request_id, SyncSender(self._database, self._peer_state, self._pushed), now
-            )
+            sync = _Sync(request_id, SyncSender(self._peer), now)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not self._opens(sync, argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
@@ -258,7 +234,7 @@ class Server:
         sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
             # Its first connection broke, with all that was sent on it.
-            sync.sender = SyncSender(self._database, self._peer_state, self._pushed)
+            sync.sender = SyncSender(self._peer)
             sync.allowed = 0
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
@@ -277,7 +253,7 @@ class Server:
         """What to say on the connection of a sync that is turned away."""
         if self._rejected is None or self._rejected[0] != request_id:
             return None
-        hello = Hello(self._rejected[1], self._peer_state.config_hash)
+        hello = Hello(self._rejected[1], self._peer.node.config_hash)
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
@@ -289,13 +265,13 @@ class Server:
         heeds = sync and not sync.follows and now.steady_s - sync.heard_s < REPLACED_S
         if sync and sync.id != token and heeds:
             return False  # a copy of an old opening must not end what goes well
-        sync = _Sync(token, SyncSender(self._database, self._peer_state, self._pushed), now)
+        sync = _Sync(token, SyncSender(self._peer), now)
         flow = Flow(
             token,
             lambda room: self._next_for_datagram(sync, room),
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
-            first_number=self._number(),
+            first_number=_random_number(),
             proven=False,
         )
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
@@ -336,7 +312,7 @@ class Server:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
-        self._events.append(SyncStarted(self._peer, now.unix_s, Direction.OUT))
+        self._peer.events.append(SyncStarted(self._peer.name, now.unix_s, Direction.OUT))
         self._look(now)
 
     def _look(self, now: Instant) -> None:
@@ -353,10 +329,12 @@ class Server:
         self._past.append(sync.id)
         self._ended_s = now.steady_s
         self._rejected = (sync.id, why)
-        reason = difference(self._peer)
+        reason = difference(self._peer.name)
         if why is Reception.UNREADABLE:
-            reason = f"{self._peer} speaks another version of the sync; install the same release"
-        self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
+            reason = (
+                f"{self._peer.name} speaks another version of the sync; install the same release"
+            )
+        self._peer.events.append(SyncTimedOut(self._peer.name, now.unix_s, Direction.OUT, reason))
 
     def _end(self, sync: _Sync, now: Instant) -> None:
         sync.follows = sync.sender.follows
@@ -364,9 +342,9 @@ class Server:
             self._sync = None
             self._past.append(sync.id)
             self._ended_s = now.steady_s
-        self._events.append(
+        self._peer.events.append(
             SyncEnded(
-                self._peer,
+                self._peer.name,
                 now.unix_s,
                 Direction.OUT,
                 messages=sync.sender.messages,
@@ -385,13 +363,17 @@ class Server:
         self._past.append(sync.id)
         self._close_flow()
         if not sync.follows:  # otherwise it has ended well, and was told
-            self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
+            self._tell_timeout(reason, now)
+
+    def _tell_timeout(self, reason: str, now: Instant) -> None:
+        timed_out = SyncTimedOut(self._peer.name, now.unix_s, Direction.OUT, reason)
+        self._peer.events.append(timed_out)
 
     def _close_flow(self) -> None:
         flow, self._flow = self._flow, None
         if flow:
             self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
-            self._peer_state.renew_token()
+            self._peer.renew_token()
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.store.payload import STAMP_MASK, STAMPS_MS, is_body
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
+from mocha_link.store.wire import STAMP_MASK, STAMPS_MS, is_body
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, message_id_of
 
 VERSION = 3

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Sequence
+from itertools import chain
+from operator import itemgetter
+from typing import NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import MessageStored
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.store.config_hash import difference
-from mocha_link.store.database import Database
-from mocha_link.store.payload import TAKEN_MS, PayloadError, Trailer
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import UNSAFE_MS, WRAP_MS, Header, Knowledge, Record
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, Header, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import Step, SyncFrameError
-from mocha_link.sync.peer_state import PeerState, record_id
+from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.peer import Peer, check_type
+from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, FragmentRequest, Have, Reception, Since
-from mocha_link.team.team import Robot, Team, Topic
-
-Verify = Callable[[Header, sync.Frame, Trailer | None], None]
 
 ROOM = 65_536
 MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
@@ -32,24 +31,82 @@ _MAX_FAILED = 1_024
 _MAX_REFUSALS = 100  # that one frame is told of
 
 
+class Chunks(NamedTuple):
+    """A frame of chunks, `number` of its round."""
+
+    round: int
+    number: int
+    wholes: list[tuple[int, memoryview]]  # message id, body
+    pieces: list[tuple[int, int, int, memoryview]]  # message id, size of the whole, offset, data
+
+
+def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
+    """Read a frame of chunks that may be in several parts. Raises SyncFrameError.
+
+    Data are copied only where they go on from one part to the next.
+    """
+    if len(frame) < sync.CHUNKS_BYTES:
+        raise SyncFrameError(f"a frame of {len(frame)} bytes")
+    kind, checksum, round_, number, whole_count, piece_count = sync.CHUNKS_HEAD.unpack_from(frame)
+    middle = sync.CHUNKS_BYTES + whole_count * sync.WHOLE.size
+    end = middle + piece_count * sync.PIECE.size
+    view = memoryview(frame)
+    covered = view[sync.COVERED : end]
+    if end > len(frame) or kind != sync.CHUNKS or zlib.crc32(covered, kind) != checksum:
+        raise SyncFrameError("a damaged frame")
+    wholes = list(sync.WHOLE.iter_unpack(view[sync.CHUNKS_BYTES : middle]))
+    pieces = list(sync.PIECE.iter_unpack(view[middle:end]))
+    for message_id, total, offset, length in pieces:
+        if offset + length > total or not length or not wire.is_body(message_id, total):
+            raise SyncFrameError(f"a piece of {length} bytes at {offset} of {total}")
+    sizes = list(map(itemgetter(-1), chain(wholes, pieces)))
+    if 0 in sizes:
+        raise SyncFrameError("a message of 0 bytes")
+    parts: list[memoryview] = [view[end:]]
+    parts.extend(map(memoryview, more))
+    room = sum(map(len, parts))
+    if sum(sizes) != room:
+        raise SyncFrameError(f"chunks of {sum(sizes)} bytes in a frame with {room}")
+    contents: list[memoryview] = []
+    index = at = 0
+    for size in sizes:
+        found: list[memoryview] = []
+        missing = size
+        while missing:
+            piece = parts[index][at : at + missing]
+            found.append(piece)
+            missing -= len(piece)
+            at += len(piece)
+            if at == len(parts[index]):
+                index, at = index + 1, 0
+        contents.append(found[-1] if len(found[-1]) == size else memoryview(b"".join(found)))
+    bodies = list(zip(map(itemgetter(0), wholes), contents, strict=False))
+    rest = zip(pieces, contents[whole_count:], strict=True)
+    cut = [(*piece[:3], data) for piece, data in rest] if pieces else []
+    return Chunks(round_, number, bodies, cut)
+
+
+def own(view: Frame) -> Frame:
+    """The same bytes, as something that does not keep much more than them in memory."""
+    whole = view.obj if isinstance(view, memoryview) else view
+    if len(view) >= sync.LARGE_BYTES and len(view) * 8 >= len(whole) * 7:  # type: ignore[arg-type]
+        return view
+    return bytes(view)
+
+
 class SyncReceiver:
     """Takes in what one peer gives us. Make one per pull; it is `over` when all is said.
 
-    With `follow` a pull that brought everything is not the end: what the peer stores later is
-    taken in as it comes, until the next pull.
+    With `follow` in the node's context a pull that brought everything is not the end: what the peer
+    stores later is taken in as it comes, until the next pull.
 
     Args:
-        peer: its name.
-        team: whose robots and topics are accepted.
-        database: where messages go.
-        reassembly: where parts of messages wait for the rest; one for all peers.
-        peer_state: what is remembered of this peer.
-        verify: raises PayloadError for a message that this peer may not hand us.
+        peer: who is asked; gets the refusals and events.
         budget: bytes of frames that the peer may send; 0: no limit.
         room: the largest frame that we may send.
-        follow: ask for what is stored later.
 
     Attributes:
+        over: all is said.
         follows: all is said, and more may come.
         complete: everything that the peer had has come in.
         rejection: why the peer and we do not understand each other; nothing more is taken then.
@@ -57,39 +114,25 @@ class SyncReceiver:
         bytes: of the frames that came in.
     """
 
-    def __init__(  # noqa: PLR0913 - all it needs to know, once
-        self,
-        peer: str,
-        *,
-        team: Team,
-        database: Database,
-        reassembly: ReassemblyBuffer,
-        peer_state: PeerState,
-        verify: Verify | None = None,
-        budget: int = 0,
-        room: int = ROOM,
-        follow: bool = False,
-    ) -> None:
-        self.peer = peer
+    def __init__(self, peer: Peer, *, budget: int = 0, room: int = ROOM) -> None:
         self.over = False
         self.follows = False
         self.complete = False
         self.rejection: str | None = None
         self.messages = 0
         self.bytes = 0
-        self._team = team
-        self._database = database
-        self._reassembly = reassembly
-        self._peer_state = peer_state
-        self._verify = verify
+        self._peer = peer
+        self._database = peer.node.database
+        self._reassembly = peer.node.reassembly
+        self._topics = peer.node.team.topics_by_key
         self._budget = budget
         self._room = room
-        self._follow = follow
-        self._topics: dict[int, tuple[Robot, Topic] | None] = {}  # by key; None: not in the team
         self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
         self._round = 0  # of our OPENs
         self._repairs = 0  # rounds that only asked again
         self._now_s = 0.0  # Unix time of the frame at hand
+        self._refusals_end = 0  # so many refusals of the peer, and no more are told
+        self._say: list[bytes] = []  # frames in answer to the one at hand
         self._next = 0  # frames of chunks of this round: all below it have come, and `_ahead`
         self._ahead: set[int] = set()  # that came ahead of it
         self._damaged = 0  # frames
@@ -100,54 +143,62 @@ class SyncReceiver:
         self._flawed = False  # this round left something out that may be asked for again
         self._hopeless = False  # it will not come whole in this pull
 
-    def open(self, now: Instant) -> Step:
-        """Begin: say what we have."""
+    def open(self, now: Instant) -> list[bytes]:
+        """Begin: the frames that say what we have."""
         self._now_s = now.unix_s
-        return Step(frames=self._opening(self._knowledge()))
+        return self._opening(self._knowledge())
 
-    def receive(self, frame: sync.Frame, now: Instant, more: Sequence[sync.Frame] = ()) -> Step:
-        """Take in a frame of the peer, `more` if it has further parts; a bad one is refused."""
-        step = Step()
+    def receive(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
+        """Take in a frame of the peer, `more` if it has further parts; what to say to it.
+
+        A bad one is refused.
+        """
         if (self.over and not self.follows) or self.rejection:
-            return step
+            return []
         self.bytes += len(frame) + sum(map(len, more))
         self._now_s = now.unix_s
+        self._refusals_end = len(self._peer.refusals) + _MAX_REFUSALS
         try:
             if len(frame) and frame[0] == sync.CHUNKS:
-                self._chunks(sync.read_chunks(frame, more), now, step)
+                self._take_chunks(read_chunks(frame, more))
             else:
-                self._on_message(frame if not more else b"", step)  # messages have one part
+                self._on_message(frame if not more else b"")  # messages have one part
         except SyncFrameError as error:
-            _refuse(step, str(error))
+            self._refuse(str(error))
             self._damaged += 1
             self._flawed = True
         done = self._done
         said = done and self._next + len(self._ahead) + self._damaged >= done.frames
         if done and said and not self.over:
-            self._finish(done, step)
-        return step
+            self._finish(done)
+        say, self._say = self._say, []
+        return say
 
-    def _begin_round(self) -> None:
+    def _begin_round(self, knowledge: Since | Have | Digest) -> None:
         self._round += 1
         self._next = self._damaged = 0
         self._ahead.clear()
         self._done = None
         self._flawed = False
+        self._say += self._opening(knowledge)
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
-        known = self._peer_state
+        node = self._peer.node
         opening = sync_messages.Open(
-            known.boot_id,
+            node.boot_id,
             self._budget,
             knowledge,
             self._requests(),
-            known.config_hash,
-            known.address_token,
+            node.config_hash,
+            self._peer.address_token,
         )
-        return sync.message_frames(sync.OPEN, self._round, opening.encode(), self._room)
+        return self._frames(sync.OPEN, opening.encode())
+
+    def _frames(self, kind: int, content: bytes) -> list[bytes]:
+        return sync.message_frames(kind, self._round, content, self._room)
 
     def _knowledge(self) -> Since | Have | Digest:
-        known = self._database.knowledge(self.peer)
+        known = self._database.knowledge(self._peer.name)
         if known is None:
             return self._all()
         stored = self._database.since(known.own_sequence)
@@ -175,37 +226,36 @@ class SyncReceiver:
 
     def _wants(self, message_id: int) -> bool:
         return self._database.wants_stamp(
-            message_id >> 56, message_id >> 48 & 0xFF, message_id & payload.STAMP_MASK, self._now_s
+            message_id >> 56, message_id >> 48 & 0xFF, message_id & wire.STAMP_MASK, self._now_s
         )
 
-    def _on_message(self, frame: sync.Frame, step: Step) -> None:
+    def _on_message(self, frame: Frame) -> None:
         message = self._assembler.take(frame)
         if message is None or message.round != self._round:
             return
         if message.kind == sync.HELLO:
-            self._hello(sync_messages.Hello.decode(message.content), step)
+            self._on_hello(sync_messages.Hello.decode(message.content))
         elif message.kind == sync.GROUPS:
             groups = sync_messages.decode_groups(message.content)
             answers = [self._answer(*each) for each in groups.items()]
-            content = sync_messages.encode_answers(answers)
-            step.frames += sync.message_frames(sync.ANSWER, self._round, content, self._room)
+            self._say += self._frames(sync.ANSWER, sync_messages.encode_answers(answers))
         else:
             self._done = sync_messages.Done.decode(message.content)
 
-    def _hello(self, hello: sync_messages.Hello, step: Step) -> None:
-        self._peer_state.address_token = hello.address_token or self._peer_state.address_token
+    def _on_hello(self, hello: sync_messages.Hello) -> None:
+        peer = self._peer
+        peer.address_token = hello.address_token or peer.address_token
         if hello.version != sync_messages.VERSION:
             self.rejection = (
-                f"{self.peer} speaks version {hello.version} of the sync, "
+                f"{peer.name} speaks version {hello.version} of the sync, "
                 f"we {sync_messages.VERSION}; install the same release on both"
             )
         elif hello.reception is Reception.UNREADABLE:
-            self.rejection = f"{self.peer} could not read how we began; damaged on its way"
-        elif not self._peer_state.agrees(hello.config_hash):
-            self.rejection = difference(self.peer)
+            self.rejection = f"{peer.name} could not read how we began; damaged on its way"
+        elif not peer.agrees(hello.config_hash):
+            self.rejection = difference(peer.name)
         elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
-            self._begin_round()
-            step.frames += self._opening(self._all())
+            self._begin_round(self._all())
 
     def _answer(self, robot_id: int, digests: tuple[int, ...]) -> sync_messages.Answer:
         groups = 0
@@ -216,14 +266,13 @@ class SyncReceiver:
                 message_ids += [record_id(r) for r in self._database.headers_in(robot_id, group)]
         return sync_messages.Answer(robot_id, groups, message_ids)
 
-    def _chunks(self, chunks: sync.Chunks, now: Instant, step: Step) -> None:
+    def _take_chunks(self, chunks: Chunks) -> None:
         if chunks.round == self._round and not self._count(chunks.number):
             return
-        contents = chunks.contents()
-        for message_id, _ in chunks.wholes:
-            self._message(message_id, sync.own(next(contents)), now, step)
+        for message_id, body in chunks.wholes:
+            self._take_message(message_id, own(body))
         for piece in chunks.pieces:
-            self._piece(piece, next(contents), now, step)
+            self._take_piece(*piece)
 
     def _count(self, number: int) -> bool:
         """Note that a frame of this round has come; whether it is the first time."""
@@ -240,20 +289,15 @@ class SyncReceiver:
             raise SyncFrameError("a frame far ahead of the others")
         return True
 
-    def _piece(
-        self, piece: tuple[int, int, int, int], data: memoryview, now: Instant, step: Step
-    ) -> None:
-        message_id, total, offset, size = piece
-        if self._topic(message_id) is None:
-            _refuse(step, _unknown(message_id))
+    def _take_piece(self, message_id: int, total: int, offset: int, data: memoryview) -> None:
+        if self._is_impossible(message_id):
             return
         if not self._wants(message_id):  # another peer has brought it, or a newer one
             self._begun.discard(message_id)
-            more = total - offset - size > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
+            more = total - offset - len(data) > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
             if more and message_id not in self._skipped:
                 self._skipped.add(message_id)
-                content = sync_messages.encode_skip(message_id)
-                step.frames += sync.message_frames(sync.SKIP, self._round, content, self._room)
+                self._say += self._frames(sync.SKIP, sync_messages.encode_skip(message_id))
             return
         if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
             raise SyncFrameError("parts of too many messages")
@@ -262,91 +306,62 @@ class SyncReceiver:
             self._begun.add(message_id)
         else:
             self._begun.discard(message_id)
-            self._message(message_id, body, now, step)
+            self._take_message(message_id, body)
 
-    def _message(self, message_id: int, body: sync.Frame, now: Instant, step: Step) -> None:
-        self._judge(message_id, body, now, step)
-        self._reassembly.drop(message_id)
-
-    def _judge(self, message_id: int, body: sync.Frame, now: Instant, step: Step) -> None:
-        known = self._topic(message_id)
-        if known is None:
-            _refuse(step, _unknown(message_id))
+    def _take_message(self, message_id: int, body: Frame) -> None:
+        if self._is_impossible(message_id):
             return
-        robot, topic = known
-        stamp_ms = message_id & payload.STAMP_MASK
+        peer, stamp_ms = self._peer, message_id & wire.STAMP_MASK
+        robot, topic = known = self._topics[message_id >> 48]
         try:
-            trailer = _proven(body, robot, topic, stamp_ms)
+            trailer = wire.check(body, (robot.robot_id, topic.topic_id), stamp_ms)
+            if trailer is None:
+                check_type(body, topic)
         except PayloadError as error:  # damaged on its way, perhaps
-            _refuse(step, f"message {message_id:016x}: {error}")
+            self._refuse(f"message {message_id:016x}: {error}")
             self._hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
             self._failed.add(message_id)
             self._flawed = True
-            return
-        header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
-        self._peer_state.holds(message_id)
-        try:
-            payload.check_type(body, topic)
-            if self._verify:
-                self._verify(header, body, trailer)
-        except PayloadError as error:  # intact, so it will not be another one next time
-            _refuse(step, f"message {message_id:016x}: {error}")
-            return
-        record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
-        if self._database.insert(record, now.unix_s):
-            self.messages += 1
-            step.events.append(
-                MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
-            )
+        else:
+            header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
+            record = Record(header, topic.priority, body, stamp_ms, self._now_s, trailer is None)
+            peer.holds(message_id)
+            try:
+                self.messages += peer.take_in(known, record, trailer)
+            except PayloadError as error:  # intact, so it will not be another one next time
+                self._refuse(f"message {message_id:016x}: {error}")
+        if self._reassembly.cost:
+            self._reassembly.drop(message_id)
 
-    def _topic(self, message_id: int) -> tuple[Robot, Topic] | None:
-        """Whose message it is and of what; None if it must not be taken."""
-        key, stamp_ms = message_id >> 48, message_id & payload.STAMP_MASK
-        try:
-            known = self._topics[key]
-        except KeyError:
-            known = self._topics[key] = self._team.by_ids(key >> 8, key & 0xFF)
-        if stamp_ms >= TAKEN_MS or stamp_ms % WRAP_MS <= UNSAFE_MS:
-            return None
-        return known
+    def _is_impossible(self, message_id: int) -> bool:
+        """Whether a message is of nothing that the team has, or of an impossible time; told so."""
+        stamp_ms = message_id & wire.STAMP_MASK
+        safe = stamp_ms < TAKEN_MS and stamp_ms % WRAP_MS > UNSAFE_MS
+        if safe and message_id >> 48 in self._topics:
+            return False
+        self._refuse(
+            f"message {message_id:016x}: no such robot or topic in the team, or an impossible time"
+        )
+        self._reassembly.drop(message_id)
+        return True
 
-    def _finish(self, done: sync_messages.Done, step: Step) -> None:
+    def _finish(self, done: sync_messages.Done) -> None:
         missing = [message_id for message_id in self._begun if self._wants(message_id)]
         flawed = self._flawed or bool(missing)
         final = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
         if flawed and not (done.cut_short or self._hopeless or final):
             self._repairs += 1
-            self._begin_round()
-            step.frames += self._opening(self._knowledge())
+            self._begin_round(self._knowledge())
             return
         self.over = True
         self.complete = not (flawed or done.cut_short)
         if self.complete:
-            self._learn(done)
-        self.follows = self._follow and self.complete
-        last = sync.FOLLOW if self.follows else sync.END
-        step.frames += sync.message_frames(last, self._round, b"", self._room)
+            knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
+            if knowledge != self._database.knowledge(self._peer.name):
+                self._database.learn(self._peer.name, knowledge)
+        self.follows = self._peer.node.follow and self.complete
+        self._say += self._frames(sync.FOLLOW if self.follows else sync.END, b"")
 
-    def _learn(self, done: sync_messages.Done) -> None:
-        knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
-        if knowledge != self._database.knowledge(self.peer):
-            self._database.learn(self.peer, knowledge)
-
-
-def _refuse(step: Step, reason: str) -> None:
-    if len(step.refusals) < _MAX_REFUSALS:
-        step.refusals.append(reason)
-
-
-def _unknown(message_id: int) -> str:
-    return f"message {message_id:016x}: no such robot or topic in the team, or an impossible time"
-
-
-def _proven(body: sync.Frame, robot: Robot, topic: Topic, stamp_ms: int) -> Trailer | None:
-    """The trailer of a body that is as its maker made it, as far as can be told."""
-    trailer = payload.check(body, payload.Ids(robot.robot_id, topic.topic_id))
-    if trailer is None:
-        payload.check_type(body, topic)
-    elif trailer.stamp_ms != stamp_ms:
-        raise PayloadError(f"of time {trailer.stamp_ms} ms, said to be of {stamp_ms} ms")
-    return trailer
+    def _refuse(self, reason: str) -> None:
+        if len(self._peer.refusals) < self._refusals_end:
+            self._peer.refusals.append(reason)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 
-from mocha_link.store import payload
-from mocha_link.store.database import Database
+from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import Range
-from mocha_link.store.record import Header, Record
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.peer_state import PeerState, record_id
+from mocha_link.sync.frames import record_id
+from mocha_link.sync.peer import Peer
+from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since, VersionError
 
 MIN_ROOM = 300
@@ -34,12 +36,7 @@ class SyncSender:
     before it, so that a contact too short for the rest still brings something. Make one per pull.
 
     A peer that follows gets what is stored after the pull at once: messages of the robots in
-    `pushed`, small ones, of no promise. Its next pull brings whatever else there is.
-
-    Args:
-        database: what there is to give.
-        peer: what is remembered of the peer.
-        pushed: ids of the robots whose new messages reach the peer no other way than by us.
+    `Peer.pushed`, small ones, of no promise. Its next pull brings whatever else there is.
 
     Attributes:
         over: the peer has said that it is.
@@ -52,7 +49,7 @@ class SyncSender:
         bytes: of all frames.
     """
 
-    def __init__(self, database: Database, peer: PeerState, pushed: Container[int] = ()) -> None:
+    def __init__(self, peer: Peer) -> None:
         self.over = False
         self.follows = False
         self.done = False
@@ -61,9 +58,8 @@ class SyncSender:
         self.admitted = False
         self.messages = 0
         self.bytes = 0
-        self._database = database
         self._peer = peer
-        self._pushed = pushed
+        self._database = peer.node.database
         self._assembler = sync.MessageAssembler(
             sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW
         )
@@ -80,7 +76,7 @@ class SyncSender:
         self._sequence = self._opened_at = 0  # what is stored later is new
         self._number = 0  # of the next chunk frame
 
-    def receive(self, frame: sync.Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Take in a frame of the peer. Raises SyncFrameError."""
         message = self._assembler.take(frame)
         if message is None or self.over:
@@ -113,7 +109,7 @@ class SyncSender:
         """Whether what comes next is a message of the sync of at most so many bytes."""
         return bool(self._outbox) and sync.MESSAGE_HEADER_BYTES + len(self._outbox[0][1]) <= room
 
-    def next_parts(self, room: int, prefix: bytes = b"") -> list[sync.Frame] | None:
+    def next_parts(self, room: int, prefix: bytes = b"") -> list[Frame] | None:
         """The same, with large data as parts of their own."""
         room -= len(prefix)
         if self.over or self._round < 0:
@@ -155,13 +151,7 @@ class SyncSender:
         self._queue.clear()
         self._asked = frozenset()
         self._unknown = True
-        self._outbox = [
-            (
-                sync.HELLO,
-                Hello(why, self._peer.config_hash, address_token=self._peer.next_token).encode(),
-                0,
-            )
-        ]
+        self._outbox = [(sync.HELLO, self._hello(why), 0)]
 
     def _open(self, round_: int, opening: sync_messages.Open) -> None:
         self._round = round_
@@ -194,8 +184,7 @@ class SyncSender:
                 self._peer.forget()
                 new, groups = self._compare(digests)
         reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
-        hello = Hello(reception, self._peer.config_hash, address_token=self._peer.next_token)
-        self._outbox.append((sync.HELLO, hello.encode(), 0))
+        self._outbox.append((sync.HELLO, self._hello(reception), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)
             self._outbox.append((sync.GROUPS, sync_messages.encode_groups(groups), 0))
@@ -203,6 +192,10 @@ class SyncSender:
             self._resume(opening.requests)
             self._enqueue(new)
             self._put_one_first()
+
+    def _hello(self, reception: Reception) -> bytes:
+        peer = self._peer
+        return Hello(reception, peer.node.config_hash, address_token=peer.next_token).encode()
 
     def _note(self, message_ids: Iterable[int]) -> None:
         for message_id in message_ids:
@@ -240,7 +233,7 @@ class SyncSender:
             record = self._peer.begun(message_id)
             if record is None:
                 header = Header.at(
-                    message_id >> 56, message_id >> 48 & 0xFF, message_id & payload.STAMP_MASK
+                    message_id >> 56, message_id >> 48 & 0xFF, message_id & wire.STAMP_MASK
                 )
                 record = self._database.get(header)
             is_same = record and len(record.body) == total and record_id(record) == message_id
@@ -265,9 +258,9 @@ class SyncSender:
         sequence = self._database.sequence
         new = self._database.since(self._sequence)
         if self.follows:
-            new = [
-                r for r in new if r.header.robot_id in self._pushed and len(r.body) <= PUSH_BYTES
-            ]
+            pushed = self._peer.pushed
+            small = (record for record in new if len(record.body) <= PUSH_BYTES)
+            new = [record for record in small if record.header.robot_id in pushed]
         self._enqueue(new)
         self._sequence = sequence
 
@@ -329,14 +322,14 @@ class SyncSender:
         self.done = True
         self._outbox.append((sync.DONE, done.encode(), 0))
 
-    def _chunks(self, room: int, prefix: bytes) -> list[sync.Frame] | None:
+    def _chunks(self, room: int, prefix: bytes) -> list[Frame] | None:
         """As much of the queue as fits; None if nothing does."""
         room -= sync.CHUNKS_BYTES
         most = room
         wholes: list[bytes] = []
         pieces: list[bytes] = []
-        data: list[sync.Frame] = []
-        tail: list[sync.Frame] = []
+        data: list[Frame] = []
+        tail: list[Frame] = []
         while self._queue and len(wholes) < sync.MAX_CHUNKS:
             rank = self._queue[-1]
             record = self._records[rank]
@@ -371,7 +364,7 @@ class SyncSender:
         record: Record,
         room: int,
         pieces: list[bytes],
-        data: list[sync.Frame],
+        data: list[Frame],
     ) -> int:
         """Take a piece of the first message in the queue; the room that it uses."""
         total = len(record.body)
@@ -407,10 +400,8 @@ class SyncSender:
 
 def _rank(message_id: int, priority: int, *, begun: bool) -> int:
     """Sorts by urgency; holds the message id."""
-    return (
-        (priority << 2 | begun) << 64 | (message_id & payload.STAMP_MASK) << 16 | message_id >> 48
-    )
+    return (priority << 2 | begun) << 64 | (message_id & wire.STAMP_MASK) << 16 | message_id >> 48
 
 
 def _message_id(rank: int) -> int:
-    return (rank & 0xFFFF) << 48 | rank >> 16 & payload.STAMP_MASK
+    return (rank & 0xFFFF) << 48 | rank >> 16 & wire.STAMP_MASK

@@ -90,6 +90,7 @@ class Team:
     """All robots and topics, with the ids that the wire format uses for them.
 
     `definitions` are the texts of message definitions (``.msg``) that the team brings along.
+    A topic of a robot has a key: robot id * 256 + topic id, as the first bytes of a header read.
     """
 
     robots: Mapping[str, Robot]  # by name, in the order of ids
@@ -98,7 +99,18 @@ class Team:
     trust: Trust
     definitions: Mapping[str, str]
     path: Path
-    _by_id: tuple[Robot, ...] = field(repr=False)  # robots in the order of their ids
+    topics_by_key: Mapping[int, tuple[Robot, Topic]] = field(init=False, repr=False)
+    histories: Mapping[int, int] = field(init=False, repr=False)  # versions kept, by topic key
+
+    def __post_init__(self) -> None:
+        topics = {
+            robot.robot_id << 8 | topic.topic_id: (robot, topic)
+            for robot in self.robots.values()
+            for topic in self.kinds[robot.kind]
+        }
+        histories = {key: topic.history for key, (_, topic) in topics.items()}
+        object.__setattr__(self, "topics_by_key", MappingProxyType(topics))
+        object.__setattr__(self, "histories", MappingProxyType(histories))
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -134,7 +146,6 @@ class Team:
             trust=model.trust,
             definitions=MappingProxyType(model.definitions),
             path=document.path,
-            _by_id=tuple(robots[name] for name in sorted(robots)),
         )
 
     def robot(self, name: str) -> Robot:
@@ -157,16 +168,7 @@ class Team:
 
     def by_ids(self, robot_id: int, topic_id: int) -> tuple[Robot, Topic] | None:
         """Who and what the ids of a header stand for; None if the team does not know them."""
-        if robot_id not in range(len(self._by_id)):
-            return None
-        robot = self._by_id[robot_id]
-        topics = self.kinds[robot.kind]
-        return (robot, topics[topic_id]) if topic_id in range(len(topics)) else None
-
-    def history(self, robot_id: int, topic_id: int) -> int:
-        """How many versions of a topic the robots keep; 1 of one that the team does not know."""
-        known = self.by_ids(robot_id, topic_id)
-        return known[1].history if known else 1
+        return self.topics_by_key.get(robot_id << 8 | topic_id)
 
     def pushed(self, pusher: Robot, peer: str) -> frozenset[int]:
         """Ids of the robots whose messages `pusher` hands a peer at once.

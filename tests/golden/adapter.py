@@ -32,7 +32,7 @@ from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
 from mocha_link.links import link_events
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.engine.engine import run
 from sitl.experiment.plan_file import load_experiment

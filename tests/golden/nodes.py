@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from mocha_link.clock import Instant
 from mocha_link.node.gossip import Gossip
-from mocha_link.sync import actions
+from mocha_link.sync import protocol as actions
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team, Topic
 from tests.golden import adapter

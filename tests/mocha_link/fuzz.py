@@ -8,15 +8,26 @@ from typing import TYPE_CHECKING
 
 from mocha_link.datagram import packet as wire
 from mocha_link.sync import frames as sync
-from mocha_link.sync.actions import ReplyDatagram, Send, SendDatagram
-from mocha_link.sync.credit import GRANT
 from mocha_link.sync.frames import MESSAGE_HEADER_BYTES
-from mocha_link.sync.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCC, SYNCF
+from mocha_link.sync.peer import GRANT
+from mocha_link.sync.protocol import (
+    CODE_BYTES,
+    DENDT,
+    GDATA,
+    GHEAD,
+    ID_BYTES,
+    SYNC1,
+    SYNCC,
+    SYNCF,
+    ReplyDatagram,
+    Send,
+    SendDatagram,
+)
 from tests.mocha_link.network import mutated as mutated_sync
 from tests.mocha_link.network_sim import NetworkSim
 
 if TYPE_CHECKING:
-    from mocha_link.sync.actions import Action
+    from mocha_link.sync.protocol import Action
     from mocha_link.team.team import Team
 
 EXPLORE = os.environ.get("HYPOTHESIS_PROFILE") == "explore"  # take the time that it takes

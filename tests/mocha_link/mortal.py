@@ -10,8 +10,9 @@ import sys
 from pathlib import Path
 
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Knowledge, Record
+from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
+from mocha_link.store.wire import Header
 
 TOPICS = 12
 DEPTH = 2
@@ -31,7 +32,7 @@ def write(path: str, number: int) -> None:
     """Write from that number on, for ever."""
     say(f"pid {os.getpid()}")
     storage = Storage(Path(path))
-    database = Database(history=lambda *_: DEPTH, storage=storage)
+    database = Database(dict.fromkeys(range(1 << 16), DEPTH), storage=storage)
     while True:
         record = message(number)
         database.insert(record, record.received_s)

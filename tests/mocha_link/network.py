@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import random
 import struct
 import zlib
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 from mocha_link.clock import Instant
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Header, Record
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
-from mocha_link.sync.frames import SyncFrameError
-from mocha_link.sync.peer_state import PeerState, record_id
-from mocha_link.sync.sync_receiver import SyncReceiver
+from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.peer import NodeContext, Peer
+from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
 from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
@@ -25,7 +28,10 @@ from mocha_link.team.team import Team
 NOW = Instant(1_795_175_900.0, 1.0)
 START_MS = 1_795_175_000_000
 ROBOTS, TOPICS = 256, 256
-KINDS = ", ".join(f"{{name: /t{topic}, type: a/B}}" for topic in range(TOPICS))
+KINDS = ", ".join(
+    f"{{name: /t{topic}, type: a/B, history: {3 if topic % 4 == 3 else 1}}}"
+    for topic in range(TOPICS)
+)
 TEAM = Team.from_document(
     Document.from_text(
         "robots:\n"
@@ -39,8 +45,30 @@ TEAM = Team.from_document(
 )
 
 
-def history(robot_id: int, topic_id: int) -> int:
-    return 3 if topic_id % 4 == 3 else 1
+def peer_of(  # noqa: PLR0913 - what makes peers differ
+    database: Database | None = None,
+    *,
+    name: str = "io",
+    team: Team = TEAM,
+    boot_id: int = 9,
+    reassembly: ReassemblyBuffer | None = None,
+    follow: bool = False,
+    own: str = "titan",
+    new_id: Callable[[], bytes] | None = None,
+    **options: object,
+) -> Peer:
+    """What titan knows of a peer, by default of io."""
+    numbers = itertools.count()
+    context = NodeContext(
+        name=own,
+        team=team,
+        database=Database() if database is None else database,
+        reassembly=ReassemblyBuffer() if reassembly is None else reassembly,
+        new_id=new_id or (lambda: next(numbers).to_bytes(6)),
+        boot_id=boot_id,
+        follow=follow,
+    )
+    return Peer(name, context, **options)
 
 
 class Node:
@@ -54,13 +82,18 @@ class Node:
 
     def start(self) -> None:
         """Begin a new process with an empty memory."""
-        self.database = Database(history)
+        self.database = Database(TEAM.histories)
         self.reassembly = ReassemblyBuffer()
-        self.peers: dict[str, PeerState] = {}
+        self.peers: dict[str, Peer] = {}
 
-    def peer(self, name: str) -> PeerState:
+    def peer(self, name: str) -> Peer:
         if name not in self.peers:
-            self.peers[name] = PeerState(self.random.getrandbits(64), history)
+            self.peers[name] = peer_of(
+                self.database,
+                name=name,
+                boot_id=self.random.getrandbits(64),
+                reassembly=self.reassembly,
+            )
         return self.peers[name]
 
     def store(  # noqa: PLR0913
@@ -74,7 +107,7 @@ class Node:
         extrapolated: bool = False,
     ) -> Record:
         data = random.Random(f"{robot_id} {topic_id} {stamp_ms}").randbytes(size)
-        body = payload.pack(0, priority, data, stamp_ms=stamp_ms)
+        body = wire.pack(0, priority, data, stamp_ms=stamp_ms)
         header = Header.at(robot_id, topic_id, stamp_ms)
         record = Record(header, priority, body, stamp_ms, NOW.unix_s, extrapolated)
         self.database.insert(record, NOW.unix_s)
@@ -89,16 +122,9 @@ class Pull:
     """One node's pull from another, frame by frame."""
 
     def __init__(self, asker: Node, server: Node, *, budget: int = 0, room: int = 1_100) -> None:
-        self.sender = SyncSender(server.database, server.peer(asker.name))
-        self.receiver = SyncReceiver(
-            server.name,
-            team=TEAM,
-            database=asker.database,
-            reassembly=asker.reassembly,
-            peer_state=asker.peer(server.name),
-            budget=budget,
-            room=room,
-        )
+        self.peer = asker.peer(server.name)
+        self.sender = SyncSender(server.peer(asker.name))
+        self.receiver = SyncReceiver(asker.peer(server.name), budget=budget, room=room)
         self.up: list[bytes] = []
         self.down: list[bytes] = []
         self.events: list[object] = []
@@ -108,11 +134,13 @@ class Pull:
         self.arrived: Counter[int] = Counter()  # data bytes by long id
         self.take(self.receiver.open(NOW))
 
-    def take(self, step) -> None:
-        self.up += step.frames
-        self.bytes_up += sum(map(len, step.frames))
-        self.events += step.events
-        self.refusals += step.refusals
+    def take(self, frames: list[bytes]) -> None:
+        self.up += frames
+        self.bytes_up += sum(map(len, frames))
+        self.events += self.peer.events
+        self.refusals += self.peer.refusals
+        self.peer.events.clear()
+        self.peer.refusals.clear()
 
     def give(self, room: int = 1_100) -> bytes | None:
         """The next frame of the serving side, under way now."""
@@ -142,10 +170,9 @@ class Pull:
 
     def count(self, frame: bytes) -> None:
         with contextlib.suppress(SyncFrameError):
-            chunks = sync.read_chunks(frame)
-            self.arrived.update(dict(chunks.wholes))
-            for message_id, _, _, size in chunks.pieces:
-                self.arrived[message_id] += size
+            chunks = read_chunks(frame)
+            for message_id, *_, data in (*chunks.wholes, *chunks.pieces):
+                self.arrived[message_id] += len(data)
 
     def run(self, room: int = 65_536) -> Pull:
         """All of it, with nothing in its way."""
@@ -182,7 +209,10 @@ class Pull:
 
 
 def data_bytes(frame: bytes) -> int:
-    return len(sync.read_chunks(frame).data) if frame[0] == sync.CHUNKS else 0
+    if frame[0] != sync.CHUNKS:
+        return 0
+    chunks = read_chunks(frame)
+    return sum(len(each[-1]) for each in (*chunks.wholes, *chunks.pieces))
 
 
 def damaged(rng: random.Random, frame: bytes) -> bytes:

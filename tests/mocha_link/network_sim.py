@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mocha_link.clock import Instant
 from mocha_link.node.gossip import Gossip
-from mocha_link.store import payload
-from mocha_link.sync.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
+from mocha_link.store import wire
+from mocha_link.sync.protocol import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link import original
@@ -19,8 +19,8 @@ from tests.mocha_link import original
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from mocha_link.store.record import Header
-    from mocha_link.sync.actions import Action
+    from mocha_link.store.wire import Header
+    from mocha_link.sync.protocol import Action
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")
@@ -206,7 +206,7 @@ class NetworkSim:
         held = {}
         for record in self.nodes[name].database.records():
             robot, topic = self.team.by_ids(record.header.robot_id, record.header.topic_id)
-            held[robot.name, topic.name] = payload.unpack(record.body)
+            held[robot.name, topic.name] = wire.unpack(record.body)
         return held
 
     def told(self, name: str, kind: type) -> list:

@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.sync.actions import Action, Connect, Disconnect, Reply, Send
-from mocha_link.sync.protocol import SYNC1
+from mocha_link.sync.protocol import SYNC1, Action, Connect, Disconnect, Reply, Send
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
     AirtimeStats,

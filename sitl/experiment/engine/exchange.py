@@ -22,9 +22,20 @@ from typing import Final
 import numpy as np
 
 from mocha_link.node.gossip import Gossip
-from mocha_link.store.record import Header
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN, Frame, read_chunks
-from mocha_link.sync.protocol import ACK, CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCF
+from mocha_link.store.wire import Header
+from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
+from mocha_link.sync.protocol import (
+    ACK,
+    CODE_BYTES,
+    DENDT,
+    GDATA,
+    GHEAD,
+    ID_BYTES,
+    SYNC1,
+    SYNCF,
+    Frame,
+)
+from mocha_link.sync.sync_receiver import read_chunks
 from sitl.experiment.engine.channel import Link, Load, Stage
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION
 
@@ -126,7 +137,7 @@ def is_data(parts: Sequence[Frame]) -> bool:
 def finished_in(parts: Sequence[Frame]) -> int:
     """How many messages are whole once this frame of data has arrived."""
     chunks = read_chunks(memoryview(parts[0])[ID_BYTES:], parts[1:])
-    ends = sum(offset + size == total for _, total, offset, size in chunks.pieces)
+    ends = sum(offset + len(data) == total for _, total, offset, data in chunks.pieces)
     return len(chunks.wholes) + ends
 
 

@@ -19,9 +19,8 @@ from mocha_link.clock import Instant
 from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.links.trigger import NOT_HEARD
 from mocha_link.node.gossip import Gossip
-from mocha_link.store import payload
-from mocha_link.sync.actions import Action
-from mocha_link.sync.protocol import ID_BYTES
+from mocha_link.store import wire
+from mocha_link.sync.protocol import ID_BYTES, Action
 from mocha_link.team.document import Document, as_yaml
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
@@ -219,4 +218,4 @@ class Node:
     def data_of(self, event: MessageStored) -> bytes:
         """The message that an event tells of."""
         record = self.gossip.database.get(event.header)
-        return b"" if record is None else payload.unpack(record.body)
+        return b"" if record is None else wire.unpack(record.body)

@@ -19,7 +19,7 @@ from mocha_link.links.metrics import (
     SyncEnded,
     SyncStarted,
 )
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 from mocha_link.team.team import Priority, Robot, Team
 
 HEARD_M: Final = 60.0

@@ -36,7 +36,7 @@ from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link import Message, Node, Team
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.service.service_client import watch
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 from mocha_link.team.team import Priority
 from sitl.team.free_ports import derive_team
 

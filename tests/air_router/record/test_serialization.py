@@ -29,7 +29,7 @@ from geo.frame import Point
 from geo.validity import Hours, Period, Validity
 from mocha_link.links.link_events import MessageStored
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 
 NUMBERS = st.floats(-1e6, 1e6)
 RING = st.just((Point(0.0, 0.0), Point(10.1, 0.0), Point(3.3, 7.7)))

@@ -10,10 +10,10 @@ from mocha_link.datagram import packet as wire
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import SyncEnded
 from mocha_link.store.database import Database
-from mocha_link.sync.peer_state import TOKENS, PeerState
 from mocha_link.sync.server import Server
+from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import NetworkSim
-from tests.mocha_link.sync.test_server import Asker, at, fill
+from tests.mocha_link.sync.test_server import TEAM, Asker, at, fill
 
 FAR_S = 0.05
 
@@ -27,14 +27,14 @@ def database() -> Database:
 
 @pytest.fixture
 def server(database) -> Server:
-    return Server("io", database, PeerState(9))
+    return Server(peer_of(database, team=TEAM))
 
 
 def opening(server: Server, *, padded: int, address_token: int) -> bytes:
     """The first datagram of a sender that says it is io."""
     io = Asker(server)
-    io.receiver._peer_state.address_token = address_token
-    frames = io.receiver.open(at(0)).frames + ([bytes(padded)] if padded else [])
+    io.peer.address_token = address_token
+    frames = io.receiver.open(at(0)) + ([bytes(padded)] if padded else [])
     flow = Flow(io.id, lambda _: frames.pop(0) if frames else None)
     (packet,) = flow.transmit(at(0).steady_s)
     return packet
@@ -81,17 +81,17 @@ def test_acknowledgements_that_guess_prove_nothing(server):
 
 
 def test_who_shows_a_ticket_is_served_at_once(server):
-    address_token = server._peer_state.next_token
+    address_token = server._peer.next_token
     server.packet(opening(server, padded=0, address_token=address_token), at(0))
     assert sum(map(len, server.transmit(at(0)))) > 10_000
 
 
 def test_a_ticket_is_good_for_a_few_syncs():
     """So a copy of an opening is of use for that long only."""
-    known = PeerState(1)
+    known = peer_of()
     address_token = known.next_token
     assert not known.admits(0)
-    for _ in range(TOKENS):
+    for _ in range(3):
         assert known.admits(address_token)
         known.renew_token()
     assert not known.admits(address_token)
@@ -99,19 +99,19 @@ def test_a_ticket_is_good_for_a_few_syncs():
 
 
 def test_only_syncs_that_got_through_use_tokens_up(server):
-    address_token = server._peer_state.next_token
-    for number in range(TOKENS + 1):
+    address_token = server._peer.next_token
+    for number in range(4):
         io = Asker(server, number.to_bytes(6))
         io.cast(at(100 * number))
         said(server)
         server.tick(at(100 * number + 50))
-    assert server._peer_state.admits(address_token)
-    for number in range(TOKENS):
+    assert server._peer.admits(address_token)
+    for number in range(3):
         io = Asker(server, (100 + number).to_bytes(6))
         io.cast(at(1000 + 100 * number))
         io.run(1000 + 100 * number, FAR_S)
         server.tick(at(1000 + 100 * number + 50))
-    assert not server._peer_state.admits(address_token)
+    assert not server._peer.admits(address_token)
 
 
 # --- what it costs those who mean well
@@ -120,7 +120,7 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
 @pytest.fixture
 def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.nodes["io"]._pullers["titan"].path_stats.rtt_s = 2 * FAR_S  # so that datagrams go at once
+    net.nodes["io"]._links["titan"].peer.rtt_s = 2 * FAR_S  # so that datagrams go at once
     return net
 
 
@@ -145,6 +145,6 @@ def test_a_round_trip_at_the_first_contact_and_nothing_later(net):
 def test_the_same_after_a_restart(net, who):
     later = [pulled_s(net) for _ in range(2)][-1]
     net.restart(who)
-    net.nodes["io"]._pullers["titan"].path_stats.rtt_s = 2 * FAR_S
+    net.nodes["io"]._links["titan"].peer.rtt_s = 2 * FAR_S
     assert pulled_s(net) < later + 1.6 * 2 * FAR_S
     assert pulled_s(net) < 1.5 * 2 * FAR_S

@@ -21,7 +21,7 @@ from mocha_link.links.metrics import (
     throughput_bytes_s,
 )
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 
 IN, OUT = Direction.IN, Direction.OUT
 

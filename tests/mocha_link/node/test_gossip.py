@@ -17,7 +17,7 @@ from mocha_link.links.metrics import (
     SyncTimedOut,
 )
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.sync.actions import Connect, Disconnect, Send
+from mocha_link.sync.protocol import Connect, Disconnect, Send
 from mocha_link.team.team import UnknownRobotError
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NAMES, NetworkSim, T

@@ -17,8 +17,8 @@ import zmq
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.store import payload
-from mocha_link.store.record import Header
+from mocha_link.store import wire
+from mocha_link.store.wire import Header
 from mocha_link.team import keys
 from mocha_link.team.keys import KeyFileError, KeyMismatchError, SecretKey
 from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
@@ -154,7 +154,7 @@ class Wire:
 
 
 @contextlib.contextmanager
-def wire(locked: Locked, **paths: bool) -> Iterator[Wire]:
+def tapped(locked: Locked, **paths: bool) -> Iterator[Wire]:
     """A wire before titan's port for io; io's team file says that titan is there."""
     field = locked.field
     target = field.team.robot("titan").port_for("io")
@@ -189,7 +189,7 @@ def test_nothing_of_it_can_be_read_on_a_connection(locked):
     hall = locked(*NAMES)
     titan, _, _ = hall.node("titan", datagrams=False)
     titan.publish("/map", SECRET_TEXT)
-    with wire(hall) as between:
+    with tapped(hall) as between:
         io, _, saw = hall.node("io", datagrams=False)
         assert pull(saw, io, "titan").messages == 1
         assert io.latest("titan", "/map").data == SECRET_TEXT
@@ -203,7 +203,7 @@ def test_nothing_of_it_can_be_read_in_datagrams(locked):
     hall = locked(*NAMES)
     titan, _, _ = hall.node("titan")
     titan.publish("/map", SECRET_TEXT + noise(5_000))
-    with wire(hall, tcp=False) as between:
+    with tapped(hall, tcp=False) as between:
         io, _, saw = hall.node("io")
         assert pull(saw, io, "titan").messages == 1
         assert io.latest("titan", "/map").data == SECRET_TEXT + noise(5_000)
@@ -219,7 +219,7 @@ def test_without_keys_it_can_be_read(locked):
     hall = locked()
     titan, _, _ = hall.node("titan", datagrams=False)
     titan.publish("/map", SECRET_TEXT)
-    with wire(hall) as between:
+    with tapped(hall) as between:
         io, _, saw = hall.node("io", datagrams=False)
         assert pull(saw, io, "titan").messages == 1
         assert b"no peer may read this" in between.seen["tcp"]
@@ -339,7 +339,7 @@ def plant(node: Node, data: bytes, *, sign: Callable[[bytes], bytes] | None = No
     robot, topic = node.team.robot("callisto"), node.team.topic("callisto", "/pose")
     database = node._gossip.database
     stamp_ms = database.newest(robot.robot_id, topic.topic_id).stamp_ms + 1
-    body = payload.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms, sign=sign)
+    body = wire.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms, sign=sign)
     header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
     record = type(database.newest(robot.robot_id, topic.topic_id))(
         header, topic.priority, body, stamp_ms, node.clock.now_s()

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
-from mocha_link.store import payload
+from mocha_link.store import wire
 from tests.mocha_link import original
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -103,7 +103,7 @@ def test_many_large_messages_over_one_connection(field_of, way):
 
 def test_the_largest_message_that_there_is(field_of, monkeypatch):
     """Incompressible, so that what crosses is larger than the data."""
-    monkeypatch.setattr(payload, "MAX_BYTES", 8 * 1024 * 1024)
+    monkeypatch.setattr(wire, "MAX_BYTES", 8 * 1024 * 1024)
     field = field_of(PAIR)
     titan, _, _ = field.node("titan")
     largest = noise(8 * 1024 * 1024)

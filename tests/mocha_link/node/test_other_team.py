@@ -11,7 +11,7 @@ from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
 from mocha_link.node import gossip
 from mocha_link.store.config_hash import config_hash_of
 from mocha_link.sync import frames as sync
-from mocha_link.sync.actions import Send
+from mocha_link.sync.protocol import Send
 from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team

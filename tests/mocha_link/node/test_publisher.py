@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from mocha_link.node.publisher import LEAP_MS, Publisher
-from mocha_link.store import batch, payload
+from mocha_link.store import batch, wire
 from mocha_link.store.database import Database
-from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Header, Record
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header, PayloadError
 
 T = 1_795_175_900.0
 
@@ -38,25 +38,25 @@ def often(team):
 def test_what_was_compressed_before_is_the_same():
     data = bytes(range(256)) * 1000
     for stamp_ms in (None, 1_795_175_905_123):
-        ids = payload.Ids(1, 2) if stamp_ms else None
-        frame = payload.compress(data, checksum=stamp_ms is None)
-        made = payload.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids, frame=frame)
-        assert made == payload.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids)
+        ids = (1, 2) if stamp_ms else None
+        frame = wire.compress(data, checksum=stamp_ms is None)
+        made = wire.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids, frame=frame)
+        assert made == wire.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids)
 
 
-def ids_of(record: Record) -> payload.Ids:
-    return payload.Ids(record.header.robot_id, record.header.topic_id)
+def ids_of(record: Record) -> tuple[int, int]:
+    return (record.header.robot_id, record.header.topic_id)
 
 
 def stored(database, topic) -> bytes | None:
     """The data of the newest message of a topic of titan."""
     record = database.newest(2, topic.topic_id)
-    return payload.unpack(record.body) if record else None
+    return wire.unpack(record.body) if record else None
 
 
 def own(topic, stamp_ms: int, data: bytes) -> Record:
     """A message of titan from before a restart."""
-    body = payload.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms)
+    body = wire.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms)
     return Record(Header.at(2, topic.topic_id, stamp_ms), topic.priority, body, stamp_ms, T)
 
 
@@ -78,10 +78,10 @@ def test_an_early_message_waits_and_the_newest_one_is_stored(publisher, database
 
 def test_what_is_stored_is_a_message_as_it_crosses_the_wire(publisher, often):
     header, (record,) = publisher.publish(often, b"grid", T, at_once=False)
-    assert payload.dtype_of(record.body) == often.dtype
+    assert record.body[0] == often.dtype
     assert record.body[1] == record.priority == often.priority
-    assert payload.unpack(record.body) == b"grid"
-    trailer = payload.check(record.body, ids_of(record))
+    assert wire.unpack(record.body) == b"grid"
+    trailer = wire.check(record.body, ids_of(record))
     assert trailer.stamp_ms == record.stamp_ms == int(T * 1000)
     assert trailer.signature is None
     assert (record.header, record.received_s, record.extrapolated) == (header, T, False)
@@ -126,7 +126,7 @@ def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     (record,) = publisher.due(T + 5)
     assert record.header == Header.at(2, 1, record.stamp_ms)
     assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
-    assert payload.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
+    assert wire.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
     assert stored(database, slow) == b"2"
 
 
@@ -138,7 +138,7 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     record = publisher.recovered(often, T + 1)
     assert record.header == Header.at(2, 0, record.stamp_ms)
     assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
-    assert payload.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
+    assert wire.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
     assert stored(database, often) == b"new"
     assert publisher.recovered(often, T + 1) is None
     (another,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
@@ -159,7 +159,7 @@ def test_lives_with_a_wrong_clock_do_not_make_the_same_header(team, often):
 
 
 def test_too_large_a_message_is_refused_before_anything(publisher, database, slow, monkeypatch):
-    monkeypatch.setattr(payload, "MAX_BYTES", 100)
+    monkeypatch.setattr(wire, "MAX_BYTES", 100)
     with pytest.raises(PayloadError, match="101 bytes; at most 100"):
         publisher.publish(slow, bytes(101), T, at_once=False)
     assert publisher.due(T + 100) == []
@@ -178,7 +178,7 @@ def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, databa
 
     publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database, of)
     _, (record,) = publisher.publish(often, b"grid", T, at_once=False)
-    assert payload.check(record.body, ids_of(record)).signature == bytes(64)
+    assert wire.check(record.body, ids_of(record)).signature == bytes(64)
     assert len(signed) == 1
     assert signed[0].startswith(b"/map")
 

@@ -13,17 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mocha_link.store.database import GROUPS, Database, digest
-from mocha_link.store.index import follows, today
-from mocha_link.store.record import (
-    WRAP_MS,
-    WRAP_S,
-    Header,
-    HeaderError,
-    Knowledge,
-    Record,
-    as_ms,
-    latest_ms,
-)
+from mocha_link.store.record import Knowledge, Record, follows, today
+from mocha_link.store.wire import WRAP_MS, WRAP_S, Header, HeaderError, as_ms, latest_ms
 
 WRAP = 27392 * WRAP_S  # a wrap in the year 2026
 HOUR = 3600
@@ -157,7 +148,7 @@ def test_impossible_times_are_left_to_who_asks():
 
 
 def test_a_history_keeps_the_newest_versions_in_whatever_order_they_come():
-    database = Database(history=lambda _, topic_id: 3 if topic_id == 1 else 1)
+    database = Database({1: 3})
     for second in (10, 40, 20, 30, 5):
         database.insert(record(second, topic_id=1), 50)
         database.insert(record(second, topic_id=2), 50)
@@ -203,7 +194,7 @@ def test_knowledge_of_a_peer():
 
 
 def test_any_thread_may_use_it():
-    database = Database(history=lambda *_: 2)
+    database = Database(dict.fromkeys(range(1 << 16), 2))
     errors = []
 
     def work(robot_id):
@@ -287,7 +278,7 @@ RECORDS = st.builds(made, TOPICS, st.integers(0, 3), STAMPS_MS)
     st.lists(RECORDS, max_size=20),
 )
 def test_the_indexes_agree_with_a_plain_model(depth, inserts, others):
-    database = Database(history=lambda *_: depth)
+    database = Database(dict.fromkeys(range(1 << 16), depth))
     model = Model(depth)
     numbers = {}
     for each, now_s, looked_at in inserts:
@@ -345,7 +336,7 @@ def group_of(record):
 )
 @example(1, [(made((0, 0), 0, WRAP * 1000), WRAP + YEAR, True)], [], 0)
 def test_what_is_wanted_would_be_stored_whatever_the_clock_does(depth, inserts, headers, now_s):
-    database = Database(history=lambda *_: depth)
+    database = Database(dict.fromkeys(range(1 << 16), depth))
     for each, then_s, from_original in inserts:
         taken = each
         if from_original:

@@ -6,15 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mocha_link.store.record import (
-    AHEAD_MS,
-    WRAP_MS,
-    WRAP_S,
-    Header,
-    HeaderError,
-    as_ms,
-    next_stamp_ms,
-)
+from mocha_link.node.publisher import next_stamp_ms
+from mocha_link.store.wire import AHEAD_MS, WRAP_MS, WRAP_S, Header, HeaderError, as_ms
 
 FAST = settings(deadline=None, max_examples=100)
 HEADERS = st.builds(

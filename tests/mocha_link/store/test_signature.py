@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from mocha_link.store import payload
-from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Header
+from mocha_link.store import wire
 from mocha_link.store.signature import SignatureError, Signer, Verifier
+from mocha_link.store.wire import Header, PayloadError
 from mocha_link.team import keys
 from mocha_link.team.keys import KeyMismatchError, KeysUnavailableError, SecretKey
 from mocha_link.team.team import Team, Trust
@@ -41,13 +40,13 @@ def message(  # noqa: PLR0913 - every part of a message
 ) -> tuple[Header, bytes]:
     known = team.topic(robot, topic)
     sign = Signer(by, team.robot(robot)).of(known) if by else None
-    body = payload.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=sign)
+    body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=sign)
     header = Header.at(team.robot(robot).robot_id, known.topic_id, stamp_ms or STAMP_MS)
     return header, body
 
 
 def verify(team: Team, header: Header, body: bytes, handed_by: str) -> None:
-    Verifier(team).verify(header, body, payload.check(body), handed_by=handed_by)
+    Verifier(team).verify(header, body, wire.check(body), handed_by=handed_by)
 
 
 @pytest.mark.parametrize("trust", ["relays", "signed"])
@@ -93,7 +92,7 @@ def test_a_signature_that_no_key_can_check_counts_as_none(mixed):
 
 def test_a_signature_holds_for_this_message_only(mixed):
     header, body = message(mixed, "titan", by=TITAN)
-    signature = payload.trailer(body).signature
+    signature = wire.check(body).signature
     elsewhere = [
         message(mixed, "titan", "/slow"),
         message(mixed, "titan", stamp_ms=STAMP_MS + 1),
@@ -102,19 +101,19 @@ def test_a_signature_holds_for_this_message_only(mixed):
     ]
     for other, unsigned in elsewhere:
         known = mixed.by_ids(other.robot_id, other.topic_id)[1]
-        forged = payload.pack(
+        forged = wire.pack(
             known.dtype,
             known.priority,
-            payload.unpack(unsigned),
-            stamp_ms=payload.trailer(unsigned).stamp_ms,
+            wire.unpack(unsigned),
+            stamp_ms=wire.check(unsigned).stamp_ms,
             sign=lambda _: signature,
         )
         with pytest.raises(SignatureError):
             verify(mixed, other, forged, "io")
-    priority = payload.pack(body[0], 0, b"data", stamp_ms=STAMP_MS, sign=lambda _: signature)
+    priority = wire.pack(body[0], 0, b"data", stamp_ms=STAMP_MS, sign=lambda _: signature)
     with pytest.raises(SignatureError):
         verify(mixed, header, priority, "io")
-    assert payload.pack(body[0], body[1], b"data", stamp_ms=STAMP_MS, sign=lambda _: signature) == (
+    assert wire.pack(body[0], body[1], b"data", stamp_ms=STAMP_MS, sign=lambda _: signature) == (
         body
     )
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mocha_link.store.database import Database
-from mocha_link.store.record import WRAP_S
 from mocha_link.store.storage import Storage
+from mocha_link.store.wire import WRAP_S
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.fuzz import EXPLORE
@@ -102,7 +102,7 @@ class Days(NetworkSim):
         elif keep:
             database = self.nodes[name].database
         else:
-            database = Database(self.team.history)
+            database = Database(self.team.histories)
         self.restart(name, database=database, datagrams=self.random.random() < 0.5)
 
     def _read(self, name: str, *, keep: bool) -> Database:
@@ -111,7 +111,7 @@ class Days(NetworkSim):
         if not keep:
             path.unlink(missing_ok=True)
         self._storages[name] = Storage(path)
-        return Database(self.team.history, self._storages[name])
+        return Database(self.team.histories, self._storages[name])
 
     def close(self, name: str) -> None:
         """Let go of the disk of a robot."""

@@ -20,7 +20,7 @@ import pytest
 from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store import storage_file
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Knowledge, Record
+from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import (
     Storage,
     StorageDamagedError,
@@ -30,6 +30,7 @@ from mocha_link.store.storage import (
     StorageUnreachableError,
     StorageVersionError,
 )
+from mocha_link.store.wire import Header
 
 T_MS = 1_795_000_000_000
 NOW_S = T_MS / 1000 + 1000
@@ -49,7 +50,7 @@ class Shelter:
         self.faults = queue.SimpleQueue()
         settings = {"retry_s": 3600, "on_fault": self.faults.put} | settings
         self.storage = Storage(path, **settings)
-        self.database = Database(history=lambda *_: depth, storage=self.storage)
+        self.database = Database(dict.fromkeys(range(1 << 16), depth), storage=self.storage)
 
     def write(self, *numbers):
         for number in numbers:

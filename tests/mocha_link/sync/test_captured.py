@@ -11,14 +11,14 @@ import pytest
 
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Record
-from mocha_link.sync import client
-from mocha_link.sync.client import ClientSession
-from mocha_link.sync.protocol import ServerSession
-from mocha_link.sync.pull import PathStats
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header
+from mocha_link.sync import original
+from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
+from tests.mocha_link.network import peer_of
 
 DATA = Path(__file__).parents[2] / "data" / "mocha"
 NOW = Instant(1795175905.0, 100.0)  # shortly after the recording
@@ -87,9 +87,9 @@ def test_headers_and_bodies_are_what_was_published(recorded_team, bodies):
         header = Header.parse(raw)
         assert header.pack() == raw
         robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
-        assert payload.dtype_of(body) == topic.dtype
+        assert body[0] == topic.dtype
         assert body[1] == topic.priority
-        decoded[robot.name, topic.name] = (header.stamp_s(NOW.unix_s), payload.unpack(body))
+        decoded[robot.name, topic.name] = (header.stamp_s(NOW.unix_s), wire.unpack(body))
     assert {name: len(data) for name, (_, data) in decoded.items()} == {
         ("titan", "/asoom/path_viz"): 172,
         ("titan", "/asoom/recent_key_pose"): 74,
@@ -104,20 +104,19 @@ def test_headers_and_bodies_are_what_was_published(recorded_team, bodies):
 
 def test_we_pack_the_same_bytes(bodies):
     for body in bodies.values():
-        assert payload.pack(body[0], body[1], payload.unpack(body), checksum=False) == body
+        assert wire.pack(body[0], body[1], wire.unpack(body), checksum=False) == body
 
 
 @pytest.mark.parametrize("pull", PULLS)
 def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
-    session = ServerSession(pull.client, database(recorded_team, bodies, *pull.server_holds))
-    told = []
+    held = database(recorded_team, bodies, *pull.server_holds)
+    peer = peer_of(held, name=pull.client)
+    session = ServerSession(peer)
     for request, reply in exchange(*pull.connections):
-        answered, events = session.answer([request], NOW)
-        assert answered == reply
-        told += events
+        assert session.answer([request], NOW) == reply
     messages = len(exchange(*pull.connections)) - 2
     size = sum(len(reply) for _, reply in exchange(*pull.connections))
-    assert told == [
+    assert peer.events == [
         SyncStarted(pull.client, NOW.unix_s, Direction.OUT),
         SyncEnded(pull.client, NOW.unix_s, Direction.OUT, messages, size, 0.0),
     ]
@@ -126,35 +125,26 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
 def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
-    monkeypatch.setattr(client, "MIN_WINDOW", window)
-    monkeypatch.setattr(client, "MAX_WINDOW", window)
+    monkeypatch.setattr(original, "MIN_WINDOW", window)
+    monkeypatch.setattr(original, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
     ids = iter(request[:6] for request, _ in recorded)
     own = database(recorded_team, bodies, *pull.client_holds)
-    session = ClientSession(
-        pull.server,
-        pull.client,
-        team=recorded_team,
-        database=own,
-        new_id=lambda: next(ids),
-        timeout_s=5,
-        path_stats=PathStats(),
+    peer = peer_of(
+        own, name=pull.server, team=recorded_team, own=pull.client, new_id=lambda: next(ids)
     )
+    session = ClientSession(peer)
     replies = dict(recorded)
-    step = session.start(NOW)
-    asked, events = [], list(step.events)
-    pending = list(step.frames)
+    asked, pending = [], [session.start(NOW)]
     while pending:
         asked.append(pending.pop(0))
-        step = session.reply([replies[asked[-1]]], NOW)
-        assert not step.refusals
-        pending += step.frames
-        events += step.events
+        pending += session.reply([replies[asked[-1]]], NOW)
+    assert not peer.refusals
     assert asked == [request for request, _ in recorded]
     assert session.over
-    assert isinstance(events[-1], SyncEnded)
-    assert events[-1].messages == len(recorded) - 2
-    stored = [event for event in events if isinstance(event, MessageStored)]
+    assert session.failure is None
+    stored = [event for event in peer.events if isinstance(event, MessageStored)]
+    assert session.messages == len(stored) == len(recorded) - 2
     assert [event.header.pack() for event in stored] == [r[11:] for r in asked[1:-1]]
     for event in stored:
         record = own.newest(event.header.robot_id, event.header.topic_id)
@@ -171,7 +161,7 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
         asked, start = bytes.fromhex(request["hex"]), bytes.fromhex(reply["hex"])
         # The recording keeps the beginning of a long reply; the frame header there tells the size.
         size = int.from_bytes(start[14:22], "little")
-        body = payload.pack(start[6], start[7], generator.randbytes(size), checksum=False)
+        body = wire.pack(start[6], start[7], generator.randbytes(size), checksum=False)
         assert body[:17] == start[6:23]  # type, priority, LZ4 frame header with its checksum
         header = Header.parse(asked[11:])
         robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
@@ -183,22 +173,16 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
 
     # Our nodes on both sides: the same list, the same requests in the same order.
     ids = iter(bytes.fromhex(request["hex"])[:6] for request, _ in pairs)
-    server = ServerSession("titan", held)
+    server = ServerSession(peer_of(held))
     got = Database()
     asking = ClientSession(
-        "callisto",
-        "titan",
-        team=recorded_team,
-        database=got,
-        new_id=lambda: next(ids),
-        timeout_s=5,
-        path_stats=PathStats(),
+        peer_of(got, name="callisto", team=recorded_team, own="titan", new_id=lambda: next(ids))
     )
-    pending, asked_frames, replies = asking.start(NOW).frames, [], []
+    pending, asked_frames, replies = [asking.start(NOW)], [], []
     while pending:
         asked_frames.append(pending.pop(0))
-        replies.append(server.answer([asked_frames[-1]], NOW)[0])
-        pending += asking.reply([replies[-1]], NOW).frames
+        replies.append(server.answer([asked_frames[-1]], NOW))
+        pending += asking.reply([replies[-1]], NOW)
     assert [frame.hex() for frame in asked_frames] == [request["hex"] for request, _ in pairs]
     assert replies[0].hex() == pairs[0][1]["hex"]
     assert replies[-1].hex() == pairs[-1][1]["hex"]

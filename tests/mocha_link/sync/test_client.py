@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 
 import pytest
@@ -10,14 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.store import payload
-from mocha_link.store.database import Database
-from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Header, Record
-from mocha_link.sync.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
-from mocha_link.sync.frames import Step
-from mocha_link.sync.pull import PathStats
+from mocha_link.links.metrics import MessageStored
+from mocha_link.store import wire
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header, PayloadError
+from mocha_link.sync.original import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.peer import Peer
+from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import pair_of
 
 NOW_S = 1_795_175_900.0
@@ -35,35 +33,27 @@ def header(topic_id: int, *, robot_id: int = IO, age_s: int = 10) -> Header:
 
 
 def body(data: bytes = b"data", dtype: int = 0) -> bytes:
-    return payload.pack(dtype, 0, data)
+    return wire.pack(dtype, 0, data)
 
 
 class Pull:
     """titan's pull from io, with everything that it did so far."""
 
-    def __init__(self, *, path_stats: PathStats | None = None, **options: object) -> None:
-        numbers = itertools.count()
-        self.database = Database()
-        self.path_stats = path_stats or PathStats()
-        self.session = ClientSession(
-            "io",
-            "titan",
-            team=TEAM,
-            database=self.database,
-            new_id=lambda: next(numbers).to_bytes(6),
-            timeout_s=5,
-            path_stats=self.path_stats,
-            **options,
-        )
+    def __init__(self, *, peer: Peer | None = None, budget: int = 0, verify: object = None) -> None:
+        self.peer = peer or peer_of(team=TEAM, verify=verify)
+        self.database = self.peer.node.database
+        self.session = ClientSession(self.peer, budget)
         self.open: list[bytes] = []
         self.events: list[object] = []
         self.refusals: list[str] = []
-        self.take(self.session.start(at(0)))
+        self.take([self.session.start(at(0))])
 
-    def take(self, step: Step) -> None:
-        self.open += step.frames
-        self.events += step.events
-        self.refusals += step.refusals
+    def take(self, frames: list[bytes]) -> None:
+        self.open += frames
+        self.events += self.peer.events
+        self.refusals += self.peer.refusals
+        self.peer.events.clear()
+        self.peer.refusals.clear()
 
     def answer(self, content: bytes, steady_s: float = 1) -> None:
         """Answer the oldest open request."""
@@ -88,10 +78,8 @@ def test_nothing_new(pull):
     assert pull.asked == [b"DENDTtitan"]
     pull.answer(b"Ack", steady_s=3)
     assert pull.session.over
-    assert pull.events == [
-        SyncStarted("io", NOW_S, Direction.IN),
-        SyncEnded("io", NOW_S, Direction.IN, messages=0, bytes=6 + 9, duration_s=3),
-    ]
+    assert pull.session.failure is None
+    assert (pull.session.messages, pull.session.bytes_in) == (0, 6 + 9)
     assert pull.session.rtt_s == 2
     assert pull.session.bandwidth_bytes_s is None
 
@@ -109,9 +97,9 @@ def test_a_window_of_requests_is_under_way(pull):
     while pull.asked != [b"DENDTtitan"]:
         pull.answer(large, steady_s=3)
     pull.answer(b"Ack")
-    assert pull.events[-1].messages == TOPICS
+    assert pull.session.messages == TOPICS
     assert pull.session.bandwidth_bytes_s == TOPICS * (6 + len(large)) / 2
-    assert pull.path_stats.rate_bytes_s == pull.session.bandwidth_bytes_s
+    assert pull.peer.rate_bytes_s == pull.session.bandwidth_bytes_s
     assert pull.refusals == []
 
 
@@ -127,7 +115,9 @@ def test_small_messages_widen_the_window(pull):
 
 
 def test_what_the_last_contact_showed_sets_the_window():
-    pull = Pull(path_stats=PathStats(rtt_s=1.0, rate_bytes_s=1e9))
+    peer = peer_of(team=TEAM)
+    peer.rtt_s, peer.rate_bytes_s = 1.0, 1e9
+    pull = Pull(peer=peer)
     pull.offer(*[header(i) for i in range(TOPICS)])
     assert len(pull.open) == TOPICS > FIRST_WINDOW
 
@@ -137,8 +127,8 @@ def test_replies_may_come_in_any_order(pull):
     pull.open.reverse()
     pull.answer(body(b"one"))
     pull.answer(body(b"zero"))
-    assert payload.unpack(pull.database.newest(IO, 0).body) == b"zero"
-    assert payload.unpack(pull.database.newest(IO, 1).body) == b"one"
+    assert wire.unpack(pull.database.newest(IO, 0).body) == b"zero"
+    assert wire.unpack(pull.database.newest(IO, 1).body) == b"one"
 
 
 def test_unknown_and_unsafe_headers_are_never_fetched(pull):
@@ -160,7 +150,7 @@ def test_a_list_that_is_none_ends_the_pull(pull, content):
     pull.answer(content)
     assert pull.session.over
     assert pull.asked == []
-    assert isinstance(pull.events[-1], SyncTimedOut)
+    assert pull.session.failure
     assert len(pull.refusals) == 1
 
 
@@ -169,7 +159,7 @@ def test_an_error_reply_is_no_message(pull):
     pull.answer(b"SERRM")
     pull.answer(body())
     pull.answer(b"Ack")
-    assert pull.events[-1].messages == 1
+    assert pull.session.messages == 1
     assert pull.database.newest(IO, 0) is None
 
 
@@ -200,11 +190,7 @@ def test_a_reply_to_nothing_ends_the_pull(pull, parts):
     pull.take(pull.session.reply(parts, at(4)))
     assert pull.session.over
     assert pull.refusals == ["a reply to nothing that was asked"]
-    assert pull.events[-1] == SyncTimedOut(
-        "io", NOW_S, Direction.IN, "the peer answered what was not asked"
-    )
-    pull.take(pull.session.reply(parts, at(4)))
-    assert len(pull.events) == 2
+    assert pull.session.failure == "the peer answered what was not asked"
 
 
 def test_a_reply_counts_once(pull):
@@ -213,7 +199,8 @@ def test_a_reply_counts_once(pull):
     pull.take(pull.session.reply([frame], at(1)))
     pull.take(pull.session.reply([frame], at(1)))
     assert pull.session.over
-    assert [type(e) for e in pull.events] == [SyncStarted, MessageStored, SyncTimedOut]
+    assert [type(e) for e in pull.events] == [MessageStored]
+    assert pull.session.failure
 
 
 def test_it_says_what_it_waits_for(pull):
@@ -230,7 +217,7 @@ def test_it_says_what_it_waits_for(pull):
 def cut(pull: Pull) -> None:
     """A part of the message comes, then nothing any more."""
     pull.session.progress(at(1.5))
-    pull.take(pull.session.fail("the link is gone", at(2)))
+    pull.session.break_off()
 
 
 def test_a_message_that_was_cut_lets_the_others_go_first():
@@ -239,22 +226,23 @@ def test_a_message_that_was_cut_lets_the_others_go_first():
     first.offer(header(0), header(1), header(2))
     first.answer(body())
     cut(first)
-    again = Pull(path_stats=first.path_stats)
+    again = Pull(peer=first.peer)
     again.offer(header(1), header(2), header(3))
     assert again.asked == [b"GDATA" + header(i).pack() for i in (2, 3, 1)]
     cut(again)
-    third = Pull(path_stats=first.path_stats)
+    third = Pull(peer=first.peer)
     third.offer(header(1), header(2), header(3))
     assert third.asked == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
     for _ in range(3):
         third.answer(body())
-    assert third.path_stats.cut == {}
+    assert third.peer.cut == {}
 
 
 def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each_time():
-    path_stats = PathStats()
+    cut_before: dict[int, int] = {}
     for contact in range(3):
-        pull = Pull(path_stats=path_stats)
+        pull = Pull()
+        pull.peer.cut = cut_before
         large = header(1, age_s=100 - contact)
         pull.offer(large, header(2), header(3))
         if contact:
@@ -262,7 +250,7 @@ def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each
             pull.answer(body())
             pull.answer(body())
         cut(pull)
-    assert len(path_stats.cut) == 1
+    assert len(cut_before) == 1
 
 
 def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
@@ -270,8 +258,8 @@ def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
     first = Pull()
     first.offer(header(0), header(1))
     first.answer(body())
-    first.take(first.session.fail("the link is gone", at(2)))
-    again = Pull(path_stats=first.path_stats)
+    first.session.break_off()
+    again = Pull(peer=first.peer)
     again.offer(header(1), header(2))
     assert again.asked == [b"GDATA" + header(i).pack() for i in (1, 2)]
 
@@ -283,11 +271,9 @@ def test_nothing_more_is_asked_for_beyond_the_budget():
     while pull.asked != [b"DENDTtitan"]:
         pull.answer(large)
     pull.answer(b"Ack")
-    ended = pull.events[-1]
-    assert isinstance(ended, SyncEnded)
-    assert not ended.complete
+    assert pull.session.cut_short
     # What was under way when the budget was reached still comes: an original peer sends it anyway.
-    assert 3 <= ended.messages <= 6
+    assert 3 <= pull.session.messages <= 6
     assert pull.session.over
 
 
@@ -298,8 +284,8 @@ def test_a_budget_that_suffices_changes_nothing(budget):
     while pull.asked != [b"DENDTtitan"]:
         pull.answer(body())
     pull.answer(b"Ack")
-    assert pull.events[-1].complete
-    assert pull.events[-1].messages == 50
+    assert not pull.session.cut_short
+    assert pull.session.messages == 50
 
 
 def test_a_message_with_its_full_time(pull):
@@ -307,10 +293,10 @@ def test_a_message_with_its_full_time(pull):
     stamp_ms = 1000 * int(NOW_S - 10 * 86_400) + 7
     own = Header.at(IO, 0, stamp_ms)
     pull.offer(own, header(1))
-    pull.answer(payload.pack(0, 0, b"old", stamp_ms=stamp_ms))
+    pull.answer(wire.pack(0, 0, b"old", stamp_ms=stamp_ms))
     record = pull.database.newest(IO, 0)
     assert (record.stamp_ms, record.extrapolated) == (stamp_ms, False)
-    pull.answer(payload.pack(0, 0, b"other", stamp_ms=stamp_ms))
+    pull.answer(wire.pack(0, 0, b"other", stamp_ms=stamp_ms))
     assert pull.database.newest(IO, 1) is None
     assert "the time of another message" in pull.refusals[0]
 
@@ -351,7 +337,7 @@ def test_own_messages_come_back_after_a_restart(pull):
     pull.offer(own_record(10).header)
     pull.answer(body(b"mine"))
     assert pull.events[-1].robot == "titan"
-    assert payload.unpack(pull.database.newest(TITAN, 0).body) == b"mine"
+    assert wire.unpack(pull.database.newest(TITAN, 0).body) == b"mine"
 
 
 def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
@@ -385,4 +371,4 @@ def test_any_replies_leave_only_good_messages(contents):
         pull.answer(content)
     for record in pull.database.records():
         assert TEAM.by_ids(record.header.robot_id, record.header.topic_id)
-        payload.unpack(record.body)
+        wire.unpack(record.body)

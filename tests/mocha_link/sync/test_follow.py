@@ -7,14 +7,13 @@ from pathlib import Path
 import pytest
 
 from mocha_link.links.link_events import MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.store.database import Database
 from mocha_link.sync.frames import FOLLOW, OPEN, message_frame
-from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.server import FOLLOW_S
 from mocha_link.sync.sync_messages import Have, Open
 from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
+from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
 FAR_S = 0.05  # half a round trip
@@ -111,7 +110,7 @@ def test_of_others_only_that_is_pushed_which_the_peer_gets_no_other_way(team, li
 
 
 def test_who_follows_before_all_was_said_ends_the_pull():
-    sender = SyncSender(Database(), PeerState(1))
+    sender = SyncSender(peer_of())
     sender.receive(message_frame(OPEN, 0, Open(9, 0, Have(())).encode(), 0, 1000))
     sender.receive(message_frame(FOLLOW, 0, b"", 0, 1000))
     assert (sender.over, sender.follows) == (True, False)

@@ -17,7 +17,7 @@ import pytest
 import zmq
 
 from mocha_link.node import zmtp
-from mocha_link.store.record import Header, as_ms
+from mocha_link.store.wire import Header, as_ms
 from mocha_link.sync.frames import HELLO
 from mocha_link.sync.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
 from mocha_link.team.document import Document
@@ -222,7 +222,7 @@ def test_bad_bytes_where_answers_are_expected(loaded, recorded):
 def test_bad_datagrams_in_answer(loaded, recorded):
     """titan believes that datagrams are the way to io."""
     fuzzer = Fuzzer(recorded, 7)
-    path_stats = loaded.titan._gossip._pullers["io"].path_stats
+    path_stats = loaded.titan._gossip._links["io"].peer
     with Liar(loaded) as liar:
         while loaded.frames < 3_750 * SHARE:
             for _ in range(CHECK_EVERY // BATCH):

@@ -17,6 +17,7 @@ from tests.mocha_link.sync.test_server import (
     database,
     reception,
     server,
+    told_by,
 )
 
 __all__ = ["database", "server"]  # fixtures
@@ -33,7 +34,7 @@ def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
     end_s = io.run(0, 0.05) + 1
     for packet in io.flow.transmit(at(end_s).steady_s):
         server.packet(packet, at(end_s))
-    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
     for tenth in range(1, 100):
         server.transmit(at(end_s + tenth / 10))
         server.tick(at(end_s + tenth / 10))
@@ -46,11 +47,11 @@ def test_an_older_pull_that_was_replaced_does_not_come_back(server, database):
     old, new = Asker(server, b"older!"), Asker(server, b"newer!")
     old.open()
     new.open(route=OTHER)
-    server.take()
+    told_by(server)
     assert old.ask(b"SYNC1" + PLENTY + old.opening) is None
     (packet,) = old.openings(at(0))
     assert not server.packet(packet, at(0))
-    assert server.take() == []
+    assert told_by(server) == []
     new.read()
     assert new.got == all_of(database)
 
@@ -76,4 +77,4 @@ def test_only_an_opening_begins_a_sync(server, by_datagram):
         assert not server.packet(packet, at(0))
     else:
         assert reception(io.open()) is Reception.UNREADABLE
-    assert server.take() == []
+    assert told_by(server) == []

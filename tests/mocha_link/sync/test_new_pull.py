@@ -15,7 +15,7 @@ from mocha_link.links.metrics import SyncTimedOut
 from mocha_link.node.connection import CurveConnection, TcpConnection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
-from mocha_link.sync.actions import Connect, Disconnect
+from mocha_link.sync.protocol import Connect, Disconnect
 from tests.mocha_link.node.test_connection import (
     GREETING,
     HELLO_BYTES,

@@ -16,7 +16,7 @@ import lz4.frame
 import pytest
 
 from mocha_link.links.metrics import Direction, LinkState, SyncEnded, SyncTimedOut
-from mocha_link.store.record import WRAP_S
+from mocha_link.store.wire import WRAP_S
 from mocha_link.team.team import Team
 from tests.mocha_link import original
 from tests.mocha_link.original import JUNK, SILENT, Original

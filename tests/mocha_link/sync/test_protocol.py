@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store.database import Database
-from mocha_link.store.record import Header, Record
-from mocha_link.sync.protocol import ServerSession
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header
+from mocha_link.sync.original import ServerSession
+from tests.mocha_link.network import peer_of
 
 OUT = Direction.OUT
 ID = b"\0\xffabcd"
@@ -22,6 +24,26 @@ def record(second: int, body: bytes = b"\0\0body") -> Record:
 
 def at(steady_s: float) -> Instant:
     return Instant(2000.0, steady_s)
+
+
+class Session:
+    """A session that answers with what it tells as well."""
+
+    def __init__(self, database: Database) -> None:
+        self._peer = peer_of(database)
+        self._session = ServerSession(self._peer)
+
+    def answer(self, parts: list[bytes], now: Instant) -> tuple[bytes, list[object]]:
+        return self._session.answer(parts, now), self._told()
+
+    def tick(self, now: Instant) -> list[object]:
+        self._session.tick(now)
+        return self._told()
+
+    def _told(self) -> list[object]:
+        events = list(self._peer.events)
+        self._peer.events.clear()
+        return events
 
 
 @pytest.fixture
@@ -47,7 +69,7 @@ def database() -> Database:
 def test_any_parts_are_answered(parts):
     held = Database()
     held.insert(record(1500), 2000)
-    reply, _ = ServerSession("io", held).answer(parts, at(0))
+    reply, _ = Session(held).answer(parts, at(0))
     first = parts[0] if parts else b""
     assert reply.startswith(first[:6])
     body, code = reply[len(first[:6]) :], first[6:11]
@@ -62,11 +84,11 @@ def test_any_parts_are_answered(parts):
 
 
 def test_nothing_held_is_an_empty_list():
-    assert ServerSession("io", Database()).answer([ID + b"GHEAD and more"], at(0))[0] == ID
+    assert Session(Database()).answer([ID + b"GHEAD and more"], at(0))[0] == ID
 
 
 def test_a_pull_is_told(database):
-    session = ServerSession("io", database)
+    session = Session(database)
     assert session.answer([ID + b"DENDTio"], at(0)) == (ID + b"Ack", [])
     assert session.answer([ID + b"GHEAD"], at(1))[1] == [SyncStarted("io", 2000, OUT)]
     session.answer([ID + b"GDATA" + record(1500).header.pack()], at(2))
@@ -78,7 +100,7 @@ def test_a_pull_is_told(database):
 
 
 def test_silence_and_a_new_beginning_break_a_pull_off(database):
-    session = ServerSession("io", database)
+    session = Session(database)
     session.answer([ID + b"GHEAD"], at(0))
     assert session.tick(at(13)) == []
     (broken,) = session.tick(at(13.1))
@@ -92,7 +114,7 @@ def test_silence_and_a_new_beginning_break_a_pull_off(database):
 
 
 def test_the_end_of_a_slow_pull_still_counts(database):
-    session = ServerSession("io", database)
+    session = Session(database)
     session.answer([ID + b"GHEAD"], at(0))
     session.tick(at(14))
     (ended,) = session.answer([ID + b"DENDTio"], at(30))[1]
@@ -100,7 +122,7 @@ def test_the_end_of_a_slow_pull_still_counts(database):
 
 
 def test_what_was_offered_stays_available(database):
-    session = ServerSession("io", database)
+    session = Session(database)
     ask = ID + b"GDATA" + record(1500).header.pack()
     session.answer([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
@@ -113,12 +135,12 @@ def test_what_was_offered_stays_available(database):
     # It may still be busy with the list before: 13 s after the new one it is not.
     assert session.answer([ask], at(114))[0] == ID + b"\0\0body"
     assert session.answer([ask], at(114.1))[0] == ID + b"SERRM"
-    assert ServerSession("europa", database).answer([ask], at(0))[0] == ID + b"SERRM"
+    assert Session(database).answer([ask], at(0))[0] == ID + b"SERRM"
 
 
 def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
     """Only the two last lists are remembered, each with one message of a topic."""
-    session = ServerSession("io", database)
+    session = Session(database)
     for second in range(1501, 1600):
         database.insert(record(second, bytes(1000)), 2000)
         session.answer([ID + b"GHEAD"], at(0))
@@ -134,7 +156,7 @@ def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
 
 def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
     """Otherwise every peer ever met would keep all that there was then."""
-    session = ServerSession("io", database)
+    session = Session(database)
     ask = ID + b"GDATA" + record(1500).header.pack()
     session.answer([ID + b"GHEAD"], at(0))
     database.insert(record(1600, b"\0\0newer"), 2000)
@@ -146,8 +168,8 @@ def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
 
 def test_every_kept_version_is_given_by_its_header():
     """The list has the newest only, but another node may still ask for the one before."""
-    held = Database(history=lambda *_: 2)
-    session = ServerSession("io", held)
+    held = Database(dict.fromkeys(range(1 << 16), 2))
+    session = Session(held)
     for second in (1500, 1501, 1502):
         held.insert(record(second, f"at {second}".encode()), 2000)
     assert session.answer([ID + b"GHEAD"], at(0))[0] == ID + record(1502).header.pack()
@@ -161,7 +183,7 @@ def test_every_kept_version_is_given_by_its_header():
 @pytest.mark.parametrize("code", [b"SYNC1", b"SYNCF", b"SYNCC"])
 def test_what_only_new_nodes_say_is_refused_here(database, code):
     """As an original node refuses it: `Server` answers it before it gets here."""
-    assert ServerSession("io", database).answer([ID + code + b"rest"], at(0)) == (
+    assert Session(database).answer([ID + code + b"rest"], at(0)) == (
         ID + b"SERRM",
         [],
     )

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.sync.actions import Connect
-from mocha_link.sync.pull import MAX_MISSES, RETRY_EVERY
+from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
+from mocha_link.sync.protocol import Connect
 from mocha_link.sync.puller import LEAST_BUDGET
 from mocha_link.team.team import Team
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of
@@ -206,7 +206,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert net.sent(*UP), "not tried"
         net.wait(20)
     assert not net.told("io", SyncEnded)
-    assert net.nodes["io"]._pullers["titan"].path_stats.udp_misses == 0
+    assert net.nodes["io"]._links["titan"].peer.udp_misses == 0
 
 
 def test_where_tcp_is_blocked_datagrams_serve(net):
@@ -255,10 +255,8 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     net = NetworkSim(team, datagrams=True, delay_s=0.008)
     net.publish("titan", "/map", noise(3_000_000))
     io = net.nodes["io"]
-    io._pullers[
-        "titan"
-    ].path_stats.rtt_s = 0.03  # it was further away last time: datagrams go at once
-    io._known["titan"].address_token = net.nodes["titan"]._known["io"].next_token
+    io._links["titan"].peer.rtt_s = 0.03  # it was further away last time: datagrams go at once
+    io._links["titan"].peer.address_token = net.nodes["titan"]._links["io"].peer.next_token
     held: list[bytes] = []
 
     def hold(piece: Carried) -> bool:
@@ -340,9 +338,7 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     io = net.nodes["io"]
     io.sync("titan", net.now)
     until_some_came(net)
-    net.nodes["titan"]._servers["io"].__init__(
-        "io", net.nodes["titan"].database, net.nodes["titan"]._known["io"]
-    )
+    net.nodes["titan"]._links["io"].server.__init__(net.nodes["titan"]._links["io"].peer)
     net.settle()
     (broken,) = net.told("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"

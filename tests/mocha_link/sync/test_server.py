@@ -10,21 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.datagram import packet as wire
+from mocha_link.datagram import packet as packets
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Header, Record
-from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.store.record import Record
+from mocha_link.store.wire import Header
 from mocha_link.sync.frames import HELLO, OPEN, MessageAssembler, message_frames
-from mocha_link.sync.peer_state import PeerState
+from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import MIN_ROOM
+from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import pair_of
 
 NOW_S = 1_795_175_900.0
@@ -42,7 +42,7 @@ def at(steady_s: float) -> Instant:
 def record(topic_id: int, size: int = 100) -> Record:
     stamp_ms = int(NOW_S * 1000) - 60_000 + topic_id
     data = random.Random(topic_id).randbytes(size)
-    body = payload.pack(0, 0, data, stamp_ms=stamp_ms)
+    body = wire.pack(0, 0, data, stamp_ms=stamp_ms)
     return Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S)
 
 
@@ -53,21 +53,14 @@ class Asker:
         self.server = server
         self.id = request_id
         self.database = Database()
-        known = PeerState(7)
-        known.address_token = server._peer_state.next_token  # they have met
-        self.receiver = SyncReceiver(
-            "titan",
-            team=TEAM,
-            database=self.database,
-            reassembly=ReassemblyBuffer(),
-            peer_state=known,
-            room=1100,
-        )
-        (self.opening,) = self.receiver.open(at(0)).frames
+        known = peer_of(self.database, name="titan", team=TEAM, boot_id=7)
+        known.address_token = server._peer.next_token  # they have met
+        self.peer = known
+        self.receiver = SyncReceiver(known, room=1100)
+        (self.opening,) = self.receiver.open(at(0))
         self.outbox: list[bytes] = []  # for datagrams
         self.flow: Flow | None = None
         self.frames: list[bytes] = []  # that came on the connection
-        self.refusals: list[str] = []
 
     # --- on the connection
 
@@ -95,9 +88,7 @@ class Asker:
             frame, *more = supplied[1]
             assert frame[:ID_BYTES] == self.id
             self.frames.append(frame)
-            step = self.receiver.receive(frame[ID_BYTES:], now, more)
-            self.refusals += step.refusals
-            for each in step.frames:
+            for each in self.receiver.receive(frame[ID_BYTES:], now, more):
                 self.ask(b"SYNCF" + each, now=now)
 
     # --- by datagrams
@@ -144,15 +135,20 @@ class Asker:
                     assert self.server.packet(packet, at(time_s))
                 else:
                     for frame in self.flow.receive(packet, at(time_s).steady_s):
-                        step = self.receiver.receive(frame, at(time_s))
-                        self.refusals += step.refusals
-                        self.outbox += step.frames
+                        self.outbox += self.receiver.receive(frame, at(time_s))
         self.pass_on(at(time_s))
         return time_s
 
     @property
     def got(self) -> dict[Header, bytes]:
         return {each.header: each.body for each in self.database.records()}
+
+
+def told_by(server: Server) -> list[object]:
+    """What it has told since this was asked last."""
+    events = list(server._peer.events)
+    server._peer.events.clear()
+    return events
 
 
 @pytest.fixture
@@ -165,7 +161,7 @@ def database() -> Database:
 
 @pytest.fixture
 def server(database) -> Server:
-    return Server("io", database, PeerState(9))
+    return Server(peer_of(database, team=TEAM))
 
 
 @pytest.fixture
@@ -188,7 +184,7 @@ def fill(database: Database, topics: int = 4, size: int = 200_000) -> None:
     for topic_id in range(topics):
         stamp_ms = int(NOW_S * 1000) - 1_000 + topic_id
         data = random.Random(topic_id).randbytes(size)
-        body = payload.pack(0, 0, data, stamp_ms=stamp_ms)
+        body = wire.pack(0, 0, data, stamp_ms=stamp_ms)
         database.insert(Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S), NOW_S)
 
 
@@ -197,11 +193,11 @@ def fill(database: Database, topics: int = 4, size: int = 200_000) -> None:
 
 def test_a_sync_over_the_connection(server, io, database):
     assert io.open() is None
-    assert server.take() == [SyncStarted("io", NOW_S, OUT)]
+    assert told_by(server) == [SyncStarted("io", NOW_S, OUT)]
     io.read(at(2))
     assert io.got == all_of(database)
     assert io.receiver.complete
-    (ended,) = server.take()
+    (ended,) = told_by(server)
     assert ended == SyncEnded(
         "io", NOW_S + 2, OUT, TOPICS, ended.bytes, pytest.approx(2), complete=True
     )
@@ -264,13 +260,13 @@ def test_hostile_grants(server, io, database, grant):
         supplied = server.supply()
         if supplied:
             assert sum(map(len, supplied[1])) <= max(MAX_CHUNK, MIN_CHUNK)
-    assert [type(event) for event in server.take()] == [SyncStarted]
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
 
 
 @pytest.mark.parametrize("length", range(GRANT.size))
 def test_an_opening_that_ends_early(server, io, length):
     assert reception(io.ask(b"SYNC1" + PLENTY[:length])) is Reception.UNREADABLE
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.supply() is None
 
 
@@ -285,7 +281,7 @@ def test_an_opening_that_ends_early(server, io, length):
 def test_what_opens_nothing_is_refused(server, io, content):
     """Like an original node does it: who asks goes on with what it understands."""
     assert io.ask(content) == b"idididSERRM"
-    assert server.take() == []
+    assert told_by(server) == []
     assert io.ask(b"GHEAD").startswith(b"ididid\1")
 
 
@@ -296,7 +292,7 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     assert reception(reply) is Reception.UNREADABLE
     io.receiver.receive(reply[ID_BYTES:], at(0))
     assert "could not read how we began" in io.receiver.rejection
-    assert server.take() == []
+    assert told_by(server) == []
     assert io.ask(b"GHEAD") is None
 
 
@@ -304,7 +300,7 @@ def test_another_version_of_the_sync(server, io):
     opening = b"\x07" + Open(1, 0, Have(())).encode()[1:]
     (frame,) = message_frames(OPEN, 0, opening, 1000)
     assert reception(io.ask(b"SYNC1" + PLENTY + frame)) is Reception.UNREADABLE
-    began, ended = server.take()
+    began, ended = told_by(server)
     assert isinstance(began, SyncStarted)
     assert ended == SyncTimedOut("io", NOW_S, OUT, ended.reason)
     assert "io speaks another version of the sync" in ended.reason
@@ -335,13 +331,13 @@ def test_what_is_stored_meanwhile_joins_in(server, io, database):
 def test_the_fallback_is_ignored_where_the_sync_is(server, io):
     io.open(GRANT.pack(0, 65_536))
     assert io.ask(b"GHEAD") is None
-    assert [type(event) for event in server.take()] == [SyncStarted]
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
 
 
 def test_the_fallback_is_answered_elsewhere(server, io, database):
     """The same id on another connection, or another id on this one: a peer asks the old way."""
     io.open(GRANT.pack(0, 65_536))
-    server.take()
+    told_by(server)
     assert io.ask(b"GHEAD", OTHER) == b"ididid" + database.header_list()
     assert server.answer(ROUTE, [b"others" + b"GHEAD"], at(0)) == (
         b"others" + database.header_list()
@@ -362,7 +358,7 @@ def test_an_original_client_and_a_new_one_in_turns(server, database):
         new.read(at(turn))
         assert new.got == all_of(database)
         assert server.answer(OTHER, [b"origin" + b"DENDTio"], at(turn)) == b"originAck"
-        told = [(type(event), event.peer) for event in server.take()]
+        told = [(type(event), event.peer) for event in told_by(server)]
         assert told == [(SyncStarted, "io")] * 2 + [(SyncEnded, "io")] * 2
 
 
@@ -381,7 +377,7 @@ def test_a_new_pull_replaces_the_one_before(server, io, database):
     io.drain()
     again = Asker(server, b"again!")
     again.open(route=OTHER)
-    events = server.take()
+    events = told_by(server)
     assert [type(event) for event in events] == [SyncStarted, SyncTimedOut, SyncStarted]
     assert events[1].reason == "the peer began anew"
     assert io.ask(b"SYNCC" + PLENTY) == b"idididSERRM"
@@ -393,14 +389,14 @@ def test_silence_ends_a_sync(server, io):
     io.open()
     io.drain(at(0))
     server.tick(at(PATIENCE_S))
-    assert [type(event) for event in server.take()] == [SyncStarted]
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
     server.tick(at(PATIENCE_S + 0.1))
-    (broken,) = server.take()
+    (broken,) = told_by(server)
     assert broken == SyncTimedOut(
         "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer said nothing for 13 s"
     )
     server.tick(at(60))
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.supply() is None
 
 
@@ -412,7 +408,7 @@ def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
         assert io.drain(at(second))
         io.ask(b"SYNCC" + GRANT.pack(2_000 * (second + 2), 1_400), now=at(second))
         server.tick(at(second))
-    assert [type(event) for event in server.take()] == [SyncStarted]
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
 
 
 # --- datagrams
@@ -420,11 +416,11 @@ def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
 
 def test_a_sync_over_datagrams(server, io, database):
     io.cast(at(0))
-    assert server.take() == [SyncStarted("io", NOW_S, OUT)]
+    assert told_by(server) == [SyncStarted("io", NOW_S, OUT)]
     assert server.supply() is None
     end_s = io.run(0, 0.05)
     assert io.got == all_of(database)
-    (ended,) = server.take()
+    (ended,) = told_by(server)
     assert (ended.messages, ended.complete) == (TOPICS, True)
     assert end_s < 1
     assert not io.frames
@@ -435,7 +431,7 @@ def test_a_sync_over_datagrams(server, io, database):
 )
 def test_what_is_no_packet(server, packet):
     assert not server.packet(packet, at(0))
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.transmit(at(0)) == []
 
 
@@ -445,7 +441,7 @@ def test_a_packet_with_frames_that_open_nothing(server):
     flow.on_contact(1000.0)
     (packet,) = flow.transmit(1000.0)
     assert not server.packet(packet, at(0))
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.wake_s is None
 
 
@@ -468,8 +464,8 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     io.run(0, 0.001, reading=True)
     assert io.got == all_of(database)
     assert len(io.frames) > 10
-    assert not io.refusals
-    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
+    assert not io.peer.refusals
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
 
 
 def test_a_near_peer_without_a_connection_stays_with_datagrams(server, io, database):
@@ -484,14 +480,14 @@ def test_the_connection_first_then_late_datagrams(server, io, database):
     io.cast(at(0))
     assert server.transmit(at(0)) == []
     io.ask(b"SYNCC" + PLENTY)
-    assert [type(event) for event in server.take()] == [SyncStarted]
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
 
 
 def test_silence_ends_datagrams_too(server, io):
     io.cast(at(0))
     assert server.transmit(at(0))
     server.tick(at(PATIENCE_S + 0.1))
-    assert [type(event) for event in server.take()] == [SyncStarted, SyncTimedOut]
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncTimedOut]
     assert server.wake_s is None
     assert server.transmit(at(20)) == []
 
@@ -511,7 +507,7 @@ def test_an_end_that_comes_again_is_no_new_sync(server, io):
     """Our acknowledgement of it was lost, so the peer sends its END again."""
     io.cast(at(0))
     end_s = io.run(0, 0.05)
-    server.take()
+    told_by(server)
     for _ in range(3):
         server.transmit(at(end_s))  # the acknowledgements are lost
     io.flow.on_contact(at(end_s + 2).steady_s)
@@ -521,7 +517,7 @@ def test_an_end_that_comes_again_is_no_new_sync(server, io):
     assert repeated
     for packet in repeated:
         server.packet(packet, at(end_s + 4))
-    assert server.take() == []
+    assert told_by(server) == []
 
 
 def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
@@ -529,20 +525,20 @@ def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
     io.open()
     io.read()
     assert io.got == all_of(database)
-    server.take()
+    told_by(server)
     for packet in Asker(server).openings(at(1)):
         server.packet(packet, at(1))
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.transmit(at(1)) == []
 
 
 def test_a_request_that_comes_late_is_no_new_sync(server, io, database):
     io.cast(at(0))
     end_s = io.run(0, 0.05)
-    server.take()
+    told_by(server)
     assert io.open(now=at(end_s)) is None
     assert io.ask(b"GHEAD", now=at(end_s)) is None
-    assert server.take() == []
+    assert told_by(server) == []
     assert server.supply() is None
 
 
@@ -567,7 +563,7 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
     held = Database()
     for topic_id in range(3):
         held.insert(record(topic_id), NOW_S)
-    server = Server("io", held, PeerState(9))
+    server = Server(peer_of(held, team=TEAM))
     asker = Asker(server)
     time_s = 0.0
     for what, code, rest in steps:
@@ -594,7 +590,7 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
     last.read(at(time_s))
     assert last.got == all_of(held)
     started = ended = 0
-    for event in server.take():
+    for event in told_by(server):
         assert event.direction is OUT
         started += isinstance(event, SyncStarted)
         ended += isinstance(event, SyncEnded | SyncTimedOut)
@@ -606,7 +602,7 @@ def test_acknowledgements_cannot_be_guessed():
     database = Database()
     for topic in range(TOPICS):
         database.insert(record(topic, 20_000), NOW_S)
-    server = Server("io", database, PeerState(9))
+    server = Server(peer_of(database, team=TEAM))
     (opening,) = Asker(server, b"forged").openings(at(0))
     server.packet(opening, at(0))
     sent = 0
@@ -614,12 +610,12 @@ def test_acknowledgements_cannot_be_guessed():
         now = at(step * 0.005)
         sent += sum(map(len, server.transmit(now)))
         guess = struct.pack(">IHHB", step, 0, 0, 0)
-        server.packet(wire.only_ack(b"forged", guess), now)
+        server.packet(packets.only_ack(b"forged", guess), now)
     assert sent < 30_000
 
 
 def test_datagrams_without_an_answer_open_nothing_for_a_while():
-    server = Server("io", Database(), PeerState(9))
+    server = Server(peer_of(team=TEAM))
     taken = []
     for number in range(5):
         (opening,) = Asker(server, b"open %d" % number).openings(at(number))
@@ -630,7 +626,7 @@ def test_datagrams_without_an_answer_open_nothing_for_a_while():
 def test_an_old_opening_does_not_end_a_sync_that_goes_well():
     database = Database()
     database.insert(record(0, 20_000), NOW_S)
-    server = Server("io", database, PeerState(9))
+    server = Server(peer_of(database, team=TEAM))
     first, second = (Asker(server, token).openings(at(0))[0] for token in (b"first.", b"second"))
     assert server.packet(first, at(0))
     assert not server.packet(second, at(0.3))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.store import payload
+from mocha_link.store import wire
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import LARGE_BYTES, SyncFrameError
@@ -26,6 +26,7 @@ from mocha_link.sync.sync_messages import (
     Since,
     VersionError,
 )
+from mocha_link.sync.sync_receiver import Chunks, own, read_chunks
 
 U64 = st.integers(0, 2**64 - 1)
 LONG = st.builds(
@@ -134,6 +135,10 @@ def test_frames_that_are_no_messages(frame):
         sync.MessageAssembler(sync.OPEN).take(frame)
 
 
+def contents(chunks: Chunks) -> list[memoryview]:
+    return [each[-1] for each in (*chunks.wholes, *chunks.pieces)]
+
+
 def chunks(rng: random.Random) -> tuple[bytes, int]:
     """A frame of chunks, and where its data begin."""
     wholes = [(sync.message_id_of(1, 2, number), rng.randint(1, 90)) for number in range(3)]
@@ -149,10 +154,12 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
         )
     )
     assert frame[:6] == b"prefix"
-    read = sync.read_chunks(frame[6:])
-    assert read == (2, 9, wholes, pieces, b"".join(data), ())
-    assert read == sync.read_chunks(memoryview(frame)[6:])
-    return frame[6:], len(frame) - 6 - len(read.data)
+    read = read_chunks(frame[6:])
+    bodies = [(message_id, body) for (message_id, _), body in zip(wholes, data, strict=False)]
+    cut = [(*piece[:3], part) for piece, part in zip(pieces, data[3:], strict=True)]
+    assert read == (2, 9, bodies, cut)
+    assert read == read_chunks(memoryview(frame)[6:])
+    return frame[6:], len(frame) - 6 - sum(map(len, data))
 
 
 def test_every_damaged_bit_but_in_the_data_is_seen():
@@ -162,7 +169,7 @@ def test_every_damaged_bit_but_in_the_data_is_seen():
         damaged = bytearray(frame)
         damaged[place // 8] ^= 1 << place % 8
         with pytest.raises(SyncFrameError):
-            sync.read_chunks(bytes(damaged))
+            read_chunks(bytes(damaged))
     for place in range(len(message) * 8):
         damaged = bytearray(message)
         damaged[place // 8] ^= 1 << place % 8
@@ -174,9 +181,9 @@ def test_every_damaged_bit_but_in_the_data_is_seen():
 def test_a_frame_of_chunks_is_all_there_or_refused(cut):
     frame, _ = chunks(random.Random(2))
     with pytest.raises(SyncFrameError):
-        sync.read_chunks(frame[: -1 - cut])
+        read_chunks(frame[: -1 - cut])
     with pytest.raises(SyncFrameError):
-        sync.read_chunks(frame + bytes(1 + cut))
+        read_chunks(frame + bytes(1 + cut))
 
 
 @pytest.mark.parametrize(
@@ -188,7 +195,7 @@ def test_a_frame_of_chunks_is_all_there_or_refused(cut):
         ([], [(1, 100, 0, 101)], 101),
         ([], [(1, 100, 2**32 - 1, 1)], 1),
         ([], [(1, 100, 0, 0)], 0),
-        ([], [(1, payload.MAX_BODY_BYTES + 1, 0, 1)], 1),
+        ([], [(1, wire.MAX_BODY_BYTES + 1, 0, 1)], 1),
         ([], [(1 << 47, 100, 0, 1)], 1),
     ],
 )
@@ -202,7 +209,7 @@ def test_impossible_chunks(wholes, pieces, size):
         )
     )
     with pytest.raises(SyncFrameError):
-        sync.read_chunks(frame)
+        read_chunks(frame)
 
 
 @pytest.mark.parametrize(
@@ -257,18 +264,18 @@ def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     parts = sync.chunks_parts((0, 1), *packed, data, b"prefix")
     large = [each for each in data if len(each) >= LARGE_BYTES]
     assert [each for each in parts if any(each is one for one in large)] == large
-    read = sync.read_chunks(parts[0][6:], parts[1:])
-    assert list(read.contents()) == data
-    kept = [sync.own(each) for each in read.contents()]
+    read = read_chunks(parts[0][6:], parts[1:])
+    assert contents(read) == data
+    kept = [own(each) for each in contents(read)]
     assert [each for each in kept if isinstance(each, memoryview)] == large
     assert all(each.obj in large for each in kept if isinstance(each, memoryview))
     whole = b"".join(parts)[6:]
     head = len(whole) - sum(map(len, data))
     cuts = sorted(rng.choices(range(head, len(whole) + 1), k=5))
     again = [whole[a:b] for a, b in itertools.pairwise([0, *cuts, len(whole)])]
-    assert list(sync.read_chunks(again[0], again[1:]).contents()) == data
+    assert contents(read_chunks(again[0], again[1:])) == data
     with pytest.raises(SyncFrameError):
-        sync.read_chunks(again[0], [*again[1:], b"x"])
+        read_chunks(again[0], [*again[1:], b"x"])
 
 
 def test_a_frame_has_so_many_parts_at_most():
@@ -276,7 +283,7 @@ def test_a_frame_has_so_many_parts_at_most():
     wholes = [sync.WHOLE.pack(n, LARGE_BYTES) for n in range(100)]
     parts = sync.chunks_parts((0, 0), wholes, [], data)
     assert len(parts) == sync.MAX_LARGE + 2
-    assert list(sync.read_chunks(parts[0], parts[1:]).contents()) == data
+    assert contents(read_chunks(parts[0], parts[1:])) == data
 
 
 @given(

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.sync import sync_receiver as receiver
-from mocha_link.sync.peer_state import record_id
-from tests.mocha_link.network import START_MS, Node, Pull, history
+from mocha_link.sync.frames import record_id
+from tests.mocha_link.network import START_MS, TEAM, Node, Pull
 
 
 class World:
@@ -46,7 +46,7 @@ class World:
         return {
             message_id: self.bodies[message_id]
             for key, message_ids in versions.items()
-            for message_id in message_ids[: history(key >> 8, key & 0xFF)]
+            for message_id in message_ids[: TEAM.histories[key]]
         }
 
     def settle(self, *, clean: bool = True) -> None:
@@ -114,7 +114,7 @@ def test_pulls_at_once_and_restarts_lose_nothing(seed, nodes, ordered, listed):
                 pulls = {pair: pull for pair, pull in pulls.items() if node.name not in pair}
             elif choice < 0.6:
                 asker, pull = world.pull()
-                pulls[asker.name, pull.receiver.peer] = pull
+                pulls[asker.name, pull.peer.name] = pull
             elif pulls:
                 pull = rng.choice(list(pulls.values()))
                 pull.run_badly(rng, ordered=ordered, cut=rng.randint(0, 50), meanwhile=world.write)

@@ -11,21 +11,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.links.link_events import MessageStored
-from mocha_link.store import payload
-from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import WRAP_MS, Knowledge
+from mocha_link.store import wire
+from mocha_link.store.record import Knowledge
+from mocha_link.store.wire import WRAP_MS, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.peer_state import record_id
+from mocha_link.sync.frames import record_id
 from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since
 from mocha_link.sync.sync_receiver import SyncReceiver
-from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, mutated
+from tests.mocha_link.network import NOW, START_MS, Node, Pull, mutated, peer_of
 
 EPOCH = 99
 
 
 def body(stamp_ms: int | None = START_MS, data: bytes = b"data", dtype: int = 0) -> bytes:
-    return payload.pack(dtype, 0, data, stamp_ms=stamp_ms)
+    return wire.pack(dtype, 0, data, stamp_ms=stamp_ms)
 
 
 LONG = sync.message_id_of(3, 4, START_MS)
@@ -36,14 +36,11 @@ class Asking:
 
     def __init__(self, node: Node | None = None, **options: object) -> None:
         self.node = node or Node("asker")
-        self.receiver = SyncReceiver(
-            "io",
-            team=TEAM,
-            database=self.node.database,
-            reassembly=self.node.reassembly,
-            peer_state=self.node.peer("io"),
-            **options,
-        )
+        verify = options.pop("verify", None)
+        self.peer = self.node.peer("io")
+        if verify:
+            self.peer = peer_of(self.node.database, reassembly=self.node.reassembly, verify=verify)
+        self.receiver = SyncReceiver(self.peer, **options)
         self.sync_messages = sync.MessageAssembler(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
         self.said: list[object] = []
         self.events: list[object] = []
@@ -52,10 +49,12 @@ class Asking:
         self.number = 0
         self.take(self.receiver.open(NOW))
 
-    def take(self, step) -> None:
-        self.events += step.events
-        self.refusals += step.refusals
-        for frame in step.frames:
+    def take(self, frames: list[bytes]) -> None:
+        self.events += self.peer.events
+        self.refusals += self.peer.refusals
+        self.peer.events.clear()
+        self.peer.refusals.clear()
+        for frame in frames:
             message = self.sync_messages.take(frame)
             if message:
                 if message.round != self.round:
@@ -101,7 +100,7 @@ class Asking:
 
 def test_a_fresh_robot_says_that_it_has_nothing():
     asking = Asking(budget=7)
-    assert asking.said == [Open(asking.node.peer("io").boot_id, 7, Have(()), [])]
+    assert asking.said == [Open(asking.node.peer("io").node.boot_id, 7, Have(()), [])]
 
 
 def test_one_with_few_messages_lists_them():
@@ -143,9 +142,9 @@ def test_an_opening_comes_in_frames_that_fit():
     node = Node("asker")
     for number in range(400):
         node.store(number % 256, number >> 8, START_MS)
-    step = Asking(node, room=300).receiver.open(NOW)
-    assert len(step.frames) == -(-(400 * 8 + 21) // 286)
-    assert all(len(frame) <= 300 for frame in step.frames)
+    frames = Asking(node, room=300).receiver.open(NOW)
+    assert len(frames) == -(-(400 * 8 + 21) // 286)
+    assert all(len(frame) <= 300 for frame in frames)
 
 
 def test_a_message_is_stored_and_told():
@@ -350,24 +349,20 @@ def test_impossible_and_unsafe_times_are_refused(message_id, pieces):
 
 def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
     node = Node("asker")
-    receiver = SyncReceiver(
-        "io",
-        team=team,
-        database=node.database,
-        reassembly=node.reassembly,
-        peer_state=node.peer("io"),
-    )
+    peer = peer_of(node.database, team=team)
+    receiver = SyncReceiver(peer)
     receiver.open(NOW)
     asking = Asking()
     for robot_id, topic_id in ((3, 0), (0, 3), (255, 255)):
         message_id = sync.message_id_of(robot_id, topic_id, START_MS)
         frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
-        step = receiver.receive(frame, NOW)
-        assert len(step.refusals) == 2
-        assert "no such robot or topic in the team" in step.refusals[0]
+        receiver.receive(frame, NOW)
+        assert len(peer.refusals) == 2
+        assert "no such robot or topic in the team" in peer.refusals[0]
+        peer.refusals.clear()
     assert node.content == {}
     done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
-    step = receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)
+    receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)
     assert receiver.complete  # there is nothing to be had by asking again
 
 
@@ -494,7 +489,7 @@ def test_whatever_comes_an_receiver_keeps_only_good_messages(seed):
         if asking.receiver.over:
             asking = Asking(node)
     for record in node.database.kept():
-        payload.check(record.body)
+        wire.check(record.body)
         assert record.body[0] == 0
         assert not record.header.hangs_old_nodes
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
-from mocha_link.sync import peer_state, sync_messages
-from mocha_link.sync.frames import SyncFrameError
-from mocha_link.sync.peer_state import PeerState, record_id
+from mocha_link.sync import peer as peers
+from mocha_link.sync import sync_messages
+from mocha_link.sync.frames import SyncFrameError, record_id
 from mocha_link.sync.sync_messages import (
     Digest,
     Done,
@@ -22,8 +22,9 @@ from mocha_link.sync.sync_messages import (
     Reception,
     Since,
 )
+from mocha_link.sync.sync_receiver import Chunks, read_chunks
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
-from tests.mocha_link.network import START_MS, Node, Pull, mutated
+from tests.mocha_link.network import START_MS, Node, Pull, mutated, peer_of
 
 
 class Served:
@@ -31,7 +32,7 @@ class Served:
 
     def __init__(self, node: Node, knowledge=None, *, requests=(), budget=0, peer=None) -> None:
         self.node = node
-        self.sender = SyncSender(node.database, peer or PeerState(5))
+        self.sender = SyncSender(peer or peer_of(node.database, boot_id=5))
         self.round = -1
         self.open(knowledge or Have(()), requests=requests, budget=budget)
 
@@ -50,7 +51,7 @@ class Served:
         while frame := self.sender.next(room):
             assert len(frame) <= room
             if frame[0] == sync.CHUNKS:
-                said.append(sync.read_chunks(frame))
+                said.append(read_chunks(frame))
             elif message := collector.take(frame):
                 assert message.round == self.round
                 read = {
@@ -65,7 +66,7 @@ class Served:
         return [
             message_id
             for said in self.hear()
-            if isinstance(said, sync.Chunks)
+            if isinstance(said, Chunks)
             for message_id, _ in said.wholes
         ]
 
@@ -77,7 +78,7 @@ def node() -> Node:
 
 def test_nothing_is_said_before_the_peer_asks(node):
     node.store(0, 0, START_MS)
-    assert SyncSender(node.database, PeerState(1)).next(1_000) is None
+    assert SyncSender(peer_of(node.database)).next(1_000) is None
 
 
 def test_an_empty_database_is_done_at_once(node):
@@ -111,14 +112,13 @@ def test_what_the_peer_has_in_part_comes_before_the_rest_of_its_priority(node):
     _, chunks, done = served.hear()
     assert [message_id for message_id, _ in chunks.wholes] == [urgent, newer]
     assert chunks.pieces == [
-        (begun, len(body), 100, 50),
-        (begun, len(body), 900, len(body) - 900),
+        (begun, len(body), 100, body[100:150]),
+        (begun, len(body), 900, body[900:]),
     ]
-    assert bytes(chunks.data).endswith(body[100:150] + body[900:])
     assert served.sender.messages == 3
     assert done.sequence == node.database.sequence
     served = Served(node, requests=[request])  # in small frames the order is to be seen
-    first = [said for said in served.hear(MIN_ROOM) if isinstance(said, sync.Chunks)][:2]
+    first = [said for said in served.hear(MIN_ROOM) if isinstance(said, Chunks)][:2]
     assert first[0].wholes[0][0] == urgent
     assert next(piece[0] for chunks in first for piece in chunks.pieces) == begun
 
@@ -133,7 +133,7 @@ def test_one_small_message_comes_before_a_long_rest(node, left, first):
     served = Served(node, requests=[FragmentRequest(begun, total, [(total - left, total)])])
     order = []
     for said in served.hear(MIN_ROOM):
-        if isinstance(said, sync.Chunks):
+        if isinstance(said, Chunks):
             order += [whole[0] for whole in said.wholes] + [piece[0] for piece in said.pieces]
     order = list(dict.fromkeys(order))
     assert order == ([urgent, small, begun, newer] if first else [urgent, begun, newer, small])
@@ -156,7 +156,7 @@ def test_frames_are_filled_but_small_messages_are_not_cut(node):
     served = Served(node)
     while frame := served.sender.next(1_000):
         frames.append(frame)
-    chunks = [sync.read_chunks(frame) for frame in frames if frame[0] == sync.CHUNKS]
+    chunks = [read_chunks(frame) for frame in frames if frame[0] == sync.CHUNKS]
     assert not any(each.pieces for each in chunks)
     assert all(len(frame) > 750 for frame in frames[1:-2])
 
@@ -184,7 +184,7 @@ def test_what_is_stored_meanwhile_joins_in(node):
     served.sender.next(1_000)
     late = node.store(0, 1, START_MS)
     *_, last, done = served.hear(1_000)
-    assert (record_id(late), len(late.body)) in last.wholes
+    assert (record_id(late), late.body) in last.wholes
     assert done.sequence == node.database.sequence == 2
     node.store(0, 2, START_MS)  # for the next pull
     assert served.hear() == []
@@ -204,7 +204,7 @@ def test_what_was_not_begun_is_dropped_for_the_newer_version(node):
 
 
 def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(node):
-    peer = PeerState(1)
+    peer = peer_of(node.database)
     body = node.store(0, 0, START_MS, size=5_000).body
     served = Served(node, peer=peer)
     served.hear(1_000)
@@ -212,14 +212,14 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
     begun = sync.message_id_of(0, 0, START_MS)
     request = FragmentRequest(begun, len(body), [(2_000, len(body))])
     _, chunks, _ = Served(node, requests=[request], peer=peer).hear()
-    assert chunks.pieces == [(begun, len(body), 2_000, len(body) - 2_000)]
-    assert chunks.wholes == [(record_id(newer), len(newer.body))]
+    assert chunks.pieces == [(begun, len(body), 2_000, body[2_000:])]
+    assert chunks.wholes == [(record_id(newer), newer.body)]
     Served(node, peer=peer)  # the peer does not want it any more
     assert peer.begun(begun) is None
 
 
 def test_what_was_begun_is_let_go_when_the_peer_is_done(node):
-    peer = PeerState(1)
+    peer = peer_of(node.database)
     node.store(0, 0, START_MS, size=5_000)
     served = Served(node, peer=peer)
     served.hear(1_000)
@@ -229,8 +229,8 @@ def test_what_was_begun_is_let_go_when_the_peer_is_done(node):
 
 
 def test_what_is_kept_of_what_was_begun_is_bounded(node, monkeypatch):
-    monkeypatch.setattr(peer_state, "BEGUN_BYTES", 64_000)
-    peer = PeerState(1)
+    monkeypatch.setattr(peers, "_BEGUN_BYTES", 64_000)
+    peer = peer_of(node.database)
     for number in range(6):
         peer.begin(number, node.store(number, 0, START_MS, size=20_000))
     assert [number for number in range(6) if peer.begun(number)] == [3, 4, 5]
@@ -331,7 +331,7 @@ def test_an_answer_to_nothing_is_nothing(node):
 
 
 def test_what_the_peer_gave_us_is_not_given_back(node):
-    peer = PeerState(1)
+    peer = peer_of(node.database)
     peer.met(77)
     record = node.store(0, 0, START_MS)
     peer.holds(record_id(record))
@@ -341,7 +341,7 @@ def test_what_the_peer_gave_us_is_not_given_back(node):
 
 
 def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
-    peer = PeerState(1)
+    peer = peer_of(node.database)
     peer.met(76)
     record = node.store(0, 0, START_MS)
     peer.holds(record_id(record))
@@ -392,7 +392,7 @@ def test_frames_may_come_twice_and_late(node):
     node.store(0, 0, START_MS)
     served = Served(node)
     served.say(sync.OPEN, Open(77, 0, Have(())).encode())
-    assert [type(each) for each in served.hear()] == [Hello, sync.Chunks, Done]
+    assert [type(each) for each in served.hear()] == [Hello, Chunks, Done]
     served.say(sync.OPEN, Open(77, 0, Have(())).encode())
     assert served.hear() == []
     served.say(sync.END)
@@ -437,7 +437,7 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
 def test_whatever_comes_a_sender_only_raises_frame_errors(seed):
     rng = random.Random(seed)
     server, said = asking_frames(0)
-    sender = SyncSender(server.database, server.peer("asker"))
+    sender = SyncSender(server.peer("asker"))
     for _ in range(40):
         frame = rng.choice(said)
         frame = frame if rng.random() < 0.3 else mutated(rng, frame)

@@ -49,7 +49,7 @@ from mocha_link.links.link_events import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.store.record import Header
+from mocha_link.store.wire import Header
 
 UNIX_S = 1_700_000_000.0
 MAP_S = UNIX_S + 31.0

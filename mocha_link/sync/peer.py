@@ -1,0 +1,325 @@
+"""One peer of a node: what its syncs share and remember, and how much it may send ahead.
+
+A connection takes whatever it is given and holds megabytes on a slow link; what is in there cannot
+be overtaken any more. So the asking side grants credit: enough to keep the link busy, no more.
+"""
+
+from __future__ import annotations
+
+import secrets
+import struct
+from collections import deque
+from collections.abc import Callable, Container, Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.store import wire
+from mocha_link.store.database import Database
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
+from mocha_link.store.record import Record
+from mocha_link.store.wire import WRAP_MS, Header, PayloadError, Trailer
+from mocha_link.sync.protocol import NEAR_S, Action, Frame, Send
+from mocha_link.team.team import Robot, Team, Topic
+
+Verify = Callable[[Header, Frame, Trailer | None], None]
+"""Raises PayloadError for a message that a peer may not hand us."""
+
+MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
+RETRY_EVERY = 8  # then they are tried again only so often
+_TOKENS = 3  # address tokens that are good at the same time
+_BEGUN_BYTES = 64 * 1024 * 1024
+
+GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
+
+MIN_WINDOW = 32 * 1024
+FIRST_WINDOW = 64 * 1024
+KNOWN_WINDOW = 512 * 1024  # the most at first: the link may be a worse one than last time
+MAX_WINDOW = 32 * 1024 * 1024
+MIN_CHUNK, MAX_CHUNK = 2816, 4 * 1024 * 1024  # at least: two segments of TCP
+_QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
+_GROWTH = 1.5  # so much more than the rate so far, as it may rise
+_CHUNKS = 32  # in a window: what a cut leaves of one is lost
+_GRANTS = 4  # per window
+_MEMORY_S = 0.5  # a rate counts over the last one to two of these: bytes come in bursts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeContext:
+    """What the syncs of a node have in common, whatever peer they are with.
+
+    Attributes:
+        name: the node's robot.
+        team: whose robots and topics are accepted.
+        database: where messages go, and what there is to give.
+        reassembly: where parts of messages wait for the rest; one for all peers.
+        new_id: makes the 6 random bytes that name a request.
+        boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
+        config_hash: what ids mean to us, as one number (`config_hash_of`).
+        timeout_s: seconds without a byte after which a pull breaks off.
+        follow: take in at once what a peer stores between two pulls.
+        actions: what is to be done at the sockets, in order.
+    """
+
+    name: str
+    team: Team
+    database: Database
+    reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
+    new_id: Callable[[], bytes]
+    boot_id: int
+    config_hash: int = 0
+    timeout_s: float = 5.0
+    follow: bool = True
+    actions: deque[Action] = field(default_factory=deque)
+
+
+class Peer:
+    """What a node knows of a peer as long as both keep running, and what the peer's syncs tell.
+
+    Of what the peer holds and has begun nothing is needed for messages to arrive: it spares sending
+    what the peer has, and lets a message that was begun be finished though a newer one has
+    replaced it.
+
+    Args:
+        verify: refuses messages that the peer may not hand us; None: it may hand us any.
+        original: it is known to run the original node: nothing newer is tried.
+        datagrams: there is a socket for them.
+        budget_bytes: that may come in during a contact; 0: no limit.
+        pushed: ids of the robots whose new messages reach the peer no other way than by us.
+
+    Attributes:
+        events: to be told to listeners; whoever drives the syncs takes them out.
+        refusals: what was not accepted, in words; likewise.
+        bytes_in: received since it was counted last; likewise.
+        address_token: what the peer has given us to show that it has reached us; 0: nothing yet.
+        config_mismatch: ids mean something else to the peer, as far as its last word on that goes.
+        rtt_s: the lowest round trip of the last pull; None: not known.
+        rate_bytes_s: of the last pull that moved enough; None: not known.
+        udp_misses: pulls in a row on which datagrams brought nothing.
+        cut: by topic key, how often a message of the topic was cut, one time after the other.
+    """
+
+    def __init__(  # noqa: PLR0913 - all that makes peers differ, once
+        self,
+        name: str,
+        node: NodeContext,
+        *,
+        verify: Verify | None = None,
+        original: bool = False,
+        datagrams: bool = True,
+        budget_bytes: int = 0,
+        pushed: Container[int] = (),
+    ) -> None:
+        self.name = name
+        self.node = node
+        self.original = original
+        self.datagrams = datagrams
+        self.budget_bytes = budget_bytes
+        self.pushed = pushed
+        self.events: list[LinkEvent] = []
+        self.refusals: list[str] = []
+        self.bytes_in = 0
+        self.address_token = 0
+        self.config_mismatch = False
+        self.rtt_s: float | None = None
+        self.rate_bytes_s: float | None = None
+        self.udp_misses = 0
+        self.cut: dict[int, int] = {}
+        self._verify = verify
+        self._histories = node.team.histories  # versions that are kept, by topic key
+        self._address_tokens: deque[int] = deque(maxlen=_TOKENS)  # given to it, the newest last
+        self._boot_id: int | None = None  # of its process; another one: it has forgotten
+        self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
+        self._begun: dict[int, Record] = {}  # given in part, by message id
+        self._begun_bytes = 0  # of their bodies
+
+    # --- what goes out
+
+    def send(self, frame: bytes) -> None:
+        """Have a request sent on the connection to the peer."""
+        self.node.actions.append(Send(self.name, frame))
+
+    def take_in(
+        self,
+        known: tuple[Robot, Topic],
+        record: Record,
+        trailer: Trailer | None,
+    ) -> bool:
+        """Store an intact message that the peer handed us; whether it was new.
+
+        Raises:
+            PayloadError: it is of another type than ours, or the peer may not hand it on.
+        """
+        robot, topic = known
+        body, header, now_s = record.body, record.header, record.received_s
+        check_type(body, topic)
+        if self._verify:
+            self._verify(header, body, trailer)
+        if not self.node.database.insert(record, now_s):
+            return False
+        self.events.append(
+            MessageStored(self.name, now_s, robot.name, topic.name, header, len(body))
+        )
+        return True
+
+    # --- the way to it
+
+    @property
+    def is_near(self) -> bool:
+        """Whether round trips are so short that connections serve best."""
+        return self.rtt_s is not None and self.rtt_s < NEAR_S
+
+    def may_use_datagrams(self) -> bool:
+        """Whether to try datagrams; asked once per pull."""
+        if self.udp_misses < MAX_MISSES:
+            return True
+        self.udp_misses += 1
+        return self.udp_misses % RETRY_EVERY == 0
+
+    @property
+    def next_token(self) -> int:
+        """For the peer, which shows it when it begins by datagrams: those get back to it."""
+        if not self._address_tokens:
+            self.renew_token()
+        return self._address_tokens[-1]
+
+    def renew_token(self) -> None:
+        """Give it another one next time; so a copy of what it said is of use for a while only."""
+        self._address_tokens.append(secrets.randbits(64) or 1)
+
+    def admits(self, address_token: int) -> bool:
+        """Whether it is one that we have given to the peer of late."""
+        return address_token in self._address_tokens
+
+    def agrees(self, config_hash: int) -> bool:
+        """The peer says what ids mean to it; whether that is what they mean to us."""
+        self.config_mismatch = config_hash != self.node.config_hash
+        return not self.config_mismatch
+
+    # --- what it holds
+
+    def met(self, boot_id: int) -> None:
+        """The peer says which boot of it is speaking."""
+        if boot_id != self._boot_id:
+            self._held.clear()
+            self._boot_id = boot_id
+
+    def forget(self) -> None:
+        """The peer says all that it holds: what it said before is nothing."""
+        self._held.clear()
+
+    def holds(self, message_id: int) -> None:
+        """The peer holds a message."""
+        key, stamp_ms = message_id >> 48, message_id & wire.STAMP_MASK
+        held = self._held.get(key)
+        if held is None:
+            self._held[key] = (stamp_ms,)
+        elif stamp_ms not in held:
+            stamps = sorted((*held, stamp_ms), reverse=True)
+            self._held[key] = tuple(stamps[: self._histories.get(key, 1)])
+
+    @property
+    def newest(self) -> dict[int, int]:
+        """What it is known to hold: by topic key, the newest stamp in milliseconds."""
+        return {key: stamps[0] for key, stamps in self._held.items()}
+
+    def lacks(self, record: Record, message_id: int) -> bool:
+        """Whether the peer may want a message, as far as is known."""
+        key, stamp_ms = message_id >> 48, record.stamp_ms
+        held = self._held.get(key)
+        if held is None:
+            return True
+        if stamp_ms in held:
+            return False
+        if record.extrapolated:  # others may have extrapolated another one
+            return all((other - stamp_ms) % WRAP_MS for other in held)
+        return held[-1] < stamp_ms or len(held) < self._histories.get(key, 1)
+
+    # --- what it was given a part of
+
+    def begin(self, message_id: int, record: Record) -> None:
+        """A part of a message has been given out."""
+        if message_id in self._begun:
+            return
+        self._begun[message_id] = record
+        self._begun_bytes += len(record.body)
+        while self._begun_bytes > _BEGUN_BYTES and len(self._begun) > 1:
+            self._end(next(iter(self._begun)))
+
+    def begun(self, message_id: int) -> Record | None:
+        """A message of which a part was given out earlier."""
+        return self._begun.get(message_id)
+
+    def end(self, kept: Iterable[int] = ()) -> None:
+        """Let go what was begun, but for those."""
+        for message_id in set(self._begun).difference(kept):
+            self._end(message_id)
+
+    def _end(self, message_id: int) -> None:
+        self._begun_bytes -= len(self._begun.pop(message_id).body)
+
+
+def check_type(body: Frame, topic: Topic) -> None:
+    """Raise PayloadError unless a body is of the type that the topic has in our team file."""
+    if len(body) <= wire.PREFIX:
+        raise PayloadError(f"a body of {len(body)} bytes holds no message")
+    if body[0] != topic.dtype:
+        raise PayloadError(
+            f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
+            "use the same team file everywhere"
+        )
+
+
+class _Mark(NamedTuple):
+    """How much had been received at a time."""
+
+    at_s: float
+    received: int
+
+
+class Credit:
+    """The asking side's account of one connection.
+
+    Args:
+        rate_bytes_s, rtt_s: what the last contact showed, if there was one.
+    """
+
+    def __init__(self, rate_bytes_s: float | None, rtt_s: float | None) -> None:
+        self.received = 0  # bytes so far
+        self._rtt_s = rtt_s
+        self._window = FIRST_WINDOW  # bytes that may be under way
+        self._allowed = FIRST_WINDOW  # of all bytes ever, as granted last
+        if rate_bytes_s and rtt_s:
+            self._adapt(rate_bytes_s)
+            self._window = min(self._window, KNOWN_WINDOW)
+            self._allowed = self._window
+        self._marks: tuple[_Mark, _Mark] | None = None  # the rate counts from the first one
+        self._granted_at = 0  # `received` at the last grant
+
+    @property
+    def grant(self) -> bytes:
+        """What the peer may send, as it stands on the wire."""
+        chunk = min(max(self._window // _CHUNKS, MIN_CHUNK), MAX_CHUNK)
+        return GRANT.pack(self._allowed, chunk)
+
+    def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:
+        """Account for bytes that came; says whether to send the new grant."""
+        self.received += size
+        if rtt_s:  # the least one: what queues add to it must not lengthen them
+            self._rtt_s = min(rtt_s, self._rtt_s or rtt_s)
+        here = _Mark(now_s, self.received)
+        earlier, later = self._marks = self._marks or (here, here)
+        if self.received - self._granted_at < self._window // _GRANTS:
+            return False
+        self._granted_at = self.received
+        passed_s = now_s - earlier.at_s
+        if passed_s > 0 and self._rtt_s:
+            self._adapt((self.received - earlier.received) / passed_s)
+            if now_s - later.at_s > max(_MEMORY_S, 4 * self._rtt_s):
+                self._marks = later, here
+        self._allowed = max(self._allowed, self.received + self._window)
+        return True
+
+    def _adapt(self, rate_bytes_s: float) -> None:
+        window = rate_bytes_s * ((self._rtt_s or 0) + _QUEUE_S) * _GROWTH
+        self._window = int(min(max(window, MIN_WINDOW), MAX_WINDOW))
