@@ -11,7 +11,6 @@ from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number
 from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
-from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
@@ -28,11 +27,16 @@ from air_router.files.maps.zone_reading import MapArea
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_write import mission_text
 from air_router.files.missions.qgc_items import NOT_FLOWN
-from air_router.files.missions.qgc_write import areas_of, plan_of, tell_settings, with_zones
+from air_router.files.missions.qgc_write import (
+    ConversionWarnings,
+    areas_of,
+    plan_of,
+    tell_settings,
+    with_zones,
+)
 from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
-from air_router.mission.foreign import foreign_draft
-from air_router.mission.loading import read_draft, validate
+from air_router.mission.loading import foreign_draft, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.record.log import Log
 from air_router.record.recording import viewer_file

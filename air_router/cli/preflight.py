@@ -11,8 +11,9 @@ from air_router.cli.command_line import print_json
 from air_router.cli.fly import add_vehicle_arguments
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.flown import load_flown, team_of
+from air_router.mission.loading import load_flown
 from air_router.mission.mission import Mission
+from air_router.mission.team import team_of
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recording import add_recording, recording_of

@@ -12,9 +12,8 @@ from itertools import pairwise
 import numpy as np
 from shapely import Polygon, make_valid
 
-from air_router.editor.changes import Changes
+from air_router.editor.changes import Changes, Region
 from air_router.editor.editable_mission import EditableMission
-from air_router.editor.features import Region
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.mission.loading import validate
 from air_router.mission.mission import Mission

@@ -1,49 +1,151 @@
-"""What edits change of a mission's data; the same for YAML and for QGroundControl plans."""
+"""What edits change of a mission's data; the same for YAML and for QGroundControl plans.
 
+What can be moved is read leniently from the bare data, before anything is validated: a zone that
+crosses itself, or a waypoint on another continent, can still be seen and dragged back.
+"""
+
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.features import (
-    CIRCLES,
-    ITEMS,
-    POLYGONS,
-    RALLY_POINTS,
-    Features,
-    Handle,
-    Pair,
-    Region,
-    as_number,
-    plan_features,
-    yaml_features,
-)
 from air_router.files.json_document import value_at
 from air_router.files.mission_document import Keys
-from air_router.files.missions.qgc_items import RELATIVE_FRAMES, MavCommand
-from air_router.files.missions.qgc_write import simple_item
-from air_router.files.text_values import (
-    Digits,
-    degrees,
-    metres,
-)
+from air_router.files.text_values import Digits, degrees, metres
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
-SECTIONS: dict[str, tuple[str, ...]] = {
-    "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
-    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s"),
-}
-"""The settings of the page that stand in sections of a mission file."""
-
-_SECTION_OF = {name: section for section, names in SECTIONS.items() for name in names}
-_WORDS = ("name", "team", "uav")
 _LEAST_CORNERS = 3
-_DEFAULT_ALTITUDE_M = 30.0
+Pair = tuple[float, float]
+"""As the file has it: degrees (latitude first), or metres east and north."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """A pair of numbers that can be moved.
+
+    Attributes:
+        keys: Its name.
+        numbers: The list that has them (latitude first, or metres east).
+        offset: Where in this list they begin.
+        pair: Both.
+        entry: What is removed with it; None if it cannot be removed.
+    """
+
+    keys: Keys
+    numbers: Keys
+    offset: int
+    pair: Pair
+    entry: Keys | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CircleHandle:
+    """A circle: its centre, and where its radius stands."""
+
+    centre: Handle  # moves the circle
+    radius_keys: Keys
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """A ring of corners, of an area or of a hole in it."""
+
+    keys: Keys
+    corners: tuple[Handle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A fence or a no-fly zone. `entry` is what is removed with it, None if that must not be."""
+
+    keys: Keys
+    name: str  # shown on the page
+    is_fence: bool
+    rings: tuple[Ring, ...] = ()  # the outline, then its holes
+    circle: CircleHandle | None = None
+    entry: Keys | None = None
+
+
+@dataclass(slots=True)
+class Features:
+    """Everything in a mission's file that can be moved; `origin` is that of metres, in degrees."""
+
+    home: Handle | None = None  # None: the file has none that can be read
+    waypoints: list[Handle] = field(default_factory=list)  # in the operator's order
+    rally_points: list[Handle] = field(default_factory=list)
+    regions: list[Region] = field(default_factory=list)  # fences first, then zones
+    in_metres: bool = False  # pairs are metres, else degrees
+    origin: Pair | None = None
+
+    def handles(self) -> Iterator[Handle]:
+        """All of them."""
+        yield from [self.home] if self.home else []
+        yield from self.waypoints
+        yield from self.rally_points
+        for region in self.regions:
+            for ring in region.rings:
+                yield from ring.corners
+            if region.circle:
+                yield region.circle.centre
+
+
+def as_pair(value: Any) -> Pair | None:
+    """The first two numbers of a list; None if it has none."""
+    if not isinstance(value, list) or len(value) < 2:
+        return None
+    first, second = as_number(value[0]), as_number(value[1])
+    return None if first is None or second is None else (first, second)
+
+
+def as_number(value: Any) -> float | None:
+    """A finite number; None if it is something else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
+def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | None:
+    """A handle of a list that begins with a pair."""
+    pair = as_pair(value)
+    return Handle(keys, keys, 0, pair, entry) if pair else None
+
+
+def ring_of(value: Any, keys: Keys) -> Ring | None:
+    """The corners of a list of pairs; None if it is none."""
+    if not isinstance(value, list):
+        return None
+    corners = [handle_of(pair, (*keys, i), (*keys, i)) for i, pair in enumerate(value)]
+    known = tuple(corner for corner in corners if corner)
+    return Ring(keys, known) if len(known) == len(value) else None
+
+
+def circle_of(value: Any, keys: Keys, *, centre: str, radius: str) -> CircleHandle | None:
+    """A circle, its parts under these names."""
+    if not isinstance(value, dict):
+        return None
+    handle = handle_of(value.get(centre), (*keys, centre))
+    radius_m = as_number(value.get(radius))
+    if handle is None or radius_m is None:
+        return None
+    return CircleHandle(handle, (*keys, radius), radius_m)
+
+
+def entries_of(data: Any, keys: Keys) -> Iterator[tuple[Keys, Any]]:
+    """The items of a list in a plan, with their keys; none where there is no list."""
+    value = value_at(data, keys)
+    for index, item in enumerate(value if isinstance(value, list) else []):
+        yield (*keys, index), item
 
 
 class Changes(ABC):
-    """A mission's data, and how edits change them: a method for each edit, of the same name.
+    """A mission's data, and how edits change them: a method for each possible one, of its name.
 
     Attributes:
         settable: Whether settings and names are possible in this kind of file.
@@ -69,7 +171,12 @@ class Changes(ABC):
         Raises:
             EditError: the mission has no such part, or would not survive.
         """
-        change: Callable[[Edit], None] = getattr(self, edit.do)
+        change: Callable[[Edit], None] | None = getattr(self, edit.do, None)
+        if change is None:
+            raise EditError(
+                f"{edit.words}: a plan has no place for it; edit it in QGroundControl, or convert "
+                "the plan to YAML"
+            )
         change(edit)
 
     # Places
@@ -196,226 +303,3 @@ class Changes(ABC):
         if keys not in self._regions:
             raise EditError("the mission has no such area any more")
         return self._regions[keys]
-
-
-class YamlChanges(Changes):
-    """Of a mission file in YAML; see docs/mission-file.md."""
-
-    settable: ClassVar[bool] = True
-
-    @staticmethod
-    def features_of(data: Any) -> Features:
-        """What can be moved."""
-        return yaml_features(data)
-
-    def add_waypoint(self, edit: edits.AddWaypoint) -> None:
-        """Insert a bare pair: it flies at the mission's altitude."""
-        waypoints = self._list("waypoints")
-        if edit.index > len(waypoints):
-            raise EditError("the file has not so many waypoints; load the page again")
-        waypoints.insert(edit.index, self.digits(edit.at))
-
-    def add_rally_point(self, edit: edits.AddRallyPoint) -> None:
-        """Add a pair to the list, which is begun if there is none."""
-        self._list("rally_points").append(self.digits(edit.at))
-
-    def add_area(self, edit: edits.AddArea) -> None:
-        """Add a zone under a name of its own, or the fence where there is none."""
-        corners = [self.digits(corner) for corner in edit.corners]
-        shape: dict[str, Any] = {"polygon": corners}
-        if edit.radius_m is not None:
-            shape = {"circle": {"centre": corners[0], "radius_m": metres(edit.radius_m, 1)}}
-        if not edit.fence:
-            self._list("no_fly_zones").append({"name": self._unused_name(), **shape})
-        elif self.data.get("fence") or self.data.get("fences"):
-            raise EditError("the mission has a fence already; move its corners")
-        else:
-            self.data["fence"] = shape
-
-    def rename(self, edit: edits.Rename) -> None:
-        """Change the name, or give one to a zone that had none."""
-        if self._region(edit.keys).is_fence:
-            raise EditError("a fence has no name")
-        self._long_form(edit.keys, "polygon")["name"] = edit.name
-
-    def set_altitude(self, edit: edits.SetAltitude) -> None:
-        """Write the altitude beside the position, or take it away."""
-        handle = self._handle(edit.keys)
-        if handle.entry is None or handle.keys[0] != "waypoints":
-            raise EditError("only waypoints have altitudes of their own")
-        if edit.altitude_m is not None:
-            waypoint = self._long_form(handle.entry, "position")
-            waypoint.setdefault("altitude_m", None)
-            self._put(waypoint, "altitude_m", metres(edit.altitude_m))
-        elif isinstance(waypoint := self._at(handle.entry), dict):
-            waypoint.pop("altitude_m", None)
-
-    def set_value(self, edit: edits.SetValue) -> None:
-        """Change a setting, add it where the default was meant, or take it away."""
-        name, value, values = edit.name, edit.value, self.data
-        section = _SECTION_OF.get(name)
-        if value is not None and isinstance(value, str) != (name in _WORDS):
-            raise EditError(f"{name} cannot be '{value}'")
-        if section is not None:
-            if section in values and not isinstance(values[section], dict):
-                raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
-            values = values.get(section, {}) if value is None else values.setdefault(section, {})
-        if value is None:
-            values.pop(name, None)
-        elif isinstance(value, str):
-            values[name] = value
-        else:
-            values.setdefault(name, None)
-            self._put(values, name, metres(value))
-
-    def seek(self, edit: edits.Seek) -> None:
-        """Write the list of robots, whatever stood there."""
-        if not edit.robots:
-            raise EditError("a mission seeks at least one robot")
-        seek = self.data.get("seek")
-        if isinstance(seek, str):
-            seek = {"policy": seek}
-        if isinstance(seek, dict):
-            self.data["seek"] = {**seek, "robots": [*edit.robots]}
-        else:
-            self.data["seek"] = [*edit.robots]
-
-    def set_crossing(self, edit: edits.SetCrossing) -> None:
-        """Write the key, or take it away."""
-        if self._region(edit.keys).is_fence:
-            raise EditError("only zones cross the fence")
-        zone = self._long_form(edit.keys, "polygon")
-        if edit.crosses:
-            zone["crosses_fence"] = True
-        else:
-            zone.pop("crosses_fence", None)
-
-    def redraw(self, edit: edits.Redraw) -> None:
-        """Write other corners, in the place of a circle too."""
-        self._region(edit.keys)
-        corners = [self.digits(corner) for corner in edit.corners]
-        area = self._at(edit.keys)
-        if isinstance(area, list):
-            area[:] = corners
-        else:
-            area.pop("circle", None)
-            area["polygon"] = corners
-
-    def _list(self, name: str) -> list[Any]:
-        """A list of the file, begun if there is none."""
-        if self.data.get(name) is None:
-            self.data[name] = []
-        values: list[Any] = self.data[name]
-        return values
-
-    def _long_form(self, keys: Keys, key: str) -> dict[str, Any]:
-        """An entry as a mapping; one in short form becomes one, with its value under a key."""
-        parent, index = self._at(keys[:-1]), keys[-1]
-        if not isinstance(parent[index], dict):
-            parent[index] = {key: parent[index]}
-        entry: dict[str, Any] = parent[index]
-        return entry
-
-    def _unused_name(self) -> str:
-        names = {region.name for region in self.features.regions}
-        number = sum(not region.is_fence for region in self.features.regions) + 1
-        while f"zone {number}" in names:
-            number += 1
-        return f"zone {number}"
-
-
-class PlanChanges(Changes):
-    """Of a QGroundControl plan."""
-
-    settable: ClassVar[bool] = False
-
-    @staticmethod
-    def features_of(data: Any) -> Features:
-        """What can be moved."""
-        return plan_features(data)
-
-    def add_waypoint(self, edit: edits.AddWaypoint) -> None:
-        """Insert a simple item behind the waypoint before it, at the same altitude."""
-        waypoints = self.features.waypoints
-        if edit.index > len(waypoints):
-            raise EditError(f"the mission has only {len(waypoints)} waypoints")
-        items = value_at(self.data, ITEMS)
-        if not isinstance(items, list):
-            raise EditError("the plan has no list of items; save it with QGroundControl")
-        position, altitude_m = len(items), _DEFAULT_ALTITUDE_M
-        if waypoints:
-            neighbour = waypoints[max(edit.index - 1, 0)]
-            position = int(neighbour.keys[len(ITEMS)]) + (1 if edit.index else 0)
-            altitude_m = self._relative_altitude_m(neighbour) or _DEFAULT_ALTITUDE_M
-        used = [item.get("doJumpId") for item in items if isinstance(item, dict)]
-        number = max((n for n in used if isinstance(n, int)), default=0) + 1
-        params = [0, 0, 0, None, *self.digits(edit.at), metres(altitude_m)]
-        items.insert(position, simple_item(MavCommand.WAYPOINT, params, number=number))
-
-    def add_rally_point(self, edit: edits.AddRallyPoint) -> None:
-        """Add a point at home's altitude, which is what they count from."""
-        points = value_at(self.data, RALLY_POINTS)
-        if not isinstance(points, list):
-            raise EditError("the plan has no list of rally points; save it with QGroundControl")
-        points.append([*self.digits(edit.at), metres(0)])
-
-    def add_area(self, edit: edits.AddArea) -> None:
-        """Add an inclusion or exclusion polygon or circle."""
-        areas = value_at(self.data, POLYGONS if edit.radius_m is None else CIRCLES)
-        if not isinstance(areas, list):
-            raise EditError("the plan has no list of fences; save it with QGroundControl")
-        corners = [self.digits(corner) for corner in edit.corners]
-        area: dict[str, Any] = {"inclusion": edit.fence, "polygon": corners, "version": 1}
-        if edit.radius_m is not None:
-            circle = {"center": corners[0], "radius": metres(edit.radius_m, 1)}
-            area = {"circle": circle, "inclusion": edit.fence, "version": 1}
-        areas.append(area)
-
-    def redraw(self, edit: edits.Redraw) -> None:
-        """Polygons stand in a list of their own."""
-        region = self._region(edit.keys)
-        if region.circle is None:
-            self._at(region.rings[0].keys)[:] = [self.digits(corner) for corner in edit.corners]
-        else:
-            self._take_out(region.keys)
-            self.add_area(edits.AddArea(do="add_area", fence=region.is_fence, corners=edit.corners))
-
-    def set_altitude(self, edit: edits.SetAltitude) -> None:
-        """Write the altitude, and QGroundControl's copy of it."""
-        handle = self._handle(edit.keys)
-        if handle not in self.features.waypoints:
-            raise EditError("only waypoints have altitudes of their own")
-        if edit.altitude_m is None:
-            raise EditError("in a plan every waypoint has its own altitude")
-        if self._relative_altitude_m(handle) is None:
-            raise EditError("its altitude does not count from home; edit it in QGroundControl")
-        item, altitude_m = self._item(handle), metres(edit.altitude_m)
-        self._put(item["params"], 6, altitude_m)
-        if as_number(item.get("Altitude")) is not None:
-            self._put(item, "Altitude", altitude_m)
-
-    def rename(self, edit: edits.Rename) -> None:
-        """Plans have no names for their areas."""
-        name = self._region(edit.keys).name
-        raise EditError(f"{name} cannot be called '{edit.name}': plans have no names for areas")
-
-    def set_value(self, edit: edits.SetValue) -> None:
-        """Plans keep their numbers elsewhere."""
-        raise EditError(f"{edit.name} = {edit.value} cannot be set here; edit it in QGroundControl")
-
-    def seek(self, edit: edits.Seek) -> None:
-        """Plans know no robots."""
-        raise EditError(f"a plan cannot say to seek {', '.join(edit.robots)}; convert it to YAML")
-
-    def set_crossing(self, edit: edits.SetCrossing) -> None:
-        """Plans say nothing of it."""
-        name = self._region(edit.keys).name
-        raise EditError(f"a plan has no crosses_fence for {name}; convert it to YAML")
-
-    def _item(self, handle: Handle) -> dict[str, Any]:
-        item: dict[str, Any] = self._at(handle.keys[: len(ITEMS) + 1])
-        return item
-
-    def _relative_altitude_m(self, handle: Handle) -> float | None:
-        item = self._item(handle)
-        return as_number(item["params"][6]) if item.get("frame") in RELATIVE_FRAMES else None

@@ -6,14 +6,16 @@ import copy
 from dataclasses import dataclass
 from pathlib import Path
 
-from air_router.editor.changes import Changes, PlanChanges, YamlChanges
+from air_router.editor.changes import Changes
 from air_router.editor.edits import Edit, EditError
+from air_router.editor.plan_changes import PlanChanges
+from air_router.editor.yaml_changes import YamlChanges
 from air_router.files.json_document import JsonDocument, json_from_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.qgc_read import plan_draft
 from air_router.files.text_edit import rewritten
-from air_router.mission.foreign import check_own
+from air_router.mission.loading import check_own
 from mocha_link.team.document import Document, DocumentError
 
 _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"

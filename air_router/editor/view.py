@@ -6,11 +6,11 @@ from os.path import relpath
 from typing import Any
 
 from air_router.editor.analysis import MissionAnalysis
-from air_router.editor.changes import SECTIONS, Changes
-from air_router.editor.features import Handle, Pair, Region
+from air_router.editor.changes import Changes, Handle, Pair, Region
+from air_router.editor.yaml_changes import SECTIONS
 from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
+from air_router.mission.team import UAV_KIND
 from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
 from geo.airspace.zone import Shape

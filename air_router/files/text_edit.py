@@ -13,7 +13,16 @@ from typing import Any
 
 from air_router.errors import AirRouterError
 from air_router.files.json_document import JsonDocument
-from air_router.files.text_parts import Entry, Part, Span, json_part, yaml_part
+from air_router.files.mission_document import Keys
+from air_router.files.text_parts import (
+    Entry,
+    Lines,
+    Part,
+    Span,
+    Splice,
+    parts_of,
+    spliced,
+)
 from air_router.files.text_values import Digits, block, flow, flow_lines, like, word, yaml_flow
 from mocha_link.team.document import Document
 
@@ -23,20 +32,9 @@ _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")
 _SHORT_FOR = ("position", "polygon")
 """Keys of a mission file whose mapping may be written as the bare value of the key."""
 
-Keys = tuple[str | int, ...]
-
 
 class SourceError(AirRouterError):
     """A change that cannot be made in this text; the message says why, and what to do instead."""
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Splice:
-    """From `start` up to, not including, `end` (in characters) the text becomes `text`."""
-
-    start: int
-    end: int
-    text: str
 
 
 def rewritten(text: str, document: Document, data: Any) -> str:
@@ -67,30 +65,6 @@ def with_section(text: str, document: Document, key: str, lines: str) -> str | N
     return spliced(text, [Splice(start, end, lines.replace("\n", change.newline))])
 
 
-def parts_of(text: str, document: Document) -> Part | None:
-    """The places of a document's values in its text; None if it is empty."""
-    if isinstance(document, JsonDocument):
-        return json_part(document)
-    node = document.node()
-    return None if node is None else yaml_part(text, node)
-
-
-def spliced(text: str, splices: Iterable[Splice]) -> str:
-    """The text with all pieces replaced at once.
-
-    Raises:
-        ValueError: two pieces overlap.
-    """
-    parts: list[str] = []
-    done = 0
-    for splice in sorted(splices):
-        if splice.start < done:
-            raise ValueError(f"pieces overlap at character {splice.start}")
-        parts += [text[done : splice.start], splice.text]
-        done = splice.end
-    return "".join([*parts, text[done:]])
-
-
 @dataclass(frozen=True, slots=True)
 class _Place:
     """A value on the way down: its part, its path, the entry that it is, and what it stands in."""
@@ -110,18 +84,16 @@ class _Place:
         return f"'{path.removeprefix('.')}'"
 
 
-class _Change:
+class _Change(Lines):
     """Compares data with what a text says, and collects the pieces that are to be replaced.
 
     Attributes:
         splices: The pieces so far.
-        newline: The text's line break.
     """
 
     def __init__(self, text: str, *, json: bool) -> None:
-        self._text = text
+        super().__init__(text)
         self._json = json
-        self.newline = "\r\n" if "\r\n" in text else "\n"
         unit = re.search(r"\n([ \t]+)\S", text)
         self._unit = unit[1] if unit else "    "  # one step of indent
         self.splices: list[Splice] = []
@@ -190,9 +162,9 @@ class _Change:
         """Write a value in the place of another."""
         start, end = part.span
         if isinstance(new, Digits) and part.is_word:
-            self._add(start, end, like(self._text[start:end], new))
+            self._add(start, end, like(self.text[start:end], new))
         elif part.is_word and not isinstance(new, list | dict):
-            gap = " " if self._text[start - 1 : start] == ":" else ""
+            gap = " " if self.text[start - 1 : start] == ":" else ""
             quoted = self._json or part.quoted
             self._add(start, end, gap + (flow(new) if quoted else yaml_flow(new)))
         elif self._json or part.is_word or part.flow:
@@ -209,7 +181,7 @@ class _Change:
             return
         at = self.line_end(end)
         lines = block(new, " " * (entry.start - self.line_start(entry.start) + 2))
-        self._add(len(self._text[:start].rstrip(" ")), end, "")
+        self._add(len(self.text[:start].rstrip(" ")), end, "")
         self._add(at, at, self.newline + self.newline.join(lines))
 
     def _wrap(self, place: _Place, key: str, others: Mapping[str, Any]) -> None:
@@ -270,7 +242,7 @@ class _Change:
             self._add(spans[0][0], spans[0][0], text + separator)
             return
         at = spans[index - 1][1]
-        rest = _REST.fullmatch(self._text[at : self.line_end(at)])
+        rest = _REST.fullmatch(self.after(at))
         if "\n" not in separator or rest is None or not rest[2]:
             self._add(at, at, separator + text)
             return
@@ -291,16 +263,14 @@ class _Change:
         starts = [self._entry_start(part, start) for start, _ in spans]
         if len(spans) == 1:
             self._remove_last(place, starts[0], spans[0][1])
-        elif not self._before(starts[index]).strip():
+        elif not self.before(starts[index]).strip():
             self._remove_lines(starts[index], spans[index][1])
         else:  # on its parent's line: the first
             self._add(starts[index], starts[index + 1], "")
 
     def _remove_in_flow(self, part: Part, spans: list[Span], index: int) -> None:
         start, end = spans[index]
-        alone = not self._before(start).strip() and _REST.fullmatch(
-            self._text[end : self.line_end(end)]
-        )
+        alone = not self.before(start).strip() and _REST.fullmatch(self.after(end))
         if len(spans) == 1:
             self._add(part.start + 1, part.end - 1, "")
         elif alone and not self._json:
@@ -314,16 +284,16 @@ class _Change:
         if place.part.is_mapping:
             raise SourceError(f"{place.named} would be empty; remove it as a whole")
         key = place.entry
-        if key is None or key.key is None or self._before(start).strip():
+        if key is None or key.key is None or self.before(start).strip():
             self._add(start, end, "[]")
             return
-        colon = self._text.index(":", key.key_end) + 1
+        colon = self.text.index(":", key.key_end) + 1
         self._add(colon, colon, " []")
         self._remove_lines(start, end)
 
     def _remove_lines(self, start: int, end: int) -> None:
         first, behind = self.line_start(start), self.next_line(end)
-        if behind == len(self._text) and not self._text.endswith("\n") and first:
+        if behind == len(self.text) and not self.text.endswith("\n") and first:
             first -= len(self.newline)  # the last line of all has no line break
         self._add(first, behind, "")
 
@@ -342,7 +312,7 @@ class _Change:
         if part.is_mapping:
             return start
         at = self.line_start(start)
-        while at > part.start and not self._text.startswith(" " * part.column + "-", at):
+        while at > part.start and not self.text.startswith(" " * part.column + "-", at):
             at = self.line_start(at - 1)
         return max(at + part.column, part.start)
 
@@ -355,8 +325,8 @@ class _Change:
         """An item as text, in the style of a sibling or of the whole file."""
         if not self._json:
             return yaml_flow(item)
-        lines = "\n" in (self._text if sibling is None else self._text[slice(*sibling)])
-        before = self._before(at)
+        lines = "\n" in (self.text if sibling is None else self.text[slice(*sibling)])
+        before = self.before(at)
         indent = before[: len(before) - len(before.lstrip())]
         text = flow_lines(item, indent, self._unit) if lines else flow(item)
         return text.replace("\n", self.newline)
@@ -365,32 +335,13 @@ class _Change:
         """What stands between two entries, or would; comments left out."""
         first = spans[0][0]
         if len(spans) > 1:
-            between = self._text[spans[0][1] : spans[1][0]]
+            between = self.text[spans[0][1] : spans[1][0]]
             first = spans[1][0]
         else:
-            between = ", " + self._text[part.start + 1 : first]
+            between = ", " + self.text[part.start + 1 : first]
         if "\n" not in between:
             return between if len(spans) > 1 else ", "
-        return "," + self.newline + self._before(first)
-
-    def _before(self, at: int) -> str:
-        """What stands before a character on its line."""
-        return self._text[self.line_start(at) : at]
-
-    def line_start(self, at: int) -> int:
-        """The first character of the line."""
-        return self._text.rfind("\n", 0, at) + 1
-
-    def line_end(self, at: int) -> int:
-        """The end of the line, before its line break."""
-        end = self._text.find("\n", at)
-        if end < 0:
-            return len(self._text)
-        return end - 1 if self._text[max(end - 1, at) : end] == "\r" else end
-
-    def next_line(self, at: int) -> int:
-        """The first character of the line below."""
-        return min(self.line_end(at) + len(self.newline), len(self._text))
+        return "," + self.newline + self.before(first)
 
 
 def _wrapping_key(old: Any, new: Mapping[str, Any]) -> str | None:

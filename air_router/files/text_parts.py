@@ -1,15 +1,16 @@
-"""Where the values of a YAML or JSON text stand in it."""
+"""Where the values of a YAML or JSON text stand in it, and pieces of a text that are replaced."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 
 import yaml
 
 from air_router.files.json_document import JsonDocument
+from mocha_link.team.document import Document
 
 Span = tuple[int, int]
 """From a character up to, not including, another."""
@@ -71,6 +72,75 @@ class Entry:
     start: int  # of the item, or of the key
     key: str | None = None
     key_end: int = 0  # behind the key
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Splice:
+    """From `start` up to, not including, `end` (in characters) the text becomes `text`."""
+
+    start: int
+    end: int
+    text: str
+
+
+def spliced(text: str, splices: Iterable[Splice]) -> str:
+    """The text with all pieces replaced at once.
+
+    Raises:
+        ValueError: two pieces overlap.
+    """
+    parts: list[str] = []
+    done = 0
+    for splice in sorted(splices):
+        if splice.start < done:
+            raise ValueError(f"pieces overlap at character {splice.start}")
+        parts += [text[done : splice.start], splice.text]
+        done = splice.end
+    return "".join([*parts, text[done:]])
+
+
+class Lines:
+    """A text by its lines.
+
+    Attributes:
+        text: The whole.
+        newline: Its line break.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.newline = "\r\n" if "\r\n" in text else "\n"
+
+    def before(self, at: int) -> str:
+        """What stands before a character on its line."""
+        return self.text[self.line_start(at) : at]
+
+    def line_start(self, at: int) -> int:
+        """The first character of the line."""
+        return self.text.rfind("\n", 0, at) + 1
+
+    def line_end(self, at: int) -> int:
+        """The end of the line, before its line break."""
+        end = self.text.find("\n", at)
+        if end < 0:
+            return len(self.text)
+        return end - 1 if self.text[max(end - 1, at) : end] == "\r" else end
+
+    def next_line(self, at: int) -> int:
+        """The first character of the line below."""
+        return min(self.line_end(at) + len(self.newline), len(self.text))
+
+    def after(self, at: int) -> str:
+        """What stands behind a character on its line."""
+        return self.text[at : self.line_end(at)]
+
+
+def parts_of(text: str, document: Document) -> Part | None:
+    """The places of a document's values in its text; None if it is empty."""
+    if isinstance(document, JsonDocument):
+        return json_part(document)
+    node = document.node()
+    return None if node is None else yaml_part(text, node)
 
 
 def json_part(document: JsonDocument, start: int | None = None) -> Part:

@@ -23,8 +23,7 @@ from air_router.errors import (
     NotConfirmedError,
     PlanRefusedError,
 )
-from air_router.mission.fence_plan import FENCE_POINTS
-from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan
 from air_router.mission.loading import DRAWN_OVER, choose, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph

@@ -26,7 +26,7 @@ from air_router.messages import (
     PoseMessage,
     SeekMessage,
 )
-from air_router.mission.found_by import pose_topic
+from air_router.mission.team import pose_topic
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import FrameError, LocalFrame

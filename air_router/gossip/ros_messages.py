@@ -22,7 +22,7 @@ from air_router.messages import (
     PathMessage,
     PoseMessage,
 )
-from air_router.mission.found_by import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
+from air_router.mission.team import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid, Terrain
 from mocha_link.errors import MissingExtraError

@@ -3,19 +3,225 @@
 The vehicle flies by jumping between the items (MISSION_SET_CURRENT in Mission mode), so every
 node stops it: `autocontinue` is 0 everywhere but on the take-off. The pilot sees the operator's
 own waypoints in the ground station, and Return, pause and the fence stay the autopilot's.
+
+The fence is the second line of defence, should all else fail. PX4's areas are circles and polygons
+without holes, whose sides are straight in degrees; they have no altitude limits, no hours and no
+clearance, and the vehicle stays inside of every inclusion and outside of every exclusion. What they
+cannot say is left to the companion, which keeps to all of it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
+from types import MappingProxyType
+from typing import Final
 
-from air_router.mission.fence_plan import fence_plan
+import numpy as np
+import shapely
+from shapely import LinearRing
+from shapely import Point as ShapelyPoint
+
 from air_router.mission.mission import Mission
-from air_router.mission.plan_item import Command, Frame, PlanItem, degrees_e7
-from geo.frame import Point
+from geo.airspace.zone import Circle, Outline, Ring, Shape
+from geo.frame import LocalFrame, Point
 
-__all__ = ["HOME_NODE", "Command", "FlightPlan", "Frame", "PlanItem"]
+
+class Command(IntEnum):
+    """MAV_CMD values that we put on board."""
+
+    WAYPOINT = 16
+    TAKEOFF = 22
+    CHANGE_SPEED = 178
+    FENCE_INCLUSION = 5001
+    FENCE_EXCLUSION = 5002
+    FENCE_CIRCLE_INCLUSION = 5003
+    FENCE_CIRCLE_EXCLUSION = 5004
+    RALLY_POINT = 5100
+
+
+class Frame(IntEnum):
+    """MAV_FRAME values: those that PX4 gives back unchanged, and two that it makes of them."""
+
+    GLOBAL_INT = 5
+    MISSION = 2
+    RELATIVE_ALT_INT = 6
+    GLOBAL = 0
+    RELATIVE_ALT = 3
+
+
+SAME_M: Final = 0.1
+"""Places and altitudes that differ by less are flown alike."""
+
+_E7_M: Final = 0.0111195
+"""Metres of 1e-7 degrees of latitude."""
+
+_FRAMES: Final[Mapping[Frame, Frame]] = MappingProxyType(
+    {Frame.GLOBAL: Frame.GLOBAL_INT, Frame.RELATIVE_ALT: Frame.RELATIVE_ALT_INT}
+)
+"""Frames that mean the same as another."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanItem:
+    """One MISSION_ITEM_INT: parameters as MAVLink numbers them, degrees in units of 1e-7.
+
+    `z_m` is above home in frame RELATIVE_ALT_INT and without meaning in the others.
+    """
+
+    command: Command
+    frame: Frame
+    params: tuple[float, float, float, float]  # 1 to 4; 5 to 7 are x, y and z
+    x_deg_e7: int = 0  # latitude
+    y_deg_e7: int = 0  # longitude
+    z_m: float = 0.0
+    autocontinue: bool = False  # go on to the next item by itself
+
+    def same_as(self, other: PlanItem) -> bool:
+        """Whether the vehicle would fly the same: what a read-back has to hold to.
+
+        A ground station that uploads a plan anew rounds it, and PX4 gives frames back as others.
+        """
+        return (
+            self.command == other.command
+            and _FRAMES.get(self.frame, self.frame) == _FRAMES.get(other.frame, other.frame)
+            and self._apart_m(other) <= SAME_M
+            and math.isclose(self.z_m, other.z_m, abs_tol=SAME_M)
+            and self.autocontinue == other.autocontinue
+            and all(
+                # a circle of kilometres is a float of 32 bits on board
+                (math.isnan(a) and math.isnan(b)) or math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-2)
+                for a, b in zip(self.params, other.params, strict=True)
+            )
+        )
+
+    def _apart_m(self, other: PlanItem) -> float:
+        """Horizontal distance between two items that are near to each other."""
+        north_m = (self.x_deg_e7 - other.x_deg_e7) * _E7_M
+        east_m = (self.y_deg_e7 - other.y_deg_e7) * _E7_M
+        return math.hypot(north_m, east_m * math.cos(math.radians(self.x_deg_e7 / 1e7)))
+
+
+def degrees_e7(frame: LocalFrame, point: Point) -> tuple[int, int]:
+    """Latitude and longitude in units of 1e-7 degrees: at most 8 mm away from the point."""
+    latitude_deg, longitude_deg = frame.to_geodetic(point)
+    return round(latitude_deg * 1e7), round(longitude_deg * 1e7)
+
+
+# The fence
+
+
+FENCE_POINTS: Final = 64
+"""So many points of a fence PX4 1.17 stores as it comes: a circle is one, a polygon its corners."""
+
+FENCE_TOO_LONG: Final = "fence-points"
+"""The code of the note that a mission has more of them: PX4 would refuse the upload."""
+
+_STEP_M: Final = 2_000.0
+"""Longer sides get corners in between, where they are not straight in degrees."""
+
+_STRAIGHT_E7: Final = 1.5
+"""Corners that lie so near to the straight line between others, in units of 1e-7 degrees (1 cm),
+are not sent."""
+
+_CIRCLES: Final = frozenset({Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION})
+
+_HALF_TURN_E7: Final = 180 * 10**7
+
+
+@dataclass(frozen=True, slots=True)
+class FencePlan:
+    """The fence as items, and what they cannot say.
+
+    Attributes:
+        items: For the upload; polygons are runs of vertices that know their number, circles come
+            last.
+        simpler: For each area that is not on board as it is drawn, its name and why.
+    """
+
+    items: tuple[PlanItem, ...]
+    simpler: tuple[tuple[str, str], ...]
+
+
+def fence_plan(mission: Mission) -> FencePlan:
+    """The fence of a mission; zones that lie outside of it or do not apply are not in it."""
+    items: list[PlanItem] = []
+    simpler: list[tuple[str, str]] = []
+
+    def add(name: str, shape: Shape, *, inclusion: bool) -> None:
+        area = _area_items(mission.frame, shape, inclusion=inclusion)
+        if not area:
+            simpler.append((name, "it lies on the antimeridian, where PX4's test fails"))
+        items.extend(area)
+
+    for fence in mission.fences:
+        add("fence", fence, inclusion=True)
+        for hole in fence.holes if isinstance(fence, Outline) else ():
+            add("fence", Outline(hole), inclusion=False)
+    inside = shapely.intersection_all([fence.polygon for fence in mission.fences])
+    for zone in mission.airspace.zones:
+        if mission.fences and not inside.intersects(zone.polygon):
+            continue
+        around = _hole_around(zone.shape, mission.home)
+        if around is not None:
+            add(zone.name, Outline(around), inclusion=True)
+        else:
+            add(zone.name, zone.shape, inclusion=False)
+    simpler += [
+        (idle.zone.name, "PX4 would apply it at all altitudes, and the mission flies above it")
+        for idle in mission.idle_zones
+        if idle.below
+    ]
+    # PX4 1.17 takes every area behind a circle for a circle, corner by corner.
+    items.sort(key=lambda item: item.command in _CIRCLES)
+    return FencePlan(tuple(items), tuple(simpler))
+
+
+def _hole_around(shape: Shape, home: Point) -> Ring | None:
+    """The hole of a zone that home lies in: the whole flight is in there.
+
+    The other holes are out of reach: filled, they keep no vehicle from anywhere.
+    """
+    for hole in () if isinstance(shape, Circle) else shape.holes:
+        if Outline(hole).polygon.contains(ShapelyPoint(home)):
+            return hole
+    return None
+
+
+def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> list[PlanItem]:
+    """The items of one area; none if PX4 cannot test it."""
+    if isinstance(shape, Circle):
+        command = Command.FENCE_CIRCLE_INCLUSION if inclusion else Command.FENCE_CIRCLE_EXCLUSION
+        corners, parameter = [degrees_e7(frame, shape.centre)], shape.radius_m
+    else:
+        command = Command.FENCE_INCLUSION if inclusion else Command.FENCE_EXCLUSION
+        corners = _corners_e7(frame, shape.ring)
+        parameter = float(len(corners))
+    parameters = (parameter, 0.0, 0.0, 0.0)
+    return [
+        PlanItem(command, Frame.GLOBAL_INT, parameters, x, y, autocontinue=True) for x, y in corners
+    ]
+
+
+def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:
+    """The corners that a ring needs where sides are straight in degrees; none at 180 degrees."""
+    dense: list[Sequence[float]] = []
+    for start, end in zip(ring, (*ring[1:], ring[0]), strict=True):
+        steps = max(math.ceil(math.dist(start, end) / _STEP_M), 1)
+        for step in range(steps):
+            share = step / steps
+            dense.append([(1 - share) * a + share * b for a, b in zip(start, end, strict=True)])
+    corners = np.rint(frame.to_geodetic_many(dense) * 1e7)
+    if np.ptp(corners[:, 1]) > _HALF_TURN_E7:
+        return []
+    needed = shapely.get_coordinates(LinearRing(corners).simplify(_STRAIGHT_E7))[:-1]
+    return [(int(x), int(y)) for x, y in needed]
+
+
+# The whole plan
+
 
 HOME_NODE = 0
 """The node that hovers above home; the operator's waypoints count from 1."""

@@ -1,4 +1,7 @@
-"""Loading a mission: a file is read, every problem in it noted, and a checked mission made."""
+"""Loading a mission: a file is read, every problem in it noted, and a checked mission made.
+
+Missions of other programs that say too little are converted before they are flown.
+"""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -6,15 +9,18 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import MissionFileError, UsageError
+from air_router.files.json_document import MAX_BYTES
+from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.qgc_read import read_plan
+from air_router.files.missions.waypoint_file import read_waypoints
+from air_router.files.whole_file import bytes_of, text_in
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
-from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
-from air_router.mission.foreign import check_own
+from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.mission import Mission, Waypoint
-from air_router.mission.team_validation import check_team
+from air_router.mission.team import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Document, DocumentError
@@ -60,6 +66,27 @@ def load_mission(
     problems = [p for p in draft.problems if not (in_flight and p.code in DRAWN_OVER)]
     if problems or mission is None:
         raise MissionFileError(problems or draft.problems)
+    return mission
+
+
+def load_flown(
+    path: Path,
+    uav: str | None,
+    *,
+    start: datetime | None = None,
+    duration_s: float | None = None,
+    in_flight: bool = False,
+) -> Mission:
+    """A mission as one vehicle flies it, or has begun to fly it.
+
+    Raises:
+        MissionFileError: it cannot be flown.
+        UsageError: it is for several UAVs, and `uav` is none of them.
+    """
+    mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
+    if uav is None and len(mission.layers) > 1:
+        names = " or ".join(f"--uav {layer.uav}" for layer in mission.layers)
+        raise UsageError(f"{path}: is for several UAVs; say which one this is: {names}")
     return mission
 
 
@@ -111,9 +138,11 @@ def _validate(draft: MissionDocument) -> Mission | None:
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
     check_team(draft)
-    if not draft.problems and (mission := mission_of(draft, airspaces, window)) is not None:
-        _note_fence(draft, mission)
-    return mission_of(draft, airspaces, window)
+    mission = mission_of(draft, airspaces, window)
+    if draft.problems or mission is None:
+        return mission
+    _note_fence(draft, mission)
+    return replace(mission, notes=tuple(draft.notes))
 
 
 def mission_of(
@@ -177,3 +206,50 @@ def _note_fence(draft: MissionDocument, mission: Mission) -> None:
     for name, reason in plan.simpler:
         message = f"'{name}' is not in the fence on board: {reason}; the companion keeps to it"
         draft.note_area(areas[name], message, "fence-simpler-on-board")
+
+
+# Missions of other programs that are converted before they are flown: they say too little
+
+
+GPX: Final = ".gpx"
+WAYPOINTS: Final = ".waypoints"
+
+_TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
+_ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
+_ADVICE: Final = {
+    WAYPOINTS: f"{_TO_CONVERT}`",
+    GPX: f"{_TO_CONVERT} --altitude M`",
+    **dict.fromkeys((".kml", ".kmz", ".geojson", ".txt", ".air", ".openair"), _ZONES),
+}
+
+
+def check_own(path: Path) -> None:
+    """Make sure that a file is none of another program, by its name.
+
+    Raises:
+        DocumentError: it is; says what to do with it.
+    """
+    advice = _ADVICE.get(path.suffix.lower())
+    if advice is not None:
+        raise DocumentError.at(path, advice.format(path=path), "unknown-format")
+
+
+def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | None:
+    """The mission of such a file; None: it is one of those that are flown.
+
+    Args:
+        path: The file.
+        altitude_m: Where a route in GPX is flown, above home.
+
+    Raises:
+        UsageError: the altitude is for other files.
+        DocumentError: the file cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if altitude_m is not None and suffix != GPX:
+        raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
+    if altitude_m is not None:
+        return gpx_draft(read_gpx(bytes_of(path, MAX_BYTES), path), altitude_m)
+    if suffix == WAYPOINTS:
+        return read_waypoints(text_in(bytes_of(path, MAX_BYTES), path), path)
+    return None

@@ -12,8 +12,8 @@ from typing import Final
 
 from air_router.compass import wind_words
 from air_router.controller.monitor.flight_phase import HOME_TOLERANCE_M
-from air_router.mission.fence_plan import FENCE_TOO_LONG
 from air_router.mission.fleet import STANDING_SHARE
+from air_router.mission.flight_plan import FENCE_TOO_LONG
 from air_router.mission.mission import Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check, CheckVerdict
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner

@@ -15,9 +15,8 @@ from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.mission.flown import team_of
-from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
+from air_router.mission.team import sought, team_of
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock

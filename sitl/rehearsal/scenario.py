@@ -9,10 +9,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.mission.flown import team_of
-from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
+from air_router.mission.team import sought, team_of
 from geo.frame import Point
 from sitl.mavlink.codec import MessagePacker
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ

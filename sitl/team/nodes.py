@@ -30,7 +30,7 @@ from air_router.messages import (
     PathMessage,
     PoseMessage,
 )
-from air_router.mission.found_by import FIX, POSE, path_topic, pose_topic
+from air_router.mission.team import FIX, POSE, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock

@@ -17,8 +17,8 @@ import zmq
 
 from air_router.errors import AirRouterError, ExitCode
 from air_router.gossip.mapper import RESOLUTION_M
-from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
+from air_router.mission.team import UAV_KIND
 from geo.frame import FrameError
 from geo.grid import GridPatch
 from mocha_link.node.lifetime import Closeable

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from air_router.mission.plan_item import Command
+from air_router.mission.flight_plan import Command
 from air_router.preflight.preflight_parameters import WANTED
 
 ROOT = Path(__file__).parents[2]

@@ -9,8 +9,7 @@ from typing import Any
 
 from air_router.files.json_document import JsonDocument, load_json
 from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.files.missions.qgc_items import ItemsReader
-from air_router.files.missions.qgc_values import EXPORT_AGAIN, PlanValues
+from air_router.files.missions.qgc_items import EXPORT_AGAIN, ItemsReader, PlanValues
 from geo.airspace.airspace import FENCE
 
 PLAN_TYPE = "Plan"

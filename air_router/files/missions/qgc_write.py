@@ -6,9 +6,9 @@ all times. What a mission knows beyond that becomes larger, never smaller, and i
 
 import copy
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any, Final
 
-from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import JsonDocument
 from air_router.files.maps.feature_set import corners_of
 from air_router.files.mission_document import Area, MissionDocument
@@ -25,6 +25,37 @@ _GROUND_SPEED: Final = 1.0
 
 _DEGREE_DIGITS: Final = 10
 """Of degrees that are written: a hundredth of a millimetre."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class ConversionWarning:
+    """Something that was not carried over.
+
+    Attributes:
+        what: What of the mission, in words.
+        message: What became of it.
+        code: The same for programs.
+    """
+
+    what: str
+    message: str
+    code: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.message} [{self.code}]"
+
+
+@dataclass(slots=True)
+class ConversionWarnings:
+    """The losses of one conversion, each told once."""
+
+    entries: list[ConversionWarning] = field(default_factory=list)  # in the order of their finding
+
+    def add(self, what: str, message: str, code: str) -> None:
+        """Note a loss."""
+        loss = ConversionWarning(what, message, code)
+        if loss not in self.entries:
+            self.entries.append(loss)
 
 
 def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, Any]:

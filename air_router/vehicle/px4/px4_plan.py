@@ -15,8 +15,7 @@ from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRawResult
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.mission.fence_plan import FENCE_POINTS
-from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
+from air_router.mission.flight_plan import FENCE_POINTS, Command, FlightPlan, Frame, PlanItem
 from air_router.vehicle.px4.mavsdk_bridge import call
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from air_router.files.json_document import json_from_text
-from air_router.files.text_edit import SourceError, Splice, rewritten, spliced
+from air_router.files.text_edit import SourceError, rewritten
+from air_router.files.text_parts import Splice, spliced
 from air_router.files.text_values import Digits, degrees, like, word
 from mocha_link.team.document import Document
 

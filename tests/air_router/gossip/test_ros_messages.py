@@ -17,7 +17,7 @@ from air_router.gossip.ros_messages import (
     readers_of,
 )
 from air_router.messages import MessageError, PathMessage, PoseMessage
-from air_router.mission.found_by import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
+from air_router.mission.team import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Geodetic, LocalFrame, Point

@@ -5,8 +5,14 @@ import math
 
 import pytest
 
-from air_router.mission.fence_plan import FENCE_POINTS, fence_plan
-from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
+from air_router.mission.flight_plan import (
+    FENCE_POINTS,
+    Command,
+    FlightPlan,
+    Frame,
+    PlanItem,
+    fence_plan,
+)
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 from sitl.px4sim.fence import fence_areas

@@ -11,10 +11,8 @@ import pytest
 from air_router.cli.cli import main
 from air_router.errors import MissionFileError, UsageError
 from air_router.files.missions.mission_write import mission_text
-from air_router.mission.fence_plan import fence_plan
-from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.flown import load_flown
-from air_router.mission.loading import load_mission, read_draft, validate
+from air_router.mission.flight_plan import FlightPlan, fence_plan
+from air_router.mission.loading import load_flown, load_mission, read_draft, validate
 from air_router.preflight.card import CheckVerdict
 from air_router.preflight.preflight import altitude, place
 from air_router.preflight.preflight_parameters import parameters

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from air_router.cli.cli import main
-from air_router.mission.found_by import finders
 from air_router.mission.loading import load_mission
+from air_router.mission.team import finders
 from sitl.world.world_file import load_world
 
 HOME = "47.3977,8.5456"

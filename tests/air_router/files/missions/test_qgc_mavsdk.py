@@ -13,10 +13,9 @@ from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from pymavlink.dialects.v20 import common
 
-from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import json_from_text, json_text
 from air_router.files.missions.qgc_read import plan_draft
-from air_router.files.missions.qgc_write import plan_of
+from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
 from air_router.mission.loading import read_draft
 
 DATA = Path(__file__).parents[3] / "data"

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import json_from_text, json_text, load_json
 from air_router.files.missions.qgc_read import plan_draft
-from air_router.files.missions.qgc_write import plan_of
+from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
 
 DATA = Path(__file__).parents[3] / "data"
 PLANS = [DATA / "pennovation.plan", DATA / "files" / "survey.plan"]

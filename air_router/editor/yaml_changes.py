@@ -1,0 +1,200 @@
+"""Edits of mission files in YAML; see docs/mission-file.md."""
+
+from typing import Any, ClassVar
+
+from air_router.editor import edits
+from air_router.editor.changes import (
+    Changes,
+    Features,
+    Handle,
+    Region,
+    as_pair,
+    circle_of,
+    entries_of,
+    handle_of,
+    ring_of,
+)
+from air_router.editor.edits import EditError
+from air_router.files.mission_document import Keys
+from air_router.files.text_values import metres
+
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
+    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s"),
+}
+"""The settings of the page that stand in sections of a mission file."""
+
+_SECTION_OF = {name: section for section, names in SECTIONS.items() for name in names}
+_WORDS = ("name", "team", "uav")
+
+
+class YamlChanges(Changes):
+    """Of a mission file in YAML; see docs/mission-file.md."""
+
+    settable: ClassVar[bool] = True
+
+    @staticmethod
+    def features_of(data: Any) -> Features:
+        """What can be moved."""
+        return yaml_features(data)
+
+    def add_waypoint(self, edit: edits.AddWaypoint) -> None:
+        """Insert a bare pair: it flies at the mission's altitude."""
+        waypoints = self._list("waypoints")
+        if edit.index > len(waypoints):
+            raise EditError("the file has not so many waypoints; load the page again")
+        waypoints.insert(edit.index, self.digits(edit.at))
+
+    def add_rally_point(self, edit: edits.AddRallyPoint) -> None:
+        """Add a pair to the list, which is begun if there is none."""
+        self._list("rally_points").append(self.digits(edit.at))
+
+    def add_area(self, edit: edits.AddArea) -> None:
+        """Add a zone under a name of its own, or the fence where there is none."""
+        corners = [self.digits(corner) for corner in edit.corners]
+        shape: dict[str, Any] = {"polygon": corners}
+        if edit.radius_m is not None:
+            shape = {"circle": {"centre": corners[0], "radius_m": metres(edit.radius_m, 1)}}
+        if not edit.fence:
+            self._list("no_fly_zones").append({"name": self._unused_name(), **shape})
+        elif self.data.get("fence") or self.data.get("fences"):
+            raise EditError("the mission has a fence already; move its corners")
+        else:
+            self.data["fence"] = shape
+
+    def rename(self, edit: edits.Rename) -> None:
+        """Change the name, or give one to a zone that had none."""
+        if self._region(edit.keys).is_fence:
+            raise EditError("a fence has no name")
+        self._long_form(edit.keys, "polygon")["name"] = edit.name
+
+    def set_altitude(self, edit: edits.SetAltitude) -> None:
+        """Write the altitude beside the position, or take it away."""
+        handle = self._handle(edit.keys)
+        if handle.entry is None or handle.keys[0] != "waypoints":
+            raise EditError("only waypoints have altitudes of their own")
+        if edit.altitude_m is not None:
+            waypoint = self._long_form(handle.entry, "position")
+            waypoint.setdefault("altitude_m", None)
+            self._put(waypoint, "altitude_m", metres(edit.altitude_m))
+        elif isinstance(waypoint := self._at(handle.entry), dict):
+            waypoint.pop("altitude_m", None)
+
+    def set_value(self, edit: edits.SetValue) -> None:
+        """Change a setting, add it where the default was meant, or take it away."""
+        name, value, values = edit.name, edit.value, self.data
+        section = _SECTION_OF.get(name)
+        if value is not None and isinstance(value, str) != (name in _WORDS):
+            raise EditError(f"{name} cannot be '{value}'")
+        if section is not None:
+            if section in values and not isinstance(values[section], dict):
+                raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
+            values = values.get(section, {}) if value is None else values.setdefault(section, {})
+        if value is None:
+            values.pop(name, None)
+        elif isinstance(value, str):
+            values[name] = value
+        else:
+            values.setdefault(name, None)
+            self._put(values, name, metres(value))
+
+    def seek(self, edit: edits.Seek) -> None:
+        """Write the list of robots, whatever stood there."""
+        if not edit.robots:
+            raise EditError("a mission seeks at least one robot")
+        seek = self.data.get("seek")
+        if isinstance(seek, str):
+            seek = {"policy": seek}
+        if isinstance(seek, dict):
+            self.data["seek"] = {**seek, "robots": [*edit.robots]}
+        else:
+            self.data["seek"] = [*edit.robots]
+
+    def set_crossing(self, edit: edits.SetCrossing) -> None:
+        """Write the key, or take it away."""
+        if self._region(edit.keys).is_fence:
+            raise EditError("only zones cross the fence")
+        zone = self._long_form(edit.keys, "polygon")
+        if edit.crosses:
+            zone["crosses_fence"] = True
+        else:
+            zone.pop("crosses_fence", None)
+
+    def redraw(self, edit: edits.Redraw) -> None:
+        """Write other corners, in the place of a circle too."""
+        self._region(edit.keys)
+        corners = [self.digits(corner) for corner in edit.corners]
+        area = self._at(edit.keys)
+        if isinstance(area, list):
+            area[:] = corners
+        else:
+            area.pop("circle", None)
+            area["polygon"] = corners
+
+    def _list(self, name: str) -> list[Any]:
+        """A list of the file, begun if there is none."""
+        if self.data.get(name) is None:
+            self.data[name] = []
+        values: list[Any] = self.data[name]
+        return values
+
+    def _long_form(self, keys: Keys, key: str) -> dict[str, Any]:
+        """An entry as a mapping; one in short form becomes one, with its value under a key."""
+        parent, index = self._at(keys[:-1]), keys[-1]
+        if not isinstance(parent[index], dict):
+            parent[index] = {key: parent[index]}
+        entry: dict[str, Any] = parent[index]
+        return entry
+
+    def _unused_name(self) -> str:
+        names = {region.name for region in self.features.regions}
+        number = sum(not region.is_fence for region in self.features.regions) + 1
+        while f"zone {number}" in names:
+            number += 1
+        return f"zone {number}"
+
+
+def yaml_features(data: Any) -> Features:
+    """The features of a YAML mission's data."""
+    features = Features()
+    if not isinstance(data, dict):
+        return features
+    frame = data.get("frame")
+    origin = as_pair(frame.get("origin")) if isinstance(frame, dict) else None
+    features.home = _spot(data.get("home"), ("home",), removable=False)
+    features.in_metres = data.get("coordinates") == "local"
+    features.origin = origin or (
+        None if features.in_metres or not features.home else features.home.pair
+    )
+    features.waypoints = _spots(data, "waypoints")
+    features.rally_points = _spots(data, "rally_points")
+    if data.get("fence") is not None:
+        features.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
+    for keys, value in entries_of(data, ("fences",)):
+        features.regions.append(_region(value, keys, "fence", keys, is_fence=True))
+    for number, (keys, value) in enumerate(entries_of(data, ("no_fly_zones",)), start=1):
+        name = value.get("name") if isinstance(value, dict) else None
+        name = name if isinstance(name, str) else f"zone {number}"
+        features.regions.append(_region(value, keys, name, keys, is_fence=False))
+    return features
+
+
+def _spots(data: dict[Any, Any], name: str) -> list[Handle]:
+    spots = (_spot(value, keys, removable=True) for keys, value in entries_of(data, (name,)))
+    return [spot for spot in spots if spot is not None]
+
+
+def _spot(value: Any, keys: Keys, *, removable: bool) -> Handle | None:
+    if isinstance(value, dict):
+        value = value.get("position")
+    return handle_of(value, (*keys, "position"), keys if removable else None)
+
+
+def _region(value: Any, keys: Keys, name: str, entry: Keys | None, *, is_fence: bool) -> Region:
+    area = {"polygon": value} if isinstance(value, list) else value
+    if not isinstance(area, dict):
+        return Region(keys, name, is_fence, entry=entry)
+    rings = [ring_of(area.get("polygon"), (*keys, "polygon"))]
+    rings += [ring_of(hole, (*keys, *path)) for path, hole in entries_of(area, ("holes",))]
+    circle = circle_of(area.get("circle"), (*keys, "circle"), centre="centre", radius="radius_m")
+    return Region(keys, name, is_fence, tuple(r for r in rings if r), circle, entry)
