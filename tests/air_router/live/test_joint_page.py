@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import os
 import signal
 import threading
@@ -19,9 +18,7 @@ from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.web.browsers import Browsers
 from air_router.web.serving import Web, shown_beside
-from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site
-from air_router.web.tile_file import TileFile
-from tests.air_router.tile_maker import around, write_tiles
+from air_router.web.site import ServeError, Site
 
 LIMIT_S = 60
 
@@ -219,26 +216,6 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
     assert elsewhere.asked == 1
 
 
-def test_a_page_that_says_too_much_is_let_go_and_no_other():
-    async def look():
-        titan = FlightPage("titan")
-        async with (
-            titan.serving() as place,
-            looking_at({"titan": place}) as browser,
-            browser.looking("titan") as first,
-            browser.looking("titan") as second,
-        ):
-            assert await text(first) == await text(second) == "titan greets"
-            await first.send_str("x" * (MAX_MESSAGE_BYTES + 1))
-            message = await first.receive(LIMIT_S)
-            assert message.data == WSCloseCode.MESSAGE_TOO_BIG
-            await second.send_str("x" * (MAX_MESSAGE_BYTES - 1))
-            assert await text(second) == "titan: xxxxxxxxxx"
-        return [len(heard) for heard in titan.heard]
-
-    assert asyncio.run(look()) == [MAX_MESSAGE_BYTES - 1]
-
-
 def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
     async def look():
         titan = FlightPage("titan")
@@ -263,23 +240,6 @@ def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
                 assert await text(socket) == "titan greets"
 
     asyncio.run(look())
-
-
-def test_the_picture_under_the_map_is_the_joint_page_s_own(tmp_path):
-    tiles = TileFile.read(write_tiles(tmp_path / "site.mbtiles", around(17, 39.942, -75.2)))
-
-    told = json.loads(json.dumps(tiles.view()))
-
-    async def look(page):
-        async with (
-            page.serving(lambda _: None) as address,
-            aiohttp.ClientSession() as session,
-            session.get(f"{address}flights") as answer,
-        ):
-            return (await answer.json())["backdrop"]
-
-    assert asyncio.run(look(JointPage(["titan"], Web(tiles=tiles)))) == told
-    assert asyncio.run(look(JointPage(["titan"]))) is None
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,6 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
-from tests.air_router.record.conftest import DRAWN
 
 ROOT = Path(__file__).parents[3]
 UNIX_S = 1.7e9
@@ -104,7 +103,7 @@ def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation)
     assert report.value.fields == {"outcome": "done", "distance_m": None}
 
 
-def test_the_public_reader_opens_it_and_foxglove_finds_its_own_schemas(flown):
+def test_the_public_reader_opens_it_and_viewers_understand_its_schemas(flown):
     with flown.open("rb") as file:
         reader = make_reader(file)
         messages = {channel.topic: (schema, m) for schema, channel, m in reader.iter_messages()}
@@ -116,15 +115,9 @@ def test_the_public_reader_opens_it_and_foxglove_finds_its_own_schemas(flown):
         properties = json.loads(schema.data)["properties"]
         fields = json.loads(message.data).keys()
         assert fields >= properties.keys() if "/flight/" in topic else fields <= properties.keys()
-    drawn = {topic: s.name for topic, (s, _) in messages.items() if s.name.startswith("foxglove")}
-    assert drawn == DRAWN
     place = json.loads(messages["/vehicle/location"][1].data)
-    assert place["latitude"] == pytest.approx(39.942, abs=1e-3)
     assert place["timestamp"] == {"sec": int(UNIX_S), "nsec": 0}
     assert place["frame_id"] == "vehicle"  # a fix is at the origin of its own frame
-    assert json.loads(messages["/robots/io/location"][1].data)["frame_id"] == "io"
-    drawing = json.loads(json.loads(messages["/mission"][1].data)["geojson"])
-    assert len(drawing["features"]) > 40
 
 
 def test_a_vehicle_whose_clock_is_behind_ours_has_its_times_in_their_distances(tmp_path):

@@ -143,13 +143,6 @@ def test_a_damaged_record_is_never_the_same(flown, capsys, which):
     assert "damaged" in out + err
 
 
-def test_a_record_that_ends_before_its_first_decision_is_nothing_to_compare(flown):
-    entries = list(read(flown))
-    first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
-    with pytest.raises(ReplayError, match="no decision was recorded"):
-        replay(entries[: first - 1])
-
-
 def test_without_a_name_it_is_the_newest_flight(flown, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
@@ -201,10 +194,14 @@ def test_an_exception_in_a_decision_is_a_difference(pennovation):
     assert found.replayed != found.recorded
 
 
-@pytest.mark.parametrize("entries", [[], [RecordEntry(1.0, "event", ComeHome())]])
-def test_without_a_setup_or_an_event_there_is_nothing_to_replay(entries, tmp_path):
-    with pytest.raises(ReplayError):
-        replay(entries)
+def test_without_a_setup_or_a_decision_there_is_nothing_to_replay(flown):
+    for entries in ([], [RecordEntry(1.0, "event", ComeHome())]):
+        with pytest.raises(ReplayError):
+            replay(entries)
+    entries = list(read(flown))
+    first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
+    with pytest.raises(ReplayError, match="no decision was recorded"):
+        replay(entries[: first - 1])
 
 
 def test_what_is_no_record_is_an_invalid_file(tmp_path, capsys):

@@ -7,6 +7,7 @@ import matplotlib as mpl
 import pytest
 
 from air_router.mission.loading import load_mission
+from air_router.report.map_sheet import MapSheet
 from air_router.report.picture import draw_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -39,7 +40,6 @@ def made(folder, **changes):
     "changes",
     [
         {"fence": None, "no_fly_zones": []},
-        {"no_fly_zones": [[[-80, 20], [80, 20], [80, 30], [-80, 30]]], "waypoints": [[0, 60]]},
         {"rally_points": [[-50, -50]], "waypoints": [[5000, 0], [0, 40]], "fence": None},
     ],
 )
@@ -54,12 +54,11 @@ def test_missions_of_all_shapes(tmp_path, changes):
     assert 400 < height < 2400
 
 
-def test_a_track_outside_of_the_fence_is_still_in_the_picture(tmp_path):
-    mission = made(tmp_path)
-    inside, outside = tmp_path / "inside.png", tmp_path / "outside.png"
-    draw_mission(mission, inside, track=[Point(0, 0), Point(50, 0)])
-    draw_mission(mission, outside, track=[Point(0, 0), Point(0, 400)])
-    assert size(outside)[1] > 1.3 * size(inside)[1]
+def test_what_is_outside_of_the_fence_has_room_on_the_sheet():
+    axes = MapSheet([Point(0, 0), Point(50, 0), Point(0, 400)], "white").axes
+    assert axes.get_ylim() == (-16.0, 416.0)
+    west, east = axes.get_xlim()
+    assert east - west == pytest.approx(432.0 / 1.8)  # not too tall
 
 
 def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
