@@ -7,15 +7,14 @@ decides is shown, and whatever it says of itself (states, times left, routes) is
 import asyncio
 import dataclasses
 import math
-from collections.abc import AsyncIterator, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
-from air_router.controller.model.actions import Action, PublishMap
-from air_router.controller.model.events import Event
+from air_router.controller.model.actions import PublishMap
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
@@ -32,14 +31,8 @@ _STEPS: Final = 400
 """So many entries are gone through before browsers are served again."""
 
 
-class RecordConsumer(Protocol):
-    """Is shown what is in a record."""
-
-    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
-        """Take in what happened, and what was decided on it."""
-
-    def links(self, links: Mapping[str, LinkMetrics]) -> None:
-        """Take in what the node measured."""
+RecordConsumer = LiveScene | LivePage
+"""What is shown what is in a record."""
 
 
 class _FinishedFlight:

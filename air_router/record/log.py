@@ -1,6 +1,6 @@
 """Reads what `air_router.record.recorder` has written, also when its end is missing.
 
-for entry in read(Path("flight.mcap")):
+for entry in Log(Path("flight.mcap")):
     print(entry.t, entry.kind, entry.value)
 """
 
@@ -206,11 +206,6 @@ class Log:
             if motion == like and order in {None, known}:
                 return motion
         return like
-
-
-def read(path: Path) -> Iterator[RecordEntry]:
-    """Everything in a record, in the order in which it happened; see `Log`."""
-    return iter(Log(path))
 
 
 def _unpacked(chunk: Chunk) -> list[McapRecord]:

@@ -105,22 +105,13 @@ def show(page: Served, say: Say) -> None:
     """
 
     async def serve() -> None:
-        async with page.serving(say):
-            await asyncio.Event().wait()
-
-    async def until_interrupted() -> None:
         loop, end = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, end.set)
-        working, ending = loop.create_task(serve()), loop.create_task(end.wait())
-        await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
-        ending.cancel()
-        if working.done():
-            working.result()
-        working.cancel()
-        await asyncio.gather(working, return_exceptions=True)
+        async with page.serving(say):
+            await end.wait()
 
-    asyncio.run(until_interrupted())
+    asyncio.run(serve())
 
 
 @contextmanager

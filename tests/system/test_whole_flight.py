@@ -18,7 +18,7 @@ from air_router.controller.model.actions import CommandAck, Seeking, StateChange
 from air_router.controller.model.requests import SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
-from air_router.record.log import read
+from air_router.record.log import Log
 from air_router.record.replay import replay
 from mocha_link import Team
 from mocha_link.links.metrics import Direction, SyncEnded
@@ -132,7 +132,7 @@ class Flight:
         (path,) = self.logs.glob("sim-*.mcap")
         report = json.loads(out)
         assert report["record"] == str(path)
-        return report, list(read(path))
+        return report, list(Log(path))
 
     @property
     def said(self):

@@ -28,7 +28,7 @@ from air_router.flight.status import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.airspaces import FlightWindow
 from air_router.preflight.card import PreflightRefusedError
-from air_router.record.log import read
+from air_router.record.log import Log
 from air_router.record.recorder import Recorder
 from air_router.record.replay import replay
 from air_router.report.report import table
@@ -116,7 +116,7 @@ def test_a_flight_from_connecting_to_landing(rig):
 def test_everything_is_recorded_and_replays_and_the_report_is_the_last_line(rig):
     flight = rig()
     result = flight.run()
-    *entries, last = read(flight.recorder.path)
+    *entries, last = Log(flight.recorder.path)
     kinds = {type(entry.value) for entry in entries}
     assert {Telemetry, CommandConfirmed, StateChanged, FlyToNode, FlightSetup} <= kinds
     assert last.value.name == "Report"
@@ -300,7 +300,7 @@ def test_a_red_line_of_the_pre_flight_card_refuses_before_anything_is_uploaded(r
         flight.run()
     assert caught.value.exit_code == ExitCode.REFUSED
     assert flight.vehicle.verbs == ["connect", "inspect", "close"]
-    notes = [e.value.name for e in read(flight.recorder.path) if e.kind == "note"]
+    notes = [e.value.name for e in Log(flight.recorder.path) if e.kind == "note"]
     assert "Preflight" in notes
 
 

@@ -13,7 +13,7 @@ from air_router.controller.model.events import FlownBefore
 from air_router.flight import flight as flight_module
 from air_router.flight.resumption import flown_before
 from air_router.mission.flight_plan import FlightPlan
-from air_router.record.log import read
+from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
@@ -102,7 +102,7 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
         "done",
         "200 s of mission are over",
     )
-    *entries, _ = read(second.recorder.path)
+    *entries, _ = Log(second.recorder.path)
     assert replay(entries).difference is None
     legs = [e.value for e in entries if e.kind == "action" and isinstance(e.value, FlyToNode)]
     assert legs[0].node == mission.waypoints[1].number

@@ -27,7 +27,7 @@ from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import Signal, State
 from air_router.gossip.mapper import Mapper
 from air_router.record import record_file
-from air_router.record.log import Log, LogError, read
+from air_router.record.log import Log, LogError
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -78,7 +78,7 @@ def flown(tmp_path, pennovation):
 
 
 def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation):
-    entries = list(read(flown))
+    entries = list(Log(flown))
     assert [entry.kind for entry in entries] == [
         *("about", "setup", "note", "file", "event", "note", "action", "action"),
         *("event", "event", "event", "action", "link", "note", "patch", "note", "note", "note"),
@@ -255,7 +255,7 @@ def test_an_event_that_cannot_be_written_is_a_note_and_no_error(tmp_path, caplog
         recorder.event("text", 1.0)
         recorder.event("text", 2.0)
     assert len(caplog.records) == 1
-    notes = [e.value for e in read(recorder.path) if e.kind == "note"]
+    notes = [e.value for e in Log(recorder.path) if e.kind == "note"]
     assert [note.fields for note in notes if note.name == "Unwritable"] == [
         {"kind": "event", "value": "'text'"}
     ] * 2
@@ -329,10 +329,10 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
     ):
         path.write_bytes(data)
         with pytest.raises(LogError, match=message):
-            list(read(path))
+            list(Log(path))
     for messages in ([], [b"5"], [b"{}"], [b"\x08\x96\x01"], [b"[" * 9_999]):
         with pytest.raises(LogError, match="an MCAP file, but not a flight's record"):
-            list(read(mcap(path, *messages)))
+            list(Log(mcap(path, *messages)))
 
 
 @pytest.mark.parametrize(
@@ -352,14 +352,14 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
 def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
     path = mcap(tmp_path / "a.mcap", message, ours={"format": record_file.FORMAT}, topic=topic)
     with pytest.raises(LogError, match=f"not written by this version of air_router: .*{why}"):
-        list(read(path))
+        list(Log(path))
 
 
 def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
     """Also where it makes the reader pass over a whole part of the file: a record's first byte."""
     with flown.open("rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
-    good, data = len(list(read(flown))), flown.read_bytes()
+    good, data = len(list(Log(flown))), flown.read_bytes()
     shorter = 0
     places = [*range(8, len(data), len(data) // 40), *(c.chunk_start_offset for c in chunks)]
     for place in places:

@@ -19,7 +19,7 @@ from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
 from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
-from air_router.record.log import Log, Note, RecordEntry, read
+from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder, record_of
 from air_router.record.replay import CONTEXT, ReplayError, replay
@@ -90,7 +90,7 @@ def test_a_flight_decides_the_same_again_in_another_process(flown):
 
 
 def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
-    entries = list(read(flown))
+    entries = list(Log(flown))
     jumps = [i for i, entry in enumerate(entries) if isinstance(entry.value, FlyToNode)]
     changed = entries[jumps[3]].value
     entries[jumps[3]] = entries[jumps[3]]._replace(value=dataclasses.replace(changed, node=99))
@@ -104,7 +104,7 @@ def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
     assert 3 <= len(found.before) <= CONTEXT
     assert len(lines) < 3 * CONTEXT
 
-    silent = [entry for entry in read(flown) if not isinstance(entry.value, FlyToNode)]
+    silent = [entry for entry in Log(flown) if not isinstance(entry.value, FlyToNode)]
     found = replay(silent).difference
     assert not any(isinstance(action, FlyToNode) for action in found.recorded)
 
@@ -180,7 +180,7 @@ def test_of_two_motions_alike_the_right_one_is_confirmed(tmp_path):
         recorder.actions((first, second), 1.0)
         for motion in (first, second):
             recorder.event(CommandConfirmed(motion), 2.0)
-    one, two, about_one, about_two = (e.value for e in read(recorder.path) if e.kind in KINDS)
+    one, two, about_one, about_two = (e.value for e in Log(recorder.path) if e.kind in KINDS)
     assert one is about_one.action
     assert two is about_two.action
     assert one is not two
@@ -198,7 +198,7 @@ def test_without_a_setup_or_a_decision_there_is_nothing_to_replay(flown):
     for entries in ([], [RecordEntry(1.0, "event", ComeHome())]):
         with pytest.raises(ReplayError):
             replay(entries)
-    entries = list(read(flown))
+    entries = list(Log(flown))
     first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
     with pytest.raises(ReplayError, match="no decision was recorded"):
         replay(entries[: first - 1])
