@@ -311,7 +311,9 @@ class Fields:
         """A value of the class as an object."""
         plain: dict[str, Plain] = {TYPE_KEY: self.name} if self.tagged else {}
         for key, name in self.recorded.items():
-            plain[key] = encode(getattr(value, name))
+            part = getattr(value, name)
+            kind: Any = type(part)
+            plain[key] = _encoder(kind)(part)
         return plain
 
     def decode(self, plain: Plain) -> Any:
