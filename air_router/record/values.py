@@ -67,8 +67,7 @@ class CodecError(AirRouterError, ValueError):
 
 def recorded_name(kind: Any) -> str:
     """What records call a class."""
-    name: str = kind.__name__
-    return RECORDED_AS.get(name, name)
+    return RECORDED_AS.get(kind.__name__, str(kind.__name__))
 
 
 def encode(value: object) -> Plain:
