@@ -31,7 +31,7 @@ from air_router.record.recording import (
     recording_of,
     viewing,
 )
-from air_router.report.report import write_report
+from air_router.report.flight_table import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle

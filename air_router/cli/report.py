@@ -9,9 +9,9 @@ from air_router.files.whole_file import write_whole
 from air_router.record.log import Log
 from air_router.record.recording import add_record, record_of
 from air_router.record.serialization import json_of
-from air_router.report.flight.flight_summary import summary_of
-from air_router.report.flight.page import page_of
-from air_router.report.flight.ulog import read_ulog
+from air_router.report.flight_page import page_of
+from air_router.report.flight_summary import summary_of
+from air_router.report.ulog import read_ulog
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

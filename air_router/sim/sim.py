@@ -22,7 +22,7 @@ from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.record.record_file import no_folder
 from air_router.record.recording import ViewerAddress
-from air_router.report.report import several
+from air_router.report.flight_table import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.web.serving import shown_beside, web_of

@@ -1,11 +1,14 @@
 """A web server for one page: on this machine only unless told otherwise, and guarded."""
 
 import asyncio
+import base64
 import hashlib
 import json
+import logging
 import mimetypes
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from functools import partial
 from importlib.resources import files
@@ -17,13 +20,22 @@ from aiohttp import web
 from air_router.errors import AirRouterError
 from air_router.web.guard import BACKLOG, TOKEN, ConnectionLimit, Guard, Handler, add_headers
 from air_router.web.serving import Web
-from air_router.web.tile_service import TileService
+from air_router.web.tile_file import TileError, TileFile
+
+_LOG = logging.getLogger(__name__)
 
 MAX_MESSAGE_BYTES: Final = 64 * 1024
 MAX_PAGES: Final = 32
 _HEARTBEAT_S: Final = 20.0
 _SHUTDOWN_S: Final = 1.0
 _KEEPALIVE_S: Final = 15.0  # after an answer; browsers have a socket for what they follow
+_NUMBER: Final = "[0-9]{1,9}"
+_KEPT: Final = {"Cache-Control": "private, max-age=3600"}
+_NOT_KEPT: Final = {"Cache-Control": "no-store"}
+# One pixel that is not seen: for a browser, a tile that is not found is an error to be told.
+_NOTHING: Final = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNgYAAAAAMAASsJTYQAAAAASUVORK5CYII="
+)
 _EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
 _SOMEWHERE: Final = "192.0.2.1"  # kept free for documentation
 _TYPES: Final = {
@@ -59,6 +71,52 @@ class _PageFile(NamedTuple):
         )
 
 
+class _Tiles:
+    """The tiles under the map: read in a thread, for the loop may be that of a flight.
+
+    What is not there, or cannot be read, is an empty picture; the first fault is logged.
+    """
+
+    def __init__(self, tiles: TileFile) -> None:
+        self._tiles = tiles
+        self._worker = ThreadPoolExecutor(1, "map tiles")  # SQLite files stay on one thread
+        self._told = False  # the first fault was logged
+
+    def add_to(self, app: web.Application) -> None:
+        """Serve the tiles, until the application ends."""
+        path = f"/backdrop/{{tag}}/{{zoom:{_NUMBER}}}/{{column:{_NUMBER}}}/{{row:{_NUMBER}}}"
+        app.add_routes([web.get(path, self._answer)])
+        app.on_cleanup.append(self._end)
+
+    async def _answer(self, request: web.Request) -> web.Response:
+        asked = request.match_info
+        if asked["tag"] != self._tiles.tag:  # a page from before, of another file
+            return _nothing(_NOT_KEPT)
+        place = int(asked["zoom"]), int(asked["column"]), int(asked["row"])
+        loop = asyncio.get_running_loop()
+        try:
+            tile = await loop.run_in_executor(self._worker, self._tiles.tile, *place)
+        except TileError as error:
+            self._tell(error)
+            return _nothing(_NOT_KEPT)
+        if tile is None:
+            return _nothing(_KEPT)
+        return web.Response(body=tile.data, content_type=tile.kind, headers=_KEPT)
+
+    def _tell(self, error: TileError) -> None:
+        if not self._told:
+            _LOG.warning("the map stays empty in places: %s", error)
+        self._told = True
+
+    async def _end(self, app: web.Application) -> None:
+        del app
+        self._worker.shutdown(wait=False, cancel_futures=True)
+
+
+def _nothing(headers: dict[str, str]) -> web.Response:
+    return web.Response(body=_NOTHING, content_type="image/png", headers=headers)
+
+
 class Site:
     """A page's files, sockets to the browsers that show it, and the ground under its map.
 
@@ -84,7 +142,7 @@ class Site:
         if package is not None:
             self._add_page(package, name)
         if where.tiles is not None:
-            TileService(where.tiles).add_to(self._app)
+            _Tiles(where.tiles).add_to(self._app)
 
     def add_socket(self, path: str, talk: Talk) -> None:
         """Converse with browsers there; before the serving begins."""

@@ -23,7 +23,7 @@ from air_router.cli.command_line import _with_places
 from air_router.control.command_request import command_request_of, parse
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
-from air_router.report.report import COLUMNS
+from air_router.report.flight_table import COLUMNS
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from sitl.experiment.plan_file import load_experiment

@@ -14,8 +14,8 @@ from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Note, RecordEntry
-from air_router.report.flight.flight_summary import summary_of
-from air_router.report.flight.page import page_of
+from air_router.report.flight_page import page_of
+from air_router.report.flight_summary import summary_of
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from mocha_link.links.link_events import Direction, SyncEnded

@@ -31,7 +31,7 @@ from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
 from air_router.record.recorder import Recorder
 from air_router.record.replay import replay
-from air_router.report.report import table
+from air_router.report.flight_table import table
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import FlightMode, Inspection, LinkSilent, PlanReplaced, Telemetry
 from geo.airspace.zone import Zone

@@ -6,7 +6,7 @@ from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.states import Signal, State
 from air_router.flight.flight_stats import FlightStats
 from air_router.gossip.mapper import Mapper
-from air_router.report.report import table
+from air_router.report.flight_table import table
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point

@@ -12,6 +12,6 @@ def test_pictures_and_reports_have_the_pages_colours():
     assert light.keys() == dark.keys() >= {"fence", "zone", "route", "leg", "r7"}
     assert map_sheet.FENCE == light["fence"] != dark["fence"]
     assert f"--zone: {light['zone']};" in style_sheet()
-    report = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
+    report = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     known = set(re.findall(r"--([\w-]+):", report)) | light.keys()
     assert set(re.findall(r"var\(--([\w-]+)", report)) <= known

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from air_router.controller.model.states import State
-from air_router.report.flight.flight_summary import FlightSummary
-from air_router.report.flight.svg import (
+from air_router.report.flight_summary import FlightSummary
+from air_router.report.svg import (
     BOTTOM,
     LEFT,
     TOP,
@@ -15,7 +15,7 @@ from air_router.report.flight.svg import (
     in_both_widths,
     number,
 )
-from air_router.report.flight.ulog import UlogTrack
+from air_router.report.ulog import UlogTrack
 
 COLOURS: Final = 8
 """So many robots have a colour of their own; then they begin anew."""

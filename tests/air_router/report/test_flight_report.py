@@ -31,11 +31,11 @@ from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNo
 from air_router.controller.model.states import Signal, State
 from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder
-from air_router.report.flight.exchanges import Exchanges
-from air_router.report.flight.flight_summary import NothingFlownError, summary_of
-from air_router.report.flight.page import page_of
-from air_router.report.flight.svg import WIDE, Plot, clock, nice, number, thinned
-from air_router.report.flight.ulog import UlogError, read_ulog
+from air_router.report.exchanges import Exchanges
+from air_router.report.flight_page import page_of
+from air_router.report.flight_summary import NothingFlownError, summary_of
+from air_router.report.svg import WIDE, Plot, clock, nice, number, thinned
+from air_router.report.ulog import UlogError, read_ulog
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from air_router.mission.mission import Mission
-from air_router.report.flight.charts import Figure, robot_css
-from air_router.report.flight.flight_summary import FlightSummary
-from air_router.report.flight.svg import NARROW, clock, element, in_both_widths, picture
-from air_router.report.flight.ulog import UlogTrack
+from air_router.report.charts import Figure, robot_css
+from air_router.report.flight_summary import FlightSummary
+from air_router.report.svg import NARROW, clock, element, in_both_widths, picture
+from air_router.report.ulog import UlogTrack
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.report.flight.flight_summary import FlightSummary
+from air_router.report.flight_summary import FlightSummary
 from geo.frame import FrameError, LocalFrame
 from mocha_link.errors import needs_extra
 

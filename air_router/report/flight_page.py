@@ -7,13 +7,13 @@ from html import escape
 from importlib import resources
 from typing import Any
 
-from air_router.report.flight.charts import Figure, figures, robot_css
-from air_router.report.flight.flight_summary import FlightSummary
-from air_router.report.flight.svg import clock
-from air_router.report.flight.track import track_figure
-from air_router.report.flight.ulog import UlogTrack
+from air_router.report.charts import Figure, figures, robot_css
+from air_router.report.flight_summary import FlightSummary
+from air_router.report.flight_table import size_words
 from air_router.report.palette import style_sheet
-from air_router.report.report import size_words
+from air_router.report.svg import clock
+from air_router.report.track import track_figure
+from air_router.report.ulog import UlogTrack
 
 
 def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) -> str:
@@ -22,7 +22,7 @@ def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) 
     title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
     track = track_figure(summary, ulog)
     shown = [*([track] if track is not None else []), *figures(summary, ulog)]
-    sheet = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
+    sheet = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     body = [
         _head(facts, title),
         _tiles(facts),

@@ -21,7 +21,7 @@ from air_router.errors import AirRouterError, ExitCode
 from air_router.flight.flown_track import FlownTrack
 from air_router.mission.mission import Mission
 from air_router.record.log import Note, RecordEntry
-from air_router.report.flight.exchanges import Exchanges
+from air_router.report.exchanges import Exchanges
 from air_router.vehicle.vehicle import Telemetry
 from mocha_link.links.link_events import LinkEvent
 
