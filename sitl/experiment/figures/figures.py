@@ -222,7 +222,6 @@ def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) ->
         with styled():
             figure = draw(experiment, records)
             if figure is not None:
-                save(figure, path)
-                save(figure, path.with_suffix(".pdf"))
+                save(figure, path, path.with_suffix(".pdf"))
                 drawn.append(path)
     return drawn

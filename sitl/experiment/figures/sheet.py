@@ -200,9 +200,12 @@ def runs_of(label: str, records: Sequence[Record]) -> list[Record]:
     return [record for record in records if record["row"] == label]
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the name's ending chooses the format. Raises PictureError."""
-    try:
-        figure.savefig(path, dpi=_DPI, facecolor="white")
-    except (OSError, ValueError) as error:
-        raise PictureError(f"cannot write the figure {path}: {error}") from None
+def save(figure: Figure, *paths: Path) -> None:
+    """Write a figure; the names' endings choose the formats. Raises PictureError."""
+    figure.draw_without_rendering()  # lays it out, once for all formats
+    figure.set_layout_engine("none")
+    for path in paths:
+        try:
+            figure.savefig(path, dpi=_DPI, facecolor="white")
+        except (OSError, ValueError) as error:
+            raise PictureError(f"cannot write the figure {path}: {error}") from None

@@ -320,22 +320,33 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
 
 
 def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp_path, monkeypatch):
-    sheet = pytest.importorskip("sitl.experiment.figures.sheet", exc_type=MissingExtraError)
-    monkeypatch.setattr(sheet, "_DPI", 20)  # small ones are drawn sooner
+    figures = pytest.importorskip("sitl.experiment.figures.figures", exc_type=MissingExtraError)
+    drawn = []
+
+    def save(figure, png, pdf):
+        """Without a layout, and small: sooner."""
+        drawn.append((png.name, pdf.name))
+        figure.set_layout_engine("none")
+        figure.savefig(png, dpi=15)
+
+    monkeypatch.setattr(figures, "save", save)
     page = tmp_path / "page.md"
     text = "# Title\n<!-- begin small table -->\nold\n<!-- end -->\nkept\n"
     page.write_text(text + "![picture](images/experiments/small-goals.png)\n", encoding="utf-8")
     sitl("--seeds", "1", "--rows", "radius_m=5", "--docs", str(page), figures=True)
-    drawn = list((tmp_path / "out" / "figures").iterdir())
-    for suffix, begins in ((".png", b"\x89PNG"), (".pdf", b"%PDF")):
-        files = [path for path in drawn if path.suffix == suffix]
-        names = {path.stem for path in files}
-        assert names == {"compare", "goals", "waits", "bandwidth", "places", "contacts", "ages"}
-        assert all(path.read_bytes().startswith(begins) for path in files)
+    names = ("compare", "goals", "waits", "bandwidth", "places", "contacts", "ages")
+    assert drawn == [(f"{name}.png", f"{name}.pdf") for name in names]
     shown = (tmp_path / "images" / "experiments").iterdir()
     assert [path.name for path in shown] == ["small-goals.png"]
     assert re.search(r"begin small table -->\n\|[^<]*<!-- end -->\nkept", page.read_text())
     assert not (tmp_path / "evidence").exists()
+
+
+def test_a_figure_is_written_in_both_formats(tmp_path):
+    sheet = pytest.importorskip("sitl.experiment.figures.sheet", exc_type=MissingExtraError)
+    paths = tmp_path / "one.png", tmp_path / "one.pdf"
+    sheet.save(sheet.sheet(1, "title", "subtitle")[0], *paths)
+    assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
 def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):

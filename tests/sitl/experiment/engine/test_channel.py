@@ -1,6 +1,7 @@
 """What the models of the channel say: contacts, turns, durations."""
 
 import itertools
+import math
 import statistics
 from pathlib import Path
 
@@ -49,6 +50,11 @@ class TestPaper:
         assert channel.look(1.0, near) == [(0, 1, True), (1, 2, True)]
         assert channel.look(2.0, near) == []
         assert channel.look(3.0, far) == [(0, 1, False), (1, 2, False)]
+
+    def test_what_was_cut_waits_or_is_given_up_as_the_reading_says(self):
+        cuts = {"hold": math.inf, "drop": 0.0, "timeout": 5.0}
+        for cut, patience_s in cuts.items():
+            assert PaperChannel(PaperModel(cut=cut), 10.0, 4, seed=1).patience_s == patience_s
 
     def test_one_transmission_at_a_time_in_the_order_that_is_read(self):
         links = [Link(2, 0), Link(0, 3), Link(0, 1)]
