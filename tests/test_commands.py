@@ -97,7 +97,7 @@ MISSING = [  # the program, what is not installed, the command, what is said
 ]
 WITHOUT = """
 import importlib, json, os, sys, tempfile
-import numpy, pydantic, pyproj, shapely, yaml, zmq  # what all have, once
+import air_router.cli.check, air_router.cli.edit, air_router.cli.fly, air_router.sim.sim  # once
 
 for module, missing, words in json.loads(sys.argv[1]):
     with tempfile.TemporaryFile() as said:

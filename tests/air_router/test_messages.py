@@ -13,33 +13,20 @@ from air_router.messages import (
     SightingsMessage,
 )
 
-latitudes = st.floats(-90, 90)
-longitudes = st.floats(-180, 180)
 stamps = st.floats(0, 1e11)
+places = st.tuples(st.floats(-90, 90), st.floats(-180, 180))
 
 
-@given(stamps, latitudes, longitudes, st.floats(-360, 720))
-def test_a_pose_survives_the_wire(stamp_s, latitude_deg, longitude_deg, heading_deg):
-    pose = PoseMessage(
-        stamp_s=stamp_s,
-        latitude_deg=latitude_deg,
-        longitude_deg=longitude_deg,
-        heading_deg=heading_deg,
-    )
-    assert PoseMessage.decode(pose.encode()) == pose
-
-
-@given(stamps, st.lists(st.tuples(latitudes, longitudes), max_size=20))
-def test_a_path_survives_the_wire(stamp_s, points):
-    path = PathMessage(stamp_s=stamp_s, points=tuple(points))
-    assert PathMessage.decode(path.encode()) == path
-
-
-def test_sightings_survive_the_wire():
-    seen = SightingsMessage(
-        stamp_s=1.0, objects=(SeenObject(kind="vehicle", latitude_deg=1.0, longitude_deg=2.0),)
-    )
-    assert SightingsMessage.decode(seen.encode()) == seen
+@given(stamps, places, st.floats(-360, 720), st.lists(places, max_size=20))
+def test_messages_survive_the_wire(stamp_s, place, heading_deg, points):
+    at = {"latitude_deg": place[0], "longitude_deg": place[1]}
+    seen = SeenObject(kind="vehicle", **at)
+    for message in (
+        PoseMessage(stamp_s=stamp_s, heading_deg=heading_deg, **at),
+        PathMessage(stamp_s=stamp_s, points=tuple(points)),
+        SightingsMessage(stamp_s=stamp_s, objects=(seen,)),
+    ):
+        assert type(message).decode(message.encode()) == message
 
 
 @given(st.binary(max_size=200))

@@ -65,6 +65,7 @@ class OnboardPlan:
 
     Attributes:
         lock: Held during each transfer; also by what has PX4 begin the plan.
+        mission, fence, rally: The three lists of items on board.
     """
 
     def __init__(

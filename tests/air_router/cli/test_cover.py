@@ -99,29 +99,6 @@ def test_of_several_uavs_each_flies_the_rows_in_its_own_layer(capsys, tmp_path):
     assert (code, err.partition(":")[0]) == (2, "--altitude is that of a UAV's layer")
 
 
-@pytest.mark.parametrize(
-    "waypoints",
-    [
-        "waypoints: [[1, 1],\n  [5, 5]]  # flow\n# after\n",
-        "waypoints:\n#\n- [1, 1]\n-\n    position: [5, 5]\n    altitude_m: 30  # low\n# after\n",
-        "waypoints: []\n# after\n",
-    ],
-)
-def test_sections_of_all_forms_are_replaced(capsys, tmp_path, waypoints):
-    path, target = tmp_path / "mission.yaml", tmp_path / "lawn.yaml"
-    before = (
-        "coordinates: local\nframe: {origin: [38.5, -98.5]}  # a field\nhome: [0, 0]\n"
-        "altitude_m: 30\nno_fly_zones: []\n\n"
-    )
-    after = "fence: [[-80, -80], [80, -80], [80, 80], [-80, 80]]\n"
-    path.write_text(before + waypoints + after)
-    assert run(capsys, "cover", path, *WIDE, "--out", target)[0] == 0
-    text = target.read_text()
-    assert text.startswith(before + "waypoints:\n  - [")
-    assert text.endswith("# after\n" + after)
-    assert load_mission(target).waypoints
-
-
 def test_a_mission_in_one_line_is_written_anew(capsys, tmp_path):
     path, target = tmp_path / "mission.yaml", tmp_path / "lawn.yaml"
     fence = [[39.94, -75.2], [39.94, -75.198], [39.942, -75.198], [39.942, -75.2]]
