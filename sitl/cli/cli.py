@@ -1,7 +1,5 @@
 """The command line: `sitl vehicle | team | px4 | conform | rehearse | experiment | town`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

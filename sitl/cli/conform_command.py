@@ -1,7 +1,5 @@
 """`sitl conform`: hold the recorded conversations with a vehicle, and say where it departs."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -1,13 +1,9 @@
 """`sitl px4`: a real PX4 SITL in one command."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path
-from typing import Any
 
-from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
 from sitl.cli.vehicle_command import (
     add_place,
@@ -15,6 +11,7 @@ from sitl.cli.vehicle_command import (
     instance,
     parameters_of,
     place_of,
+    ready_line,
 )
 from sitl.process.end_with_parent import stop_signal
 from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
@@ -63,27 +60,16 @@ def run(arguments: argparse.Namespace) -> int:
     )
     with stop_signal() as stopped, Px4Process(install, settings) as process:
         if process.wait_until_armable(stopped):
-            print_json(_ready(process, settings, install.words))
+            number = process.instance
+            links = {
+                "mavlink": f"udpin://0.0.0.0:{14540 + number if number <= 9 else 14549}",
+                "gcs": "udpin://127.0.0.1:14550",
+                "truth": f"udp://127.0.0.1:{19410 + number}",
+                "px4": install.words,
+                "process_id": process.process_id,
+            }
+            ready_line(links, number + 1, settings.speed, settings.place)
         while process.running and not stopped():
             time.sleep(0.2)
         ended = not stopped()
     return ExitCode.NO_VEHICLE if ended else ExitCode.DONE
-
-
-def _ready(process: Px4Process, settings: Px4Settings, words: str) -> dict[str, Any]:
-    number, place = process.instance, settings.place
-    return {
-        "ready": True,
-        "mavlink": f"udpin://0.0.0.0:{14540 + number if number <= 9 else 14549}",
-        "gcs": "udpin://127.0.0.1:14550",
-        "truth": f"udp://127.0.0.1:{19410 + number}",
-        "system_id": number + 1,
-        "speed": settings.speed,
-        "home": {
-            "latitude_deg": place.latitude_deg,
-            "longitude_deg": place.longitude_deg,
-            "altitude_amsl_m": place.altitude_m,
-        },
-        "px4": words,
-        "process_id": process.process_id,
-    }

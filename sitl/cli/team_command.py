@@ -1,7 +1,5 @@
 """`sitl team`: the ground robots, radios and camera of a simulation, as a process of its own."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

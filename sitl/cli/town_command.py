@@ -1,7 +1,5 @@
 """`sitl town`: check a town, draw it, or make one from a seed."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

@@ -1,7 +1,5 @@
 """`sitl vehicle`: a simulated PX4 multirotor, as a process of its own."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import time
@@ -156,11 +154,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
     if arguments.pace is not None and arguments.pace_from is not None:
         raise UsageError("--pace and --pace-from contradict each other; give one of them")
-    _simulate(arguments)
-    return ExitCode.DONE
-
-
-def _simulate(arguments: argparse.Namespace) -> None:
     settings = VehicleSettings(
         place_of(arguments),
         system_id=arguments.instance + 1,
@@ -173,12 +166,19 @@ def _simulate(arguments: argparse.Namespace) -> None:
     )
     ports = _ports(arguments)
     with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:
-        print_json(_ready(settings, ports))
+        ground = ports.ground_to
+        links = {
+            "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",
+            "gcs": None if ground is None else f"udpin://127.0.0.1:{ground[1]}",
+            "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
+        }
+        ready_line(links, settings.system_id, settings.speed, settings.place)
         process.run(stopped)
         simulated_s = round(process.vehicle.autopilot.time_s, 1)
         ended = {"simulated_s": simulated_s, "pace": process.pace()}
     with contextlib.suppress(BrokenPipeError):  # the program that started it has gone
         print_json(ended)
+    return ExitCode.DONE
 
 
 def _pace(arguments: argparse.Namespace) -> Pace:
@@ -213,21 +213,14 @@ def _ports(arguments: argparse.Namespace) -> Ports:
     return ports
 
 
-def _ready(settings: VehicleSettings, ports: Ports) -> dict[str, Any]:
-    ground = ports.ground_to
-    return {
-        "ready": True,
-        "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",
-        "gcs": None if ground is None else f"udpin://127.0.0.1:{ground[1]}",
-        "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
-        "system_id": settings.system_id,
-        "speed": settings.speed,
-        "home": {
-            "latitude_deg": settings.place.latitude_deg,
-            "longitude_deg": settings.place.longitude_deg,
-            "altitude_amsl_m": settings.place.altitude_m,
-        },
+def ready_line(links: dict[str, Any], system_id: int, speed: float, place: Place) -> None:
+    """Print the line that says that a vehicle runs, and where."""
+    home = {
+        "latitude_deg": place.latitude_deg,
+        "longitude_deg": place.longitude_deg,
+        "altitude_amsl_m": place.altitude_m,
     }
+    print_json({"ready": True, **links, "system_id": system_id, "speed": speed, "home": home})
 
 
 def _place(text: str) -> Place:

@@ -1,7 +1,5 @@
 """The steps that expect something to be heard, or nothing; those about how the vehicle flies."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence

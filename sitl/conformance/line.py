@@ -4,8 +4,6 @@ The vehicle is our own in this process, as fast as it can be computed and the sa
 PX4, or ours as a process, over UDP.
 """
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket

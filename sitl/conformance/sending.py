@@ -1,7 +1,5 @@
 """The steps that say something to the vehicle, and what is answered to a command."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """One conversation under way: what was said and heard, on the vehicle's own clock."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections import Counter, defaultdict

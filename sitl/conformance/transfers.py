@@ -1,7 +1,5 @@
 """The steps about parameters, missions, fences and rally points."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence

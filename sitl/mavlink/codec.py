@@ -5,8 +5,6 @@ of messages go out per simulated second, and some of PX4's (EVENT; the ids in MI
 not in pymavlink's dialects.
 """
 
-from __future__ import annotations
-
 import binascii
 import struct
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """One of the autopilot's MAVLink links: what comes in on it, and what goes out. No sockets."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import deque

@@ -5,8 +5,6 @@ behaviour is that of PX4 1.17's mission manager, its answers, silences and time-
 old messages with coordinates in floating point are not taken.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final

@@ -3,8 +3,6 @@
 Each function makes the fields of the message that is called as it is; None: nothing to say.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

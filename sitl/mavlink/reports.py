@@ -6,8 +6,6 @@ summary of the arming checks, one EVENT for each check that is not passed, and a
 components' health; it comes at most every two seconds, and when it is asked for.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections import deque

@@ -5,8 +5,6 @@ are left out that neither a companion nor a ground station flies by: raw sensors
 SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR, Remote ID and the like.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final

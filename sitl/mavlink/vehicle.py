@@ -1,7 +1,5 @@
 """A vehicle as MAVLink sees it: autopilot and links together, without sockets or clocks."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping

@@ -6,8 +6,6 @@ runs a program that ends when its parent ends, also if that was killed. Linux on
 program is run as it is.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -4,8 +4,6 @@ The simulated vehicle's clock is the world's. Every other process that works wit
 companion, other vehicles) says up to which moment it has worked; the world waits for the slowest.
 """
 
-from __future__ import annotations
-
 import math
 import socket
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """The pace of the world over TCP: the process that sets it, and other vehicles that follow it."""
 
-from __future__ import annotations
-
 import json
 import logging
 import math

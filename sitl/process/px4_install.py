@@ -1,7 +1,5 @@
 """Where a PX4 SITL is on this machine: a build folder, a `px4` on the PATH, or a container."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -32,7 +30,15 @@ docs/simulated-vehicle.md has each step by step."""
 
 
 class NoPx4Error(NoVehicleError):
-    """There is no PX4 SITL on this machine; the message says what to install."""
+    """There is no PX4 SITL on this machine; the message says what to install.
+
+    Attributes:
+        reason: Why none was found.
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"{reason}\n{WHAT_TO_INSTALL}")
+        self.reason = reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +120,8 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
         try:
             return _contained(name, path)
         except NoPx4Error as error:
-            reasons.append(str(error).splitlines()[0])
-    raise NoPx4Error(f"no PX4 simulator found: {'; '.join(reasons)}.\n{WHAT_TO_INSTALL}")
+            reasons.append(error.reason)
+    raise NoPx4Error(f"no PX4 simulator found: {'; '.join(reasons)}.")
 
 
 def _built(path: Path) -> Px4Install:
@@ -124,11 +130,9 @@ def _built(path: Path) -> Px4Install:
             program = path / build / "bin" / "px4"
             if program.is_file():
                 return Px4Install(program.resolve(), _etc(program))
-        raise NoPx4Error(
-            f"{path}: no bin/px4 in there, nor in its build folder.\n{WHAT_TO_INSTALL}"
-        )
+        raise NoPx4Error(f"{path}: no bin/px4 in there, nor in its build folder.")
     if not path.is_file() or not os.access(path, os.X_OK):
-        raise NoPx4Error(f"{path}: no such folder or executable.\n{WHAT_TO_INSTALL}")
+        raise NoPx4Error(f"{path}: no such folder or executable.")
     etc = _etc(path)  # PX4 looks for its tools beside the path that it was started by: no link
     return Px4Install(path.absolute() if etc is None else path.resolve(), etc)
 
@@ -144,7 +148,7 @@ def _contained(asked: str, path: str | None) -> Px4Install:
     name, _, tag = asked.partition(":")
     runtime = shutil.which(name, path=path)
     if runtime is None:
-        raise NoPx4Error(f"no {name} on the PATH\n{WHAT_TO_INSTALL}")
+        raise NoPx4Error(f"no {name} on the PATH")
     try:
         done = subprocess.run(  # noqa: S603 - the user's own container runtime
             [runtime, "image", "ls", "--format", "{{.Tag}}", IMAGE],
@@ -154,14 +158,14 @@ def _contained(asked: str, path: str | None) -> Px4Install:
             timeout=_ANSWER_S,
         )
     except (OSError, subprocess.TimeoutExpired):
-        raise NoPx4Error(f"{name} does not answer\n{WHAT_TO_INSTALL}") from None
+        raise NoPx4Error(f"{name} does not answer") from None
     if done.returncode != 0:
         said = (done.stderr.strip().splitlines() or ["no words"])[-1]
-        raise NoPx4Error(f"{name} lists no images ({said})\n{WHAT_TO_INSTALL}")
+        raise NoPx4Error(f"{name} lists no images ({said})")
     tags = [each for each in done.stdout.split() if each != "<none>"]  # the newest first
     if not tags or (tag and tag not in tags):
         there = f"; it has {', '.join(tags)}" if tags else ""
         wanted = f"{IMAGE}:{tag}" if tag else IMAGE
-        raise NoPx4Error(f"{name} has no image {wanted}{there}\n{WHAT_TO_INSTALL}")
+        raise NoPx4Error(f"{name} has no image {wanted}{there}")
     found = tag or ("latest" if "latest" in tags else tags[0])
     return Px4Install(Path(runtime), container=f"air-router-px4-{os.getpid()}", tag=found)

@@ -1,10 +1,7 @@
 """A real PX4 SITL as a child process: started, waited for, and stopped for certain."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
-import logging
 import os
 import re
 import signal
@@ -13,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -24,8 +21,6 @@ from sitl.mavlink.codec import frames
 from sitl.process.px4_install import Px4Install
 from sitl.px4sim.state import Place
 
-_log = logging.getLogger(__name__)
-
 _LOCK: Final = "/tmp/px4_lock"  # noqa: S108 - PX4's own
 _STANDBY: Final = 3  # HEARTBEAT.system_status: it can arm
 _AUTOPILOT: Final = 1
@@ -33,6 +28,7 @@ _STOP_S: Final = 5.0
 _READY_S: Final = 60.0
 _LARGEST: Final = 65535
 _MOST_INSTANCES: Final = 10
+_PORTS: Final = (14580, 14540, 18570, 19450, 19410, 13030, 13280, 14280)  # of instance 0
 _LAST_WORDS: Final = 12
 _PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
 
@@ -83,37 +79,26 @@ class Px4Process(Closeable):
 
     def __init__(self, install: Px4Install, settings: Px4Settings) -> None:
         self._install = install
-        self._stack = contextlib.ExitStack()
         self.instance = _free_instance(settings.instance)
-        folder = settings.folder
-        if folder is None:
-            temporary = tempfile.TemporaryDirectory(prefix="px4-", ignore_cleanup_errors=True)
-            folder = Path(self._stack.enter_context(temporary))
+        self._temporary = tempfile.TemporaryDirectory(prefix="px4-", ignore_cleanup_errors=True)
+        folder = (settings.folder or Path(self._temporary.name)).absolute()
         folder.mkdir(parents=True, exist_ok=True)
-        self._folder = folder.absolute()  # PX4's working directory, with its parameters and logs
-        self.log = self._folder / "px4.log"
+        self.log = folder / "px4.log"
         variables = environment(settings)
-        command = install.command(self.instance, self._folder, variables)
-        try:
-            with self.log.open("wb") as log:
-                self._process = subprocess.Popen(  # noqa: S603 - what the user installed
-                    [
-                        sys.executable,
-                        "-m",
-                        "sitl.process.end_with_parent",
-                        str(os.getpid()),
-                        *command,
-                    ],
-                    cwd=self._folder,
-                    env={**_inherited(), **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,  # Ctrl-C is for us: we end it
-                )
-        except BaseException:
-            self._stack.close()
-            raise
+        command = install.command(self.instance, folder, variables)
+        with self.log.open("wb") as log:
+            self._process = subprocess.Popen(  # noqa: S603 - what the user installed
+                [
+                    *(sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid())),
+                    *command,
+                ],
+                cwd=folder,
+                env={**_inherited(), **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C is for us: we end it
+            )
 
     @property
     def running(self) -> bool:
@@ -171,7 +156,7 @@ class Px4Process(Closeable):
                 os.killpg(self._process.pid, number)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(patience_s)
-        self._stack.close()
+        self._temporary.cleanup()
 
     def last_words(self) -> str:
         """What it said last, for an error message."""
@@ -211,7 +196,7 @@ def _free_instance(wanted: int | None) -> int:
     """An instance whose ports are free; PX4's own lock files are looked at, too."""
     instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
     for instance in instances:
-        if not _is_locked(instance) and all(_is_free(port) for port in _ports(instance)):
+        if not _is_locked(instance) and all(_is_free(first + instance) for first in _PORTS):
             return instance
     words = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
     raise PortsInUseError(
@@ -230,11 +215,6 @@ def _is_locked(instance: int) -> bool:
     except OSError:  # mostly: there is no such file
         return False
     return False
-
-
-def _ports(instance: int) -> Iterator[int]:
-    for first in (14580, 14540, 18570, 19450, 19410, 13030, 13280, 14280):
-        yield first + instance
 
 
 def _is_free(port: int) -> bool:

@@ -1,7 +1,5 @@
 """One UDP end of a MAVLink link, with PX4's rule that the first talker becomes the partner."""
 
-from __future__ import annotations
-
 import logging
 import socket
 from typing import Final

@@ -1,7 +1,5 @@
 """The simulated vehicle as a process: UDP sockets and the wall clock around `MavlinkVehicle`."""
 
-from __future__ import annotations
-
 import logging
 import select
 import socket

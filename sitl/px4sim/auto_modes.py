@@ -1,7 +1,5 @@
 """PX4's Hold, Takeoff, Return and Land modes. Pure; one object per mode."""
 
-from __future__ import annotations
-
 import math
 import struct
 from abc import ABC, abstractmethod

@@ -4,8 +4,6 @@ Pure: `step` moves the simulated time on, methods are commands that came in, `ta
 what it says. It knows nothing of MAVLink but PX4's mode numbers and item layouts.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Final
 

@@ -1,7 +1,5 @@
 """MAVLink commands as PX4 1.17 takes them, and what it answers."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable

@@ -4,8 +4,6 @@ A failsafe acts when its condition appears, not while it lasts; a mode command e
 took over"), and then the same condition does nothing until it appears anew.
 """
 
-from __future__ import annotations
-
 import struct
 from enum import IntEnum
 from typing import Final

@@ -5,8 +5,6 @@ every exclusion. A fence is in force some time after its upload, without the are
 flying vehicle, violates then.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -57,9 +55,6 @@ def fence_areas(items: tuple[MissionItem, ...], projection: MapProjection) -> tu
     behind_circle = False
     while index < len(items):
         item = items[index]
-        if item.command == Command.FENCE_RETURN_POINT:
-            index += 1
-            continue
         circle = item.command in _CIRCLES
         count = 1 if circle else max(1, int(item.params[0]))
         points = tuple(

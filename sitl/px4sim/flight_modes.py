@@ -1,7 +1,5 @@
 """The vehicle's flight modes together: which can be flown now, and those that fly by sticks."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Leaving the ground, coming back to it, and when PX4 disarms there by itself."""
 
-from __future__ import annotations
-
 from enum import Enum
 from typing import Final
 

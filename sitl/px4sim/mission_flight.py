@@ -5,8 +5,6 @@ is flown to, reported reached and held at; a jump flies straight from wherever t
 from item to item the vehicle follows the connecting line.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ few dozen mean something to this simulation. PX4 answers neither a name that it 
 value of the wrong type, and it stores values out of range.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import struct

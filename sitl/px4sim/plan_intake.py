@@ -3,8 +3,6 @@
 A mission is checked when it is taken up, not when it is uploaded; what is wrong is said then.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Final
 
@@ -14,8 +12,6 @@ from sitl.px4sim.mission_flight import MissionFlight
 from sitl.px4sim.plan_store import FRAME_RELATIVE, Command, MissionItem, MissionType, PlanStore
 from sitl.px4sim.state import Severity, Situation
 
-_BEFORE_TAKEOFF: Final = frozenset({Command.DO_CHANGE_SPEED})
-_NEVER_FLOWN: Final = Command.FENCE_RETURN_POINT
 _LEAST_CLIMB_M: Final = 1e-6
 
 
@@ -95,16 +91,12 @@ def _items_feasible(items: tuple[MissionItem, ...], situation: Situation) -> boo
     feasible = True
     seen_position = False
     for number, item in enumerate(items, 1):
-        if item.command == _NEVER_FLOWN:
-            arguments = struct.pack("<HH", number, item.command)
-            _reject(situation, "navigator_mis_unsup_cmd", arguments)
-            return False
         if number == 1 and item.command == Command.NAV_LAND and situation.landed:
             _reject(situation, "navigator_mis_starts_w_landing")
             return False
         if item.command == Command.NAV_TAKEOFF:
             feasible &= _takeoff_feasible(item, situation, seen_position=seen_position)
-        seen_position = seen_position or item.command not in _BEFORE_TAKEOFF
+        seen_position = seen_position or item.command != Command.DO_CHANGE_SPEED
     return feasible
 
 

@@ -5,8 +5,6 @@ uploaded: unused parameters come back as zero, frames 0 and 3 as 5 and 6, yaw as
 Of PX4's items this simulation takes those that it flies.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib
@@ -45,7 +43,6 @@ class Command(IntEnum):
     NAV_LAND = 21
     NAV_TAKEOFF = 22
     DO_CHANGE_SPEED = 178
-    FENCE_RETURN_POINT = 5000
     FENCE_POLYGON_INCLUSION = 5001
     FENCE_POLYGON_EXCLUSION = 5002
     FENCE_CIRCLE_INCLUSION = 5003
@@ -68,7 +65,6 @@ _KEPT: Final[dict[int, str]] = {
     Command.FENCE_POLYGON_EXCLUSION: "c...",
     Command.FENCE_CIRCLE_INCLUSION: "n...",
     Command.FENCE_CIRCLE_EXCLUSION: "n...",
-    Command.FENCE_RETURN_POINT: "....",
     Command.RALLY_POINT: "....",
 }
 _POSITIONLESS: Final = frozenset({Command.NAV_RETURN_TO_LAUNCH, Command.DO_CHANGE_SPEED})
@@ -167,7 +163,9 @@ def stored_item(message: Any, mission_type: int) -> MissionItem:
     if not known:
         raise RefusedItemError(UploadResult.UNSUPPORTED, said=True)
     few = message.command in _POLYGON and params[0] < _FEWEST_VERTICES
-    stray = mission_type == MissionType.MISSION and message.command > Command.FENCE_RETURN_POINT
+    stray = (
+        mission_type == MissionType.MISSION and message.command >= Command.FENCE_POLYGON_INCLUSION
+    )
     if (mission_type == MissionType.FENCE and few) or stray:
         raise RefusedItemError(UploadResult.ERROR, said=False)
     x, y = message.x, message.y

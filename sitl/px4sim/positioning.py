@@ -5,8 +5,6 @@ then goes on by itself for EKF2_NOAID_TOUT, ever worse; after that no mode that 
 be flown. With a fix again it takes two seconds.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 from sitl.px4sim.motion.disturbances import EstimateErrors

@@ -1,7 +1,5 @@
 """What the parts of the simulated autopilot share: its modes, its notices, what it believes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What the autopilot watches besides its flight: ground station, companion, sticks, battery."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from sitl.px4sim.failsafe import Action, Cause

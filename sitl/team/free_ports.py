@@ -1,7 +1,5 @@
 """A team that disturbs no program: the same robots on loopback addresses and free ports."""
 
-from __future__ import annotations
-
 import random
 import socket
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Some robots may be played by the user's own programs, which their nodes are serv
 say their poses and paths in the types that the team file has for them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

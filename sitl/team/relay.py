@@ -10,8 +10,6 @@ One thread with an event loop serves all pairs. Nothing is buffered without boun
 from one side only what the other side has taken.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -4,8 +4,6 @@ Follows the truth stream of a vehicle (`sitl vehicle`, or a PX4 with its SIH sim
 the world's time, and its position decides who hears it and what its camera sees.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Callable, Collection, Mapping

@@ -1,7 +1,5 @@
 """What became of the ground robots in a simulation: contacts, data, maps, as one JSON object."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

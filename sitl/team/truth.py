@@ -4,8 +4,6 @@ The position is in HIL_STATE_QUATERNION, as PX4's SIH simulator sends it. PX4 le
 time at zero; the simulated time stands in HIL_ACTUATOR_CONTROLS, which it sends on the same link.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import socket

@@ -3,8 +3,6 @@
 Patrols are legal, repeatable and far apart.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ Pure kinematics: constant speed along straight legs, turning on the spot in no t
 one patrol point stands there.
 """
 
-from __future__ import annotations
-
 import bisect
 import itertools
 import math

@@ -5,8 +5,6 @@ carry out: links to cut or restore, radio readings to deliver, messages that rob
 the camera sees. It knows no sockets, threads or clocks.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Collection, Mapping

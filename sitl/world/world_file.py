@@ -4,8 +4,6 @@ The format is described in docs/world-file.md. A mission without a world file ge
 made from the mission and a seed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The battery of PX4's simulator: it drains evenly while armed and is full again when disarmed."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Final
 

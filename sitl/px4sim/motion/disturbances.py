@@ -8,8 +8,6 @@ drag, and creeps up to 5 within 15 seconds; stopping it overshoots by what it le
 moves it, and a steady wind only tilts it.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from dataclasses import dataclass

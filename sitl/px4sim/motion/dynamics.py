@@ -5,8 +5,6 @@ The vehicle follows a wanted velocity as well as its limits allow; who wants wha
 `sitl.px4sim.motion.guidance`. No clock: time comes in as a step.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

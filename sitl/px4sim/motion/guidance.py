@@ -9,8 +9,6 @@ Sticks are flown without a smooth path: PX4's position controller makes a veloci
 error in proportion (MPC_XY_P, MPC_Z_P), up to the vehicle's greatest speed.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import Enum

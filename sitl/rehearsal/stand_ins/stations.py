@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import struct
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
@@ -15,7 +14,7 @@ from sitl.mavlink.vehicle import MavlinkVehicle
 from sitl.px4sim.plan_store import Command, MissionItem, MissionType
 from sitl.px4sim.state import FlightMode
 
-_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
+_REAL32 = 9  # MAV_PARAM_TYPE
 _EXCLUSION: Final = 5002
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 _ZONE_M: Final = 15.0
@@ -118,12 +117,7 @@ class Stations:
 
     def parameter(self, name: str, value: float) -> None:
         """Set a parameter of the simulation, by no message."""
-        parameters = self._vehicle.autopilot.parameters
-        if isinstance(parameters[name], int):
-            (bits,) = struct.unpack("<f", struct.pack("<i", int(value)))
-            parameters.set(name, bits, _INT32)
-        else:
-            parameters.set(name, value, _REAL32)
+        self._vehicle.autopilot.parameters.change(name, value)
 
     # Plans: stored as an upload has stored them in the end
 

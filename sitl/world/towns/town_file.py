@@ -1,7 +1,5 @@
 """Towns as YAML, described in docs/town.md, and the missions of UAVs over towns that have none."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

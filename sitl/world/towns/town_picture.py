@@ -3,8 +3,6 @@
 Needs matplotlib.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A way leads from the middle of a coarse cell to that of a neighbour, diagonally 
 cells beside the step are free as well; so a robot that follows one is never in a building.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import lru_cache

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.cli.cli import main
+from sitl.mavlink.codec import frames
 from sitl.process.udp_link import PortInUseError, UdpLink
 from sitl.process.vehicle import px4_ports
 from sitl.team.truth import TruthReceiver
@@ -27,29 +27,21 @@ def udp_socket():
     return end
 
 
-def name(message):
-    return message.get_type()
-
-
-def started(*arguments):
-    command = [sys.executable, "-m", "sitl", "vehicle", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal(number):
+def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal():
     truth = TruthReceiver("udp://127.0.0.1:0")
     with udp_socket() as client:
         port = client.getsockname()[1]
-        with started(
+        command = [
+            *(sys.executable, "-m", "sitl", "vehicle"),
             *(str(MISSION), "--speed", "10", "--instance", "3", "--no-gcs"),
             *("--api-to", f"127.0.0.1:{port}", "--truth-to", truth.url.removeprefix("udp://")),
-        ) as process:
+        ]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        with subprocess.Popen(command, **pipes) as process:
             ready = json.loads(process.stdout.readline())
             datagram, vehicle = client.recvfrom(65535)
-            messages = mavlink.MAVLink(None).parse_buffer(datagram)
             state = truth.receive(LIMIT_S)
-            process.send_signal(number)
+            process.send_signal(signal.SIGTERM)
             assert process.wait(LIMIT_S) == 0
             ended = json.loads(process.stdout.read())
             assert process.stderr.read() == ""
@@ -61,7 +53,7 @@ def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal(number):
     assert ready["truth"] == truth.url
     assert ready["gcs"] is None
     assert ready["system_id"] == 4
-    assert [message.get_srcSystem() for message in messages if name(message) == "HEARTBEAT"] == [4]
+    assert [frame.system_id for frame in frames(datagram) if frame.name == "HEARTBEAT"] == [4]
     assert vehicle[0] == "127.0.0.1"
     home = ready["home"]
     assert state.latitude_deg == pytest.approx(home["latitude_deg"], abs=1e-5)  # single precision

@@ -9,6 +9,7 @@ from air_router.errors import ExitCode
 from sitl.cli import cli
 from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
 from sitl.conformance.line import Link, UdpLine
+from sitl.conformance.session import DepartureError
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.udp_link import PortInUseError
 from sitl.process.vehicle import Ports, VehicleProcess
@@ -70,10 +71,14 @@ class TestDepartures:
         ids=lambda step: "-".join(map(str, next(iter(step.items())))).replace(" ", "-"),
     )
     def test_is_noticed(self, step):
+        with pytest.raises(DepartureError, match=f"^{next(iter(step))} .*(expected|got stuck)"):
+            run_steps(ready_for(), [step])
+
+    def test_is_the_outcome(self):
+        step = {"stays in": "AUTO_LAND", "for_s": 1.0}
         outcome = converse(Conversation("test", "a fact", "here", (step,)), local_line())
         assert not outcome.held
-        assert outcome.departure.startswith(next(iter(step)))
-        assert "expected" in outcome.departure or "got stuck" in outcome.departure
+        assert outcome.departure.startswith("stays in AUTO_LAND: expected")
 
     def test_no_answer(self, monkeypatch):
         monkeypatch.setattr("sitl.conformance.line._SILENCE_S", 0.05)

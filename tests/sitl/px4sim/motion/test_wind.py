@@ -49,9 +49,8 @@ def test_on_the_ground_nothing_moves():
 
 @pytest.mark.parametrize(("gusts", "least_m", "most_m"), [(0.0, 0.0, 1.0), (6.0, 0.5, 6.0)])
 def test_a_hovering_vehicle_is_moved_by_gusts_only(gusts, least_m, most_m):
-    settings = VehicleSettings(
-        HOME, wind=WindSettings(8.0, 90.0, gusts), ground_link=False, step_s=0.04
-    )
+    quiet = {"ground_link": False, "truth_link": False, "onboard_rates_hz": {}}
+    settings = VehicleSettings(HOME, wind=WindSettings(8.0, 90.0, gusts), step_s=0.04, **quiet)
     vehicle = MavlinkVehicle(settings)
     autopilot = vehicle.autopilot
     while not autopilot.can_arm:
