@@ -280,20 +280,14 @@ def test_a_node_does_not_wait_for_the_reader_of_its_events(field, team_file):
 
 
 @pytest.mark.usefixtures("ctrl_c")
-def test_a_node_in_its_own_process(field, team_file, tmp_path):
+def test_a_node_in_its_own_process(field, team_file):
     titan, _, saw = field.node("titan")
     titan.publish("/map", b"grid")
-    storage = tmp_path / "io.db"
-    with Node(field.team, "io", storage=storage) as node:
-        node.publish("/pose", b"{}")
-    team_file.write_text(field.team.with_robots({"io": {"original": True}}).dump())
     command = [str(team_file), "--robot", "io", "--json", "--metrics", f"tcp://{field.host}:*"]
-    process, lines = started([*command, "--storage", str(storage)], stdout=subprocess.PIPE)
+    process, lines = started(command, stdout=subprocess.PIPE)
     with process, contextlib.ExitStack() as stack:
         stack.callback(process.kill)  # whatever fails here; an ended process does not mind
         assert any(line.startswith("metrics on tcp://") for line in lines)
-        assert any(line.startswith(f"{storage} has ") for line in lines)
-        assert any("says that io runs the original node" in line for line in lines)
         # It has no radio, so the timer pulls.
         assert saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages == 1
         for line in process.stdout:
@@ -305,3 +299,17 @@ def test_a_node_in_its_own_process(field, team_file, tmp_path):
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=60)
         assert process.returncode == 130
+
+
+def test_a_node_says_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, team_file):
+    storage = tmp_path / "io.db"
+    with Node(field.team, "io", storage=storage) as node:
+        node.publish("/pose", b"{}")
+    team_file.write_text(field.team.with_robots({"io": {"original": True}}).dump())
+    command = [str(team_file), "--robot", "io", "--storage", str(storage)]
+    process, lines = started(command, stdout=subprocess.DEVNULL)
+    with process:
+        process.terminate()
+    assert process.returncode == 0
+    assert f"{storage} has 1 message\n" in lines
+    assert any("says that io runs the original node" in line for line in lines)
