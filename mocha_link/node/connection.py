@@ -1,4 +1,8 @@
-"""One outgoing connection to a peer, made fresh for a pull and closed after it."""
+"""One outgoing connection to a peer, made fresh for a pull and closed after it.
+
+Requests go out on it and replies come in. Without encryption it is of our own ZMTP, with keys it
+is libzmq's; both are driven in the same way: `watch` after every turn, `turn` when `is_ready`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,6 @@ import contextlib
 import os
 import socket
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
@@ -38,53 +41,16 @@ _FAILURES: dict[int, str] = {
 }
 
 
-class Connection(Protocol):
-    """A connection on which requests go out and replies come in.
+class TcpConnection:
+    """A connection without encryption, of our own ZMTP: it is set up in half the time.
 
-    `failure` says what it suffered, if anything; it is of no use then. `eager`: requests do not
-    wait for the peer's handshake; False when that did not do.
+    Attributes:
+        failure: what it suffered, in words; it is of no use then. None: it stands.
+        eager: requests do not wait for the peer's handshake; False when that did not do.
     """
 
-    failure: str | None
-    eager: bool
-
-    def watch(self, poller: zmq.Poller) -> None:
-        """Have the poller wait for what this waits for; call it after every turn."""
-
-    def forget(self, poller: zmq.Poller) -> None:
-        """Take it out of the poller."""
-
-    def is_ready(self, ready: set[object], now_s: float) -> bool:
-        """Whether there is something to do."""
-
-    @property
-    def wake_s(self) -> float | None:
-        """When there is something to do at the latest; None: when something comes."""
-
-    def turn(self, now_s: float) -> bool:
-        """Move what can be moved; says whether anything arrived, also of part of a reply."""
-
-    def send(self, frame: bytes) -> None:
-        """Send a request."""
-
-    def replies(self) -> Iterable[Sequence[Part]]:
-        """The body parts of the replies since the last call."""
-
-    def rtt_s(self) -> float | None:
-        """The round-trip time as the kernel has seen it."""
-
-    def close(self) -> None:
-        """Close when what was sent is out, without waiting for it."""
-
-    def abort(self) -> None:
-        """Close at once: what was sent and is not out yet shall not come late."""
-
-
-class TcpConnection:
-    """A connection without encryption, of our own ZMTP: it is set up in half the time."""
-
     def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
-        self.failure: str | None = None  # in words; None: it stands
+        self.failure: str | None = None
         self.eager = eager
         self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
@@ -267,7 +233,7 @@ def _content(frame: zmq.Frame) -> Part:
 
 
 class CurveConnection:
-    """An encrypted connection, by libzmq."""
+    """An encrypted connection, by libzmq; see `TcpConnection`."""
 
     def __init__(
         self,
@@ -365,3 +331,6 @@ class CurveConnection:
         with kernel.borrowed(self._fd, remote=self._port) as connection:
             kernel.reset(connection)
         self.close(0)
+
+
+Connection = TcpConnection | CurveConnection

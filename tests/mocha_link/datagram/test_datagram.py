@@ -199,13 +199,6 @@ def test_a_contact_is_used(  # noqa: PLR0913, PLR0917 - the columns of the table
     assert min(shares[1:]) >= others
 
 
-def test_short_contacts_over_a_long_way_become_better():
-    shares = contacts(10, 0.3, 1, count=6)
-    assert shares == sorted(shares)
-    assert shares[0] > 0.3
-    assert shares[-1] > 0.8
-
-
 @pytest.mark.parametrize(("loss", "share"), [(0.01, 0.93), (0.1, 0.79), (0.3, 0.5)])
 def test_losses_cost_little_more_than_what_is_lost(loss, share):
     shares = [s for seed in range(3) for s in contacts(1, 0.05, 10, count=2, loss=loss, seed=seed)]
@@ -233,15 +226,6 @@ def test_what_is_only_overtaken_is_hardly_sent_again():
     assert b.bytes > 0.8 * MBIT * 10
 
 
-def test_both_directions_at_once():
-    world, there, back = link()
-    a = End(world, there, endless).join(b := End(world, back, endless))
-    a.go()
-    b.go()
-    world.run(10)
-    assert min(a.bytes, b.bytes) > 0.88 * MBIT * 10
-
-
 @pytest.mark.parametrize("contact", [True, False])
 def test_a_cut_and_what_comes_after(contact):
     rtt_s = 0.1
@@ -267,16 +251,6 @@ def test_a_cut_and_what_comes_after(contact):
     assert len(set(numbers)) == len(numbers)
 
 
-def test_no_contact_is_told():
-    world, there, back = link(rtt_s=0.1, up=[(0, 2), (8, 12)])
-    a = End(world, there, endless).join(b := End(world, back))
-    a.go()
-    world.run(8)
-    before = b.bytes
-    world.run(12)
-    assert b.bytes - before > 0.9 * MBIT * (4 - 1.2)  # the next probe is at most a second away
-
-
 def test_contacts_do_not_flood_a_link_that_is_down():
     world, there, back = link(up=[(100, 101)])
     a = End(world, there, endless, rate_bytes_s=MBIT, rtt_s=0.05).join(End(world, back))
@@ -286,17 +260,6 @@ def test_contacts_do_not_flood_a_link_that_is_down():
         a.go()
     assert there.asked < 20 * 40
     assert len(a.flow._outbox._contents) < 64
-
-
-def test_a_contact_on_a_link_that_works_is_one_small_packet():
-    world, there, back = link()
-    a = End(world, there, numbered(10)).join(End(world, back))
-    a.go()
-    world.run(1)
-    a.flow.on_contact(1.0)
-    (packet,) = a.flow.transmit(1.0)
-    assert len(packet) < 40
-    assert a.flow.wake_s is not None
 
 
 @pytest.mark.parametrize(
@@ -381,16 +344,6 @@ def test_a_sender_with_little_to_say_does_not_forget_the_rate():
     assert a.flow.wake_s is None
 
 
-def test_little_is_no_measure_of_a_link():
-    world, there, back = link(8 * MBIT)
-    a = End(world, there, numbered(8)).join(b := End(world, back))
-    a.go()
-    world.run(5)
-    assert len(b.got) == 8
-    assert a.flow.rate_bytes_s is None
-    assert a.flow.rtt_s == pytest.approx(0.05, rel=0.1)
-
-
 # --- step by step
 
 
@@ -398,13 +351,6 @@ def test_the_first_packet_leaves_at_once_with_data():
     flow = Flow(TOKEN, numbered(1, 100))
     (packet,) = flow.transmit(10.0)
     assert Flow(TOKEN, lambda _: None).receive(packet, 10.0) == [bytes(100)]
-
-
-def test_small_frames_share_a_packet():
-    flow = Flow(TOKEN, numbered(3, 600))
-    first, second = flow.transmit(0.0)
-    assert len(Flow(TOKEN, lambda _: None).receive(first, 0.0)) == 2
-    assert len(Flow(TOKEN, lambda _: None).receive(second, 0.0)) == 1
 
 
 def test_room_is_kept():
@@ -438,15 +384,6 @@ def test_acknowledgements_wait_for_a_second_packet_or_25_ms():
     assert flow.transmit(0.02) == []
 
 
-def test_a_gap_is_told_at_once():
-    sender = Flow(TOKEN, numbered(3))
-    packets = [packet for t in range(10) for packet in sender.transmit(t / 1000)]
-    flow = Flow(TOKEN, lambda _: None)
-    flow.receive(packets[2], 0.0)
-    (ack,) = flow.transmit(0.0)
-    assert len(ack) == 17
-
-
 def test_a_lost_tail_is_sent_again_within_two_round_trips():
     sender = Flow(TOKEN, numbered(1, 500), rate_bytes_s=MBIT, rtt_s=0.1)
     (lost,) = sender.transmit(0.0)
@@ -463,16 +400,6 @@ def test_a_lost_tail_is_sent_again_within_two_round_trips():
     assert sender.settled
 
 
-def test_acknowledgements_ride_on_data():
-    a, b = Flow(TOKEN, numbered(1, 500)), Flow(TOKEN, numbered(1, 600))
-    (packet,) = a.transmit(0.0)
-    b.receive(packet, 0.05)
-    (answer,) = b.transmit(0.05)
-    assert a.receive(answer, 0.1)
-    assert a.settled
-    assert a.rtt_s == pytest.approx(0.1)
-
-
 def test_the_window_is_bounded():
     sender = Flow(TOKEN, endless, rate_bytes_s=125e6, rtt_s=1.0)
     sent = sum(len(sender.transmit(k / 1000)) for k in range(500))
@@ -481,14 +408,6 @@ def test_the_window_is_bounded():
 
 
 # --- what comes from elsewhere
-
-
-def test_what_is_no_packet_is_counted():
-    flow = Flow(TOKEN, lambda _: None)
-    for bad in (b"", b"\0" * 50, bytes([wire.VERSION]) + TOKEN, b"\x51other1" + bytes(6)):
-        assert flow.receive(bad, 0.0) == []
-    assert flow.refused == 4
-    assert flow.alive_s is None
 
 
 def test_acknowledgements_of_what_was_never_sent_are_refused():

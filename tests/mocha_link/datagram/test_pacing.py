@@ -92,13 +92,6 @@ def test_a_known_link_is_used_at_once():
     assert bench.waiting_s < 0.06
 
 
-def test_the_rate_lives_on_in_a_short_queue():
-    bench = Bench(8 * MBIT, 0.05, queue_s=0.02).run(2)
-    before = bench.link._missing
-    assert bench.used(6) > 0.93
-    assert bench.link._missing - before < 0.06 * 6 * 8 * MBIT
-
-
 @pytest.mark.parametrize(("every", "loss"), [(20, 0.05), (5, 0.2)])
 def test_losses_that_have_nothing_to_do_with_us(every, loss):
     bench = Bench(4 * MBIT, lost=lambda count: count % every == 0).run(3)
@@ -118,38 +111,12 @@ def test_a_link_that_becomes_slower_is_soon_noticed():
     assert bench.used(3) > 0.95
 
 
-def test_a_link_that_becomes_faster_is_noticed():
-    bench = Bench(MBIT).run(3)
-    bench.rate = 8 * MBIT
-    bench.run(2)
-    assert bench.link.rate == pytest.approx(8 * MBIT, rel=0.1)
-    assert bench.used(2) > 0.9
-
-
 def test_a_longer_way_is_taken_for_a_queue_only_for_a_while():
     bench = Bench(rtt_s=0.05).run(2)
     bench.rtt_s = 0.2
     bench.run(3)
     assert bench.link.min_rtt_s == pytest.approx(0.2, rel=0.2)
     assert bench.used(3) > 0.9
-
-
-def test_who_has_little_to_say_does_not_forget_the_rate():
-    bench = Bench(rate_bytes_s=MBIT, rtt_s=0.05)
-    bench.limit = 1
-    bench.run(5)
-    assert bench.link.rate == MBIT
-    assert bench.count > 50
-
-
-def test_a_gap_is_not_measured():
-    bench = Bench().run(2)
-    bench._back.clear()
-    bench.in_flight = 0
-    bench.now_s += 30
-    bench.pacing.resume(bench.now_s)
-    assert bench.link.rate == pytest.approx(MBIT, rel=0.05)
-    assert bench.used(1) > 0.9
 
 
 def test_a_late_call_does_not_make_a_flood():

@@ -13,8 +13,6 @@ from mocha_link.links.metrics import (
     LinkTable,
     MessageStored,
     RssiChanged,
-    StorageFailed,
-    StorageRecovered,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
@@ -94,13 +92,6 @@ def test_counters_and_measures():
     assert link.rtt_smoothed_s == pytest.approx(0.2)
 
 
-def test_own_messages_belong_to_no_link():
-    link_table = LinkTable(("io",))
-    before = link_table.links()
-    link_table.update(MessageStored("titan", 1, "titan", "/map", Header(0, 0, 1, 0), 3))
-    assert link_table.links() == before
-
-
 def test_the_signal_keeps_its_unit_and_source():
     link_table = LinkTable(("io",))
     snr = Reading(14.0, Unit.SNR_DB, "silvus")
@@ -112,14 +103,6 @@ def test_the_signal_keeps_its_unit_and_source():
     assert (link.signal, link.rssi_dbm) == (Reading(-60.0, Unit.DBM, "radio"), -60.0)
     link_table.update(RssiChanged("io", 3, None))
     assert link_table.links()["io"].signal is None
-
-
-def test_what_an_exchange_measured_stays():
-    link_table = LinkTable(("io",))
-    link_table.measure("io", path="udp", protected=True)
-    link_table.measure("io", rtt_s=0.1)
-    link = link_table.links()["io"]
-    assert (link.path, link.protected, link.rtt_s) == ("udp", True, 0.1)
 
 
 def test_ages_by_topic():
@@ -187,23 +170,3 @@ def test_a_contact_that_becomes_quiet():
     link_table.update(SyncEnded("io", 60, OUT, 0, 6, 1.0))
     assert link_table.links(61)["io"].contacts[1:] == (Contact(30, None, 0, 0, 0, 1, ""),)
     assert link_table.links(61)["io"].contacts_begun == 2
-
-
-def test_the_history_is_bounded():
-    link_table = LinkTable(("io",))
-    for number in range(100):
-        link_table.update(ContactBegan("io", 2 * number, None))
-        link_table.update(ContactEnded("io", 2 * number + 1, 1, "too weak"))
-    link_table.update(ContactBegan("io", 999, None))
-    link = link_table.links()["io"]
-    assert len(link.contacts) == 32
-    assert link.contacts[-1].began_s == 999
-    assert link.contacts_begun == 101
-
-
-def test_the_disk_belongs_to_no_link():
-    link_table = LinkTable(("io",))
-    before = link_table.links()
-    link_table.update(StorageFailed("titan", 1, "the disk is full"))
-    link_table.update(StorageRecovered("titan", 2))
-    assert link_table.links() == before

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.errors import RadioError
 from mocha_link.links.metrics import ContactBegan, ContactEnded
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.links.trigger import MAX_SOURCES, SyncTrigger
@@ -26,13 +25,6 @@ THRESHOLDS = {Unit.DBM: -75, Unit.SNR_DB: 10, Unit.DEVICE: 20}
 
 def trigger(*, by_timer: bool = False) -> SyncTrigger:
     return SyncTrigger(("io", "europa"), SETTINGS, by_timer=by_timer)
-
-
-def test_nothing_is_due_without_a_contact():
-    it = trigger()
-    assert it.due(0) == []
-    assert not it.heard("io", -75.1, 1)
-    assert it.due(1) == []
 
 
 def test_a_sync_at_once_then_every_interval():
@@ -59,15 +51,6 @@ def test_hysteresis_holds_the_contact():
     assert it.due(4.5) == ["io"]
 
 
-def test_a_new_contact_does_not_wait_for_the_interval():
-    it = trigger()
-    it.heard("io", -70, 0)
-    assert it.due(0) == ["io"]
-    it.heard("io", None, 0.5)
-    it.heard("io", -70, 0.6)
-    assert it.due(0.6) == ["io"]
-
-
 def test_a_silent_radio_hears_no_peer():
     it = trigger()
     it.heard("io", -70, 0)
@@ -76,13 +59,6 @@ def test_a_silent_radio_hears_no_peer():
     assert it.rssi_dbm("io") is None
     assert it.silenced(20) == []
     assert it.due(20) == []
-
-
-def test_the_timer_needs_no_radio():
-    it = trigger(by_timer=True)
-    assert it.due(5) == ["io", "europa"]
-    assert it.due(6) == []
-    assert it.due(7) == ["io", "europa"]
 
 
 def test_a_crowd_that_pushes_is_asked_less_often():
@@ -181,14 +157,6 @@ def test_contacts_are_news():
         ContactEnded("io", 20, 14, "the radio is silent"),
     ]
     assert it.news() == []
-
-
-def test_what_is_no_reading_changes_nothing():
-    it = trigger()
-    it.heard("io", -70, 0)
-    with pytest.raises(RadioError):
-        it.heard("io", float("nan"), 1)
-    assert it.reading("io") == Reading(-70, Unit.DBM, "radio")
 
 
 @given(

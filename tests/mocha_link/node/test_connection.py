@@ -12,13 +12,12 @@ from collections.abc import Callable, Iterator
 import pytest
 import zmq
 
-from mocha_link.node import connection as module
 from mocha_link.node import curve
 from mocha_link.node.connection import EAGER_S, Connection, CurveConnection, TcpConnection
 from mocha_link.node.curve import ZapHandler
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.keys import SecretKey
-from tests.mocha_link.conftest import free_ports, own_host
+from tests.mocha_link.conftest import own_host
 
 WAIT_S = 60  # a limit against hangs
 HOST = "127.0.0.1"
@@ -179,65 +178,6 @@ def test_requests_that_came_together_with_the_handshake_are_sent_again(line, pee
     assert replies_of(line, 1) == [[b"reply"]]
 
 
-def test_it_does_not_try_a_third_time(line, peer):
-    line.send(b"one")
-    line.turn(100.0)
-    line.turn(101.0)
-    first = peer.accept()
-    read(first, HELLO_BYTES + 7)
-    first.close()
-    turn_until(line, lambda: not line._opened, 102.0)
-    peer.accept().close()
-    turn_until(line, lambda: line.failure is not None, 103.0)
-    assert line.failure == BROKE
-
-
-def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
-    """Another thread may get the number of the closed one; it must not be watched."""
-    poller = zmq.Poller()
-    line.watch(poller)
-    line.send(b"one")
-    line.turn(100.0)
-    line.turn(101.0)
-    first = peer.accept()
-    read(first, HELLO_BYTES + 7)
-    before = line._socket.fileno()
-    real, taken = socket.socket, []
-
-    def make(*args: object) -> socket.socket:
-        taken.append(os.dup(0))  # the number of the closed one is in use again
-        return real(*args)
-
-    monkeypatch.setattr(module.socket, "socket", make)
-    first.close()
-    limit_s = time.monotonic() + WAIT_S
-    while not taken:
-        assert time.monotonic() < limit_s, "hangs"
-        line.turn(102.0)
-    monkeypatch.undo()
-    assert taken == [before]
-    line.watch(poller)
-    assert [each for each, _ in poller.sockets] == [line._socket.fileno()]
-    line.forget(poller)
-    assert not poller.sockets
-    os.close(taken[0])
-
-
-def test_a_refused_connection():
-    with contextlib.closing(TcpConnection(HOST, free_ports(HOST, 1))) as line:
-        line.send(b"one")
-        turn_until(line, lambda: line.failure is not None)
-        assert "cannot connect to 127.0.0.1:" in line.failure
-        assert "Connection refused" in line.failure
-
-
-def test_no_way_there():
-    """The kernel says so before anything is sent."""
-    with contextlib.closing(TcpConnection("255.255.255.255", 9)) as line:
-        turn_until(line, lambda: line.failure is not None)
-        assert line.failure.startswith("cannot connect to 255.255.255.255:9: ")
-
-
 @pytest.mark.parametrize("abruptly", [False, True])
 @pytest.mark.parametrize(
     ("said", "reason"),
@@ -264,35 +204,12 @@ def test_a_closed_connection(line, peer, said, reason, abruptly):
     assert list(line.replies()) == []
 
 
-def test_whole_replies_before_the_end_are_there(line, peer):
-    line.turn(100.0)
-    connection = peer.accept()
-    read(connection, HELLO_BYTES)
-    connection.sendall(GREETING + READY + b"\1\0\0\5reply")
-    connection.close()
-    turn_until(line, lambda: line.failure is not None, 100.0)
-    assert list(line.replies()) == [[b"reply"]]
-
-
 def test_a_reply_that_is_too_large_ends_it(line, peer):
     line.turn(100.0)
     connection = peer.accept()
     connection.sendall(GREETING + READY + b"\2" + (1 << 40).to_bytes(8))
     turn_until(line, lambda: line.failure is not None, 100.0)
     assert "1099511627776 bytes" in line.failure
-
-
-def test_bytes_count_as_arrival_though_no_reply_is_whole(line, peer):
-    line.turn(100.0)
-    connection = peer.accept()
-    connection.sendall(GREETING + READY + b"\2" + (100_000).to_bytes(8))
-    turn_until(line, lambda: line._protocol.ready, 100.0)
-    for _ in range(3):
-        connection.sendall(bytes(1000))
-        arrived = []
-        turn_until(line, lambda a=arrived: a.append(line.turn(100.0)) or a[-1], 100.0)
-    assert list(line.replies()) == []
-    assert not line.turn(100.0)
 
 
 def test_what_a_peer_does_not_read_waits(line, peer):
@@ -336,18 +253,6 @@ def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, peer):
 
     turn_until(line, done, 100.0)
     assert line.failure == "the peer does not read the answers that it asks for"
-
-
-def test_closing_is_at_once_and_closes(peer):
-    line = TcpConnection(HOST, peer.port)
-    line.send(b"one")
-    connection = peer.accept()
-    line.close()
-    line.close()
-    with contextlib.suppress(ConnectionResetError):
-        assert connection.recv(1000) == b""
-    line.send(b"after the end")  # too late to matter
-    assert line.rtt_s() is None
 
 
 # --- with keys
@@ -471,14 +376,3 @@ def test_no_key_where_one_is_wanted(hall):
         turn_until(line, done)
         # As far as our handshake comes in one piece, it closes before it says what it wants.
         assert line.failure == BROKE or "the peer wants CURVE" in line.failure
-
-
-def test_a_refused_connection_with_keys(context):
-    """libzmq would try again for ever; that it was refused is a failure here, too."""
-    host = own_host()
-    line = CurveConnection(context, host, free_ports(host, 1), own=IO, peer=TITAN.public)
-    with contextlib.closing(line):
-        line.send(b"hello?")
-        assert line.rtt_s() is None
-        turn_until(line, lambda: line.failure is not None)
-        assert line.failure == "cannot connect"

@@ -18,7 +18,6 @@ from mocha_link.links.metrics import (
 )
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.sync.protocol import Connect, Disconnect, Send
-from mocha_link.team.team import UnknownRobotError
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NAMES, NetworkSim, T
 
@@ -96,36 +95,6 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
     assert io.links(net.now)["titan"].timeouts == 1
 
 
-def test_a_new_contact_replaces_a_stalled_pull(net):
-    io = net.nodes["io"]
-    io.heard("titan", -70, net.now)
-    net.time_s = 0.5
-    io.heard("titan", None, net.now)
-    io.heard("titan", -70, net.now)  # too soon to call the pull stalled
-    assert [type(a) for a in io.take()[0]] == [Connect, Send, Send]
-    net.time_s = 2.0
-    io.heard("titan", None, net.now)
-    io.heard("titan", -70, net.now)
-    assert [type(a) for a in io.take()[0]] == [Disconnect, Connect, Send, Send]
-
-
-def test_by_timer_all_peers_are_asked(team):
-    net = NetworkSim(team, by_timer=True)
-    net.nodes["io"].tick(net.now)
-    dialled = [a.peer for a in net.nodes["io"].take()[0] if isinstance(a, Connect)]
-    assert dialled == ["callisto", "titan"]
-
-
-def test_held_messages_leave_when_their_interval_is_over(net):
-    for data in (b"1", b"2", b"3"):
-        net.publish("titan", "/slow", data)
-    assert net.held("titan") == {("titan", "/slow"): b"1"}
-    net.wait(5)
-    assert net.held("titan") == {("titan", "/slow"): b"3"}
-    own = net.told("titan", MessageStored)
-    assert [(e.peer, e.robot) for e in own] == [("titan", "titan")] * 2
-
-
 @pytest.mark.parametrize(
     ("way", "path"), [("zmq", "zmq"), ("udp", "udp"), ("original", "original")]
 )
@@ -142,26 +111,6 @@ def test_the_path_and_its_round_trip_are_told(team, way, path):
     net.settle()
     if way == "zmq":
         assert net.nodes["io"].links(net.now)["titan"].rtt_s == 0.123
-
-
-def test_peers_that_are_not_linked(net):
-    with pytest.raises(UnknownRobotError, match="no robot 'mars' among the clients of io"):
-        net.nodes["io"].sync("mars", net.now)
-    with pytest.raises(UnknownRobotError):
-        net.nodes["io"].heard("io", -50, net.now)
-
-
-def test_replies_and_losses_without_a_pull_are_nothing(net):
-    io = net.nodes["io"]
-    io.reply("titan", [b"what?"], net.now)
-    io.lost("titan", "gone", net.now)
-    io.progress("titan", net.now, 0.1)
-    io.packet_back("titan", b"", net.now)
-    io.packet_back("titan", b"what is this?", net.now)
-    assert not io.packet_in("titan", b"", net.now)
-    assert not io.packet_in("titan", b"what is this?", net.now)
-    assert io.supply("titan") is None
-    assert io.take() == ([], [])
 
 
 def test_a_reboot_with_a_clock_that_is_behind_loses_nothing(any_ether):

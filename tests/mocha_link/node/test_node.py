@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import errno
-import gc
 import math
-import socket
 import threading
 
 import pytest
@@ -18,7 +15,6 @@ from mocha_link.links.metrics import (
     MessageStored,
     RssiChanged,
     SyncEnded,
-    SyncStarted,
     SyncTimedOut,
 )
 from mocha_link.node import transport
@@ -87,20 +83,6 @@ def test_a_peer_that_is_no_node(field, no_node):
         broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
         assert broken.reason == "the peer answered what was not asked"
     assert io.links()["titan"].refused == 3
-
-
-def test_no_socket_left(field, monkeypatch):
-    def fail(*_: object, **__: object) -> None:
-        raise OSError(errno.EMFILE, "Too many open files")
-
-    io, _, io_saw = field.node("io")
-    monkeypatch.setattr(transport, "TcpConnection", fail)
-    io.sync("titan")
-    broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
-    port = field.team.robot("titan").port_for("io")
-    assert broken.reason.startswith(f"cannot connect to {field.host}:{port}: ")
-    assert "Too many open files" in broken.reason
-    assert [type(event) for event in io_saw.seen] == [SyncStarted, SyncTimedOut]
 
 
 def test_a_radio_that_fails_to_start_leaves_nothing_behind(field):
@@ -240,13 +222,3 @@ def test_events_for_asyncio(field):
         return seen
 
     assert asyncio.run(watch()) == [-90, -91]
-
-
-def test_closing_does_not_wait_for_a_sync(field):
-    io, _, io_saw = field.node("io")
-    with socket.create_server((field.host, field.team.robot("titan").port_for("io"))):
-        io.sync("titan")  # no node answers there
-        io_saw.wait(SyncStarted, peer="titan")
-        io.close()  # does not wait for the pull to time out: it has not ended
-    assert io.links()["titan"].state is LinkState.STARTED
-    gc.collect()

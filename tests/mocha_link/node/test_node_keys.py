@@ -214,18 +214,6 @@ def test_nothing_of_it_can_be_read_in_datagrams(locked):
         assert not between.seen["tcp"]
 
 
-def test_without_keys_it_can_be_read(locked):
-    """So the two tests above see what they say."""
-    hall = locked()
-    titan, _, _ = hall.node("titan", datagrams=False)
-    titan.publish("/map", SECRET_TEXT)
-    with tapped(hall) as between:
-        io, _, saw = hall.node("io", datagrams=False)
-        assert pull(saw, io, "titan").messages == 1
-        assert b"no peer may read this" in between.seen["tcp"]
-        assert not io.links()["titan"].protected
-
-
 def test_datagrams_of_others_are_no_datagrams(locked):
     """Noise, what is not sealed, and what was sealed by another robot of the team."""
     hall = locked(*NAMES)
@@ -334,6 +322,9 @@ def relayed(hall: Locked, *, forged: bytes | None = None) -> tuple[Node, Witness
     return io, saw
 
 
+# --- the secret
+
+
 def plant(node: Node, data: bytes, *, sign: Callable[[bytes], bytes] | None = None) -> None:
     """A later message of callisto, made by this node."""
     robot, topic = node.team.robot("callisto"), node.team.topic("callisto", "/pose")
@@ -357,9 +348,6 @@ def test_what_a_relay_makes_up(locked, trust):
         assert io.latest("callisto", "/pose") is None
         assert io.links()["titan"].refused >= 1
         assert not [e for e in saw.seen if isinstance(e, MessageStored)]
-
-
-# --- the secret
 
 
 def test_a_node_without_its_secret_is_not_made(locked, tmp_path):

@@ -7,7 +7,6 @@ import random
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
-from mocha_link.store import wire
 from tests.mocha_link import original
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -99,16 +98,3 @@ def test_many_large_messages_over_one_connection(field_of, way):
             titan.publish(f"/t{number}", noise(100_000, number))
     assert io.links()["titan"].timeouts == 0
     assert io.links()["titan"].refused == 0
-
-
-def test_the_largest_message_that_there_is(field_of, monkeypatch):
-    """Incompressible, so that what crosses is larger than the data."""
-    monkeypatch.setattr(wire, "MAX_BYTES", 8 * 1024 * 1024)
-    field = field_of(PAIR)
-    titan, _, _ = field.node("titan")
-    largest = noise(8 * 1024 * 1024)
-    titan.publish("/map", largest)
-    io, _, saw = field.node("io")
-    io.sync("titan")
-    assert saw.wait(SyncEnded, direction=IN).messages == 1
-    assert io.latest("titan", "/map").data == largest

@@ -128,24 +128,6 @@ def test_nothing_is_exchanged_and_both_say_why(field):
     assert not [frame for frame in asked if frame[6:11] in (b"GDATA", b"DENDT")]
 
 
-def test_it_is_told_by_the_path_that_is_open(other):
-    for path in ("zmq", "udp"):
-        field = Field(other, datagrams=True, delay_s=0.05)
-        field.blocked = {(path, "a", "b"), (path, "b", "a")}
-        field.pull("a", "b")
-        assert [e.reason for e in field.told("a", SyncTimedOut)] == [f"b {WHY}"]
-        assert field.time_s < 1
-
-
-def test_where_only_datagrams_get_there_the_connection_tells(other):
-    field = Field(other, datagrams=True, delay_s=0.05)
-    field.blocked = {("udp", "b", "a")}
-    field.pull("a", "b")
-    assert [e.reason for e in field.told("a", SyncTimedOut)] == [f"b {WHY}"]
-    assert field.time_s < 1
-    assert field.told("b", SyncTimedOut)[0].reason == f"a {WHY}"
-
-
 def test_with_the_same_file_all_goes_on(field):
     exchange(field)
     field.change("b", TEAM)
@@ -237,13 +219,3 @@ def test_who_says_another_config_hash_hands_us_nothing(said):
     assert [type(event) for event in events] == [SyncTimedOut]
     assert not field.nodes["a"].database.kept()
     assert differs(field, "a")
-
-
-def test_a_later_release_is_named():
-    field = Field(TEAM)
-    answers(field, hello(Reception.WELCOME, 0, 9))
-    _, (event,) = field.nodes["a"].take()
-    assert event.reason == (
-        "b speaks version 9 of the sync, we 3; install the same release on both"
-    )
-    assert not differs(field, "a")

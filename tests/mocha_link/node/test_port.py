@@ -17,7 +17,6 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.node import port as port_module
 from mocha_link.node.curve import CurveUnavailableError, protect_contact
-from mocha_link.node.kernel import DATAGRAM_BYTES
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import (
     BURST,
@@ -184,19 +183,6 @@ def test_a_request_that_is_too_large_never_gets_in(shell, kind, titan, clients):
     assert shell.request()[1] == [b"fits"]
 
 
-def test_a_reply_to_a_peer_that_is_gone_is_dropped(shell, titan, clients):
-    port = shell.port
-    client = clients.dial(titan)
-    client.send_multipart([b"", b"?"])
-    route, _ = shell.request()
-    client.close(0)
-    for _ in range(100):
-        port.reply(route, LARGE)
-    port.reply((b"absent", b""), b"reply")
-    port.push((b"absent", b""), [b"frame"])
-    assert port.flush((b"absent", b""))
-
-
 def asleep(shell: Shell, titan: Robot, clients: Clients) -> tuple[zmq.Socket, int, int]:
     """A connection that asks and does not read: how many requests it sent, how many got in."""
     client = clients.dial(titan, asleep=True)
@@ -286,16 +272,6 @@ def stuck(shell: Shell, titan: Robot, clients: Clients) -> tuple[zmq.Socket, tup
     return client, route, sent
 
 
-def test_a_frame_leaves_at_once(shell, titan, clients):
-    """It may be the last of its sync, so that no `flush` asks for the connection any more."""
-    client = clients.dial(titan)
-    client.send_multipart([b"", b"?"])
-    route, _ = shell.request()
-    shell.port.push(route, [b"first ", b"last"])
-    assert client.poll(WAIT_MS)
-    assert client.recv_multipart() == [b"", b"first ", b"last"]
-
-
 def test_what_a_connection_does_not_take_waits_and_keeps_its_order(shell, titan, clients):
     client, route, sent = stuck(shell, titan, clients)
     port = shell.port
@@ -371,16 +347,6 @@ def ready(port: Port) -> set[object]:
     return {each for each, _ in poller.poll(WAIT_MS)}
 
 
-def test_datagrams_come_to_the_same_number(port, sender):
-    for number in range(5):
-        sender.send(b"%d" % number)
-    assert port.is_ready(ready(port))
-    assert [packet for packet, _ in port.packets(3)] == [b"0", b"1", b"2"]
-    got = list(port.packets(64))
-    assert got == [(b"3", sender.getsockname()), (b"4", sender.getsockname())]
-    assert list(port.packets(64)) == []
-
-
 def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
     port.send_datagram(b"to no peer yet")
     sender.send(b"hello")
@@ -388,29 +354,6 @@ def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
     ((_, port.caller),) = port.packets(64)
     port.send_datagram(b"hello back")
     assert sender.recv(100) == b"hello back"
-
-
-def test_a_caller_that_is_gone_stops_nothing(port, titan, sender):
-    """The kernel may tell of it with the next datagram."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as gone:
-        gone.bind((titan.listen, 0))
-        port.caller = gone.getsockname()
-    for _ in range(3):
-        port.send_datagram(b"hello?")
-    sender.send(b"absent")
-    assert port.is_ready(ready(port))
-    assert [packet for packet, _ in port.packets(64)] == [b"absent"]
-
-
-def test_empty_and_long_datagrams(port, sender):
-    sender.send(b"")
-    sender.send(bytes(DATAGRAM_BYTES + 500))
-    sender.send(b"end")
-    assert port.is_ready(ready(port))
-    assert [len(packet) for packet, _ in port.packets(64)] == [0, DATAGRAM_BYTES, 3]
-    port.caller = sender.getsockname()
-    # More than the kernel takes: dropped like any other on the way.
-    port.send_datagram(bytes(70_000))
 
 
 def test_a_datagram_port_that_is_taken_is_done_without(kind, titan, caplog):
@@ -456,39 +399,6 @@ def test_an_address_that_comes_later(kind, titan, caplog):
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as again:  # nothing is left there
         again.setsockopt(socket.IPPROTO_IP, 15, 1)
         again.bind((away.listen, away.port_for("io")))
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux binds to what is not there yet")
-def test_another_system_says_that_an_address_is_not_there(kind, titan, monkeypatch):
-    monkeypatch.setattr("mocha_link.node.kernel._IP_FREEBIND", 9999)  # unknown, as there
-    with pytest.raises(ListenError, match="set 'listen' of titan to"):
-        Shell(kind, titan.model_copy(update={"listen": "203.0.113.7"}))
-
-
-def test_every_address_of_the_machine(kind, titan, clients):
-    everywhere = titan.model_copy(update={"listen": "*", "base_port": free_ports("0.0.0.0", 2)})
-    titan = everywhere.model_copy(update={"listen": titan.listen})
-    with contextlib.closing(Shell(kind, everywhere)) as shell:
-        port = shell.port
-        client = clients.dial(titan)
-        client.send_multipart([b"", b"?"])
-        assert shell.request()[1] == [b"?"]
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            sender.sendto(b"!", (titan.listen, titan.port_for("io")))
-            assert port.is_ready(ready(port))
-            assert [packet for packet, _ in port.packets(64)] == [b"!"]
-
-
-def test_a_closed_port_is_free_at_once(kind, titan, clients):
-    """Also in the middle of something."""
-    for _ in range(3):
-        with contextlib.closing(Shell(kind, titan)) as shell:
-            client = clients.dial(titan)
-            client.send_multipart([b"", b"?"])
-            route, _ = shell.request()
-            for _ in range(50):
-                shell.port.push(route, [LARGE])
-        client.close(0)
 
 
 def test_a_client_that_never_stops_does_not_keep_the_node(shell, titan, clients):

@@ -65,13 +65,6 @@ class Woken(Resolver):
         assert self.answers.acquire(timeout=WAIT_S)
 
 
-def test_numbers_need_no_name_server(names):
-    resolver = Resolver(lambda: None)
-    assert resolver.address("127.0.0.1") == "127.0.0.1"
-    assert resolver.failure("127.0.0.1") is None
-    assert not names.asked
-
-
 def test_a_name_is_looked_up_once_and_wakes_when_it_is_known(names, time_s):
     names.known["titan.local"] = "10.0.0.4"
     resolver = Woken()
@@ -129,32 +122,6 @@ def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(na
     assert resolver.address("titan.local") == "10.0.0.5"
 
 
-@pytest.mark.parametrize("host", ["", "a..b", "x" * 300, "\udcff", "ü" * 70, "1.2.3", "a\0b"])
-def test_names_that_cannot_be(host):
-    """Whatever the name is, there is an answer, and the thread ends."""
-    resolver = Woken()
-    if resolver.address(host) is None:
-        resolver.wait()
-        assert resolver.address(host) or resolver.failure(host)
-
-
-def test_a_name_server_that_hangs_holds_up_no_peer(names):
-    names.known = {"slow": "10.0.0.1", "quick": "10.0.0.2"}
-    names.hangs = {"slow"}
-    resolver = Woken()
-    for _ in range(10):  # asked again and again, it still hangs in one thread only
-        assert resolver.address("slow") is None
-        assert resolver.failure("slow") is None
-    assert resolver.address("quick") is None
-    resolver.wait()
-    assert resolver.address("quick") == "10.0.0.2"
-    assert resolver.address("slow") is None
-    assert names.asked["slow"] == 1
-    names.released.set()
-    resolver.wait()
-    assert resolver.address("slow") == "10.0.0.1"
-
-
 def test_a_node_whose_name_server_hangs_talks_to_the_others(field, names):
     """callisto's name hangs; io is reached meanwhile, and the pull from callisto times out."""
     names.hangs = {"callisto.local"}
@@ -169,14 +136,6 @@ def test_a_node_whose_name_server_hangs_talks_to_the_others(field, names):
     assert "no connection within 2 s" in broken.reason
     titan.close()  # quick, also while the look-up hangs
     names.released.set()
-
-
-def test_a_node_is_told_of_a_name_that_is_not_known(field, names):
-    field.team = field.team.with_robots({"callisto": {"address": "callisto.local"}})
-    titan, _, saw = field.node("titan")
-    titan.sync("callisto")
-    broken = saw.wait(SyncTimedOut, peer="callisto", direction=Direction.IN)
-    assert "no address for 'callisto.local'" in broken.reason
 
 
 def test_a_node_reaches_a_peer_by_its_name(field, names):

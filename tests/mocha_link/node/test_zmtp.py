@@ -91,50 +91,6 @@ def test_a_request_to_rep_and_its_reply(size):
             assert rep.until(1) == [[body[::-1]]]
 
 
-def test_several_requests_under_way():
-    with peer(zmq.REP) as rep:
-        rep.tcp.sendall(rep.connection.hello)
-        rep.until_ready()
-        rep.tcp.sendall(b"".join(rep.connection.request(b"%d" % n) for n in range(50)))
-        for number in range(50):
-            assert rep.zmq.recv() == b"%d" % number
-            rep.zmq.send(b"to %d" % number)
-        assert rep.until(50) == [[b"to %d" % n] for n in range(50)]
-
-
-def test_router_sees_a_dealer_with_an_envelope():
-    with peer(zmq.ROUTER) as router:
-        router.tcp.sendall(router.connection.hello)
-        router.until_ready()
-        router.tcp.sendall(router.connection.request(b"idididGHEAD"))
-        identity, *frames = router.zmq.recv_multipart()
-        assert frames == [b"", b"idididGHEAD"]
-        router.zmq.send_multipart([identity, b"", b"idididlist"])
-        router.zmq.send_multipart([identity, b"", b"one", b"two"])
-        router.zmq.send_multipart([identity, b"no envelope"])
-        router.zmq.send_multipart([identity, b""])
-        assert router.until(4) == [[b"idididlist"], [b"one", b"two"], [b"no envelope"], []]
-
-
-def test_our_handshake_needs_nothing_of_the_other_side():
-    """All of it is out before anything has come, so it costs one round trip less."""
-    with peer(zmq.REP) as rep:
-        rep.tcp.sendall(rep.connection.hello)
-        rep.until_ready()
-        assert rep.heard == GREETING + READY
-
-
-def test_our_bytes_may_come_one_by_one():
-    with peer(zmq.REP) as rep:
-        rep.tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for byte in rep.connection.hello:
-            rep.tcp.sendall(bytes((byte,)))
-        rep.until_ready()
-        for byte in rep.connection.request(b"body"):
-            rep.tcp.sendall(bytes((byte,)))
-        assert rep.zmq.recv() == b"body"
-
-
 @functools.cache
 def recorded() -> bytes:
     """All that a libzmq ROUTER says: handshake, short and long replies, several parts."""
@@ -159,14 +115,6 @@ def test_cut_anywhere_it_is_the_same():
         connection = ZmtpSession(LIMIT)
         replies = heard(connection, wire[:place]) + heard(connection, wire[place:])
         assert replies == REPLIES
-
-
-def test_heartbeats_are_answered():
-    connection = ready()
-    ping = b"\4\7\4PING\0\1" + b"ctx"
-    ping = b"\4" + bytes((len(ping) - 2,)) + ping[2:]
-    assert connection.receive(ping) == b"\4\x08\4PONGctx"
-    assert not list(connection.replies())
 
 
 def test_libzmq_takes_our_answers_to_its_heartbeats():

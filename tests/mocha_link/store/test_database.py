@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mocha_link.store.database import GROUPS, Database, digest
-from mocha_link.store.record import Knowledge, Record, follows, today
+from mocha_link.store.record import Record, follows, today
 from mocha_link.store.wire import WRAP_MS, WRAP_S, Header, HeaderError, as_ms, latest_ms
 
 WRAP = 27392 * WRAP_S  # a wrap in the year 2026
@@ -32,18 +32,6 @@ def guessed(stamp_s: float, now_s: float) -> Record:
     return replace(record(stamp_s), stamp_ms=header.stamp_ms(now_s), extrapolated=True)
 
 
-def test_newest_wins():
-    database = Database()
-    assert database.wants(record(100).header, 100)
-    assert database.insert(record(100), 100)
-    assert not database.insert(record(99.999), 101)
-    assert not database.wants(record(100).header, 101)
-    assert database.insert(record(100.001), 101)
-    assert database.newest(0, 0) == record(100.001)
-    assert database.newest(0, 1) is None
-    assert database.newest(0, 0).stamp_s == 100.001
-
-
 @pytest.mark.parametrize("later", [1, 10 * HOUR, 15 * HOUR, 18 * HOUR, 40 * HOUR])
 def test_messages_after_the_wrap_are_taken_at_once(later):
     database = Database()
@@ -53,15 +41,6 @@ def test_messages_after_the_wrap_are_taken_at_once(later):
     assert database.insert(record(now), now)
     # and the old one, which other robots still carry, does not come back
     assert not database.wants(record(WRAP - 5).header, now) or later > 15 * HOUR
-
-
-def test_a_clock_that_was_set_back_does_not_block_new_messages():
-    database = Database()
-    database.insert(record(WRAP), WRAP)
-    now = WRAP - YEAR
-    old = record(WRAP).header.stamp_s(now)
-    assert database.wants(Header.at(0, 0, as_ms(old + 1)), now)
-    assert not database.wants(Header.at(0, 0, as_ms(old - 1)), now)
 
 
 def test_a_clock_that_was_set_back_does_not_block_messages_of_original_nodes():
@@ -87,15 +66,6 @@ def test_whatever_our_clock_says_the_next_message_of_an_original_node_is_newer(a
         assert not database.wants(before.header, now)
 
 
-def test_full_stamps_need_no_clock():
-    database = Database()
-    database.insert(record(WRAP), 0)  # ours begins in 1970
-    assert not database.insert(record(WRAP - YEAR), 0)
-    assert not database.insert(record(WRAP - 1), WRAP + YEAR)
-    assert database.wants_stamp(0, 0, as_ms(WRAP + YEAR))
-    assert database.insert(record(WRAP + YEAR), 0)
-
-
 def test_the_same_header_is_the_same_message():
     database = Database()
     database.insert(guessed(WRAP, WRAP + YEAR), WRAP + YEAR)
@@ -115,82 +85,6 @@ def test_a_stamp_that_is_not_the_header_s_time_is_not_taken():
     assert not database.insert(replace(good, stamp_ms=100_000 + WRAP_MS * 2_200_000), 100)
     assert not database.insert(replace(good, received_s=float("nan")), 100)
     assert database.kept() == ()
-
-
-def test_records_are_in_priority_order_then_newest():
-    database = Database()
-    stored = [
-        record(10, topic_id=0, priority=1),
-        record(11, topic_id=1, priority=1),
-        record(5, topic_id=2, priority=3),
-        record(11, robot_id=1, topic_id=1, priority=1),
-        record(99, topic_id=3, priority=0),
-    ]
-    for each in stored:
-        database.insert(each, 100)
-    expected = tuple(stored[i] for i in (2, 3, 1, 0, 4))
-    assert database.records() == expected
-    assert database.header_list() == b"".join(each.header.pack() for each in expected)
-
-
-def test_a_list_names_each_topic_once():
-    database = Database()
-    headers = [record(s, topic_id=t).header.pack() for s, t in ((3, 1), (9, 0), (5, 1), (4, 1))]
-    assert database.wanted(b"".join(headers), 10) == [headers[2], headers[1]]
-    assert database.wanted(b"", 10) == []
-
-
-def test_impossible_times_are_left_to_who_asks():
-    database = Database()
-    database.insert(record(100), 100)
-    impossible = record(50).header.pack()[:4] + b"\xff\xff"
-    assert database.wanted(record(50).header.pack() + impossible, 100) == [impossible]
-
-
-def test_a_history_keeps_the_newest_versions_in_whatever_order_they_come():
-    database = Database({1: 3})
-    for second in (10, 40, 20, 30, 5):
-        database.insert(record(second, topic_id=1), 50)
-        database.insert(record(second, topic_id=2), 50)
-    assert [r.stamp_s for r in database.history(0, 1)] == [40, 30, 20]
-    assert [r.stamp_s for r in database.history(0, 2)] == [40]
-    assert database.history(1, 1) == ()
-    assert [r.stamp_s for r in database.kept()] == [40, 40, 20, 30]
-    assert database.get(record(20, topic_id=1).header) == record(20, topic_id=1)
-    assert database.get(record(20, topic_id=2).header) is None
-    assert len(database.records()) == 2
-    assert database.newest(0, 1).stamp_s == 40
-
-
-def test_what_came_since_a_number():
-    database = Database()
-    assert database.sequence == 0
-    for topic_id in range(5):
-        database.insert(record(10, topic_id=topic_id), 50)
-    before = database.sequence
-    database.insert(record(11, topic_id=3), 50)
-    database.insert(record(11, topic_id=1), 50)
-    database.insert(record(12, topic_id=3), 50)
-    assert [r.header.topic_id for r in database.since(before)] == [1, 3]
-    assert [r.header.topic_id for r in database.since(0)] == [0, 2, 4, 1, 3]
-    assert database.since(database.sequence) == []
-
-
-def test_numbers_belong_to_one_database():
-    one, other = Database(), Database()
-    assert one.epoch != other.epoch
-    assert one.remembers(one.epoch, 0)
-    assert not one.remembers(other.epoch, 0)
-    assert not one.remembers(one.epoch, one.sequence + 1)
-
-
-def test_knowledge_of_a_peer():
-    database = Database()
-    assert database.knowledge("io") is None
-    database.learn("io", Knowledge(2**64 - 1, 7, 3))
-    assert database.knowledge("io") == Knowledge(2**64 - 1, 7, 3)
-    with pytest.raises(ValueError, match="is not within"):
-        Knowledge(2**64, 0, 0)
 
 
 def test_any_thread_may_use_it():

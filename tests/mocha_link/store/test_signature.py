@@ -9,8 +9,7 @@ import pytest
 from mocha_link.store import wire
 from mocha_link.store.signature import SignatureError, Signer, Verifier
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.team import keys
-from mocha_link.team.keys import KeyMismatchError, KeysUnavailableError, SecretKey
+from mocha_link.team.keys import KeyMismatchError, SecretKey
 from mocha_link.team.team import Team, Trust
 
 STAMP_MS = 1_795_175_905_123
@@ -47,13 +46,6 @@ def message(  # noqa: PLR0913 - every part of a message
 
 def verify(team: Team, header: Header, body: bytes, handed_by: str) -> None:
     Verifier(team).verify(header, body, wire.check(body), handed_by=handed_by)
-
-
-@pytest.mark.parametrize("trust", ["relays", "signed"])
-@pytest.mark.parametrize("handed_by", ["titan", "io", "callisto"])
-def test_what_is_signed_is_taken_from_everybody(mixed, trust, handed_by):
-    team = replace(mixed, trust=Trust(trust))
-    verify(team, *message(team, "titan", by=TITAN), handed_by)
 
 
 @pytest.mark.parametrize("handed_by", ["titan", "io", "callisto"])
@@ -136,7 +128,7 @@ def test_another_name_is_another_message(mixed):
     """Ids may mean something else in another team file: the names are signed as well."""
     header, body = message(mixed, "titan", by=TITAN)
     topics = mixed.kinds["aerial_robot"]
-    renamed = (replace(topics[0], name="/goal"), *topics[1:])
+    renamed = (topics[0].model_copy(update={"name": "/goal"}), *topics[1:])
     other = replace(mixed, kinds={**mixed.kinds, "aerial_robot": renamed})
     with pytest.raises(SignatureError, match="not of titan"):
         verify(other, header, body, "titan")
@@ -146,13 +138,6 @@ def test_what_the_team_does_not_know(mixed):
     header, body = message(mixed, "titan", by=TITAN)
     with pytest.raises(SignatureError, match="not of this team"):
         verify(mixed, replace(header, robot_id=77), body, "titan")
-
-
-def test_a_team_without_keys_needs_no_library(team, mixed, monkeypatch):
-    monkeypatch.setattr(keys, "_AVAILABLE", False)
-    verify(team, *message(team, "titan"), "io")
-    with pytest.raises(KeysUnavailableError, match="PyNaCl"):
-        Verifier(mixed)
 
 
 def test_a_key_in_the_team_file_that_is_none(team):

@@ -125,14 +125,6 @@ def test_numbers_are_never_given_twice(shelter, tmp_path):
     assert (reached > ours) == (not restarted.database.remembers(node.database.epoch, reached))
 
 
-def test_numbers_go_on_far_beyond_those_on_disk_however_the_dice_fall(shelter, monkeypatch):
-    monkeypatch.setattr("secrets.randbits", lambda _: 0)
-    node = shelter()
-    node.write(*range(10))
-    node.storage.close()
-    assert shelter().database.sequence >= node.database.sequence + 2**32
-
-
 def test_a_restart_never_reuses_a_stamp(shelter, team):
     robot, topics = team.robot("titan"), team.topics_of("titan")
     topic = topics[0]
@@ -148,37 +140,6 @@ def test_a_restart_never_reuses_a_stamp(shelter, team):
     before = publish(NOW_S)
     after = publish(NOW_S - 500_000)
     assert before + 3 <= after <= before + LEAP_MS + 3
-
-
-def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
-    node = shelter(depth=3)
-    for number in range(30):
-        node.database.insert(record(5 * number, topic_id=1), NOW_S)
-    node.storage.close()
-    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
-        stamps = file.execute("SELECT stamp_ms FROM record ORDER BY number").fetchall()
-    assert stamps == [(T_MS + 135,), (T_MS + 140,), (T_MS + 145,)]
-    again = shelter(depth=1)  # the team file says less now
-    assert numbers(again.database) == [145]
-    assert again.storage.wait(60)
-    again.storage.close()
-    assert numbers(shelter(depth=3).database) == [145]
-
-
-def test_the_file_stays_small(shelter, tmp_path):
-    node = shelter()
-    chance = random.Random(1)
-    for number in range(1000):
-        body = chance.randbytes(20_000)
-        node.database.insert(record(5 * number, topic_id=number % 20, body=body), NOW_S)
-        if number % 10 == 0:
-            assert node.storage.wait(60)
-    size = sum(path.stat().st_size for path in tmp_path.iterdir())
-    assert size < 12_000_000  # of 20 MB
-    for number in range(1000, 1020):
-        node.database.insert(record(5 * number, topic_id=number % 20), NOW_S)
-    node.storage.close()
-    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 2_000_000
 
 
 # How it is written
@@ -244,14 +205,6 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(shelter, tmp_path, caplog):
     assert not node.storage.wait()
     assert numbers(node.database) == [0, 1, 2]
     assert numbers(shelter().database) == [0, 1]
-
-
-def test_an_error_in_the_callback_is_logged(shelter, tmp_path, caplog):
-    node = shelter("none/messages.db", on_fault=lambda _: 1 / 0)
-    node.write(1)
-    assert "raised an error" in caplog.text
-    (tmp_path / "none").mkdir()
-    assert node.retry()
 
 
 # What can be wrong with a disk
@@ -368,15 +321,6 @@ def test_a_disk_that_fails_for_a_while(shelter):
     check_recovery(node, shelter)
 
 
-def test_it_is_tried_again_by_itself(shelter, tmp_path):
-    node = shelter("none/messages.db", retry_s=0.01)
-    assert isinstance(node.fault(), StorageUnreachableError)
-    node.write(1)
-    (tmp_path / "none").mkdir()
-    assert node.fault() is None
-    assert node.storage.wait(60)
-
-
 def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
     node = shelter("none/messages.db")
     node.write(1, 2, 3)
@@ -385,15 +329,6 @@ def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
     assert len(told(caplog)) == 1
     (tmp_path / "none").mkdir()
     check_recovery(node, shelter, "none/messages.db")
-
-
-def test_a_directory_in_the_file_s_place(shelter, tmp_path):
-    (tmp_path / "messages.db").mkdir()
-    node = shelter()
-    node.write(1, 2, 3)
-    assert isinstance(node.fault(), StorageUnreachableError)
-    (tmp_path / "messages.db").rmdir()
-    check_recovery(node, shelter)
 
 
 def test_a_directory_that_may_not_be_written(shelter, tmp_path):
@@ -494,20 +429,6 @@ def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
     assert "is begun with what is in memory" in caplog.text
 
 
-def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
-    gates = []
-    node = shelter(connect=lambda path: gated(path, gates))
-    node.write(*range(20))
-    assert node.storage.wait(60)
-    error = sqlite3.DatabaseError("database disk image is malformed")
-    error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
-    gates[0].error = error
-    node.write(20)
-    assert isinstance(node.fault(), StorageDamagedError)
-    check_recovery(node, shelter, by_itself=True)
-    assert (tmp_path / "messages.db.damaged-1").exists()
-
-
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
@@ -532,14 +453,6 @@ def test_a_file_of_another_program(shelter, tmp_path, change, error, words):
     assert path.read_bytes() == before
     path.rename(tmp_path / "other.db")
     check_recovery(node, shelter)
-
-
-def test_an_empty_file_is_a_new_one(shelter, tmp_path):
-    (tmp_path / "messages.db").touch()
-    node = shelter()
-    node.write(1)
-    assert node.storage.wait(60)
-    assert node.storage.fault is None
 
 
 # What kill -9 can do
@@ -602,19 +515,6 @@ def test_kill_9_at_any_moment_loses_nothing_that_was_committed(mortal, shelter):
         assert known is None or max(stored) >= known.sequence
         node.storage.close(30)
     assert sum(map(len, acknowledged.values())) > 200
-
-
-def test_a_file_that_another_process_has(mortal, shelter):
-    pid, lines = mortal(0)
-    assert lines.readline() == "0\n"
-    node = shelter()
-    assert isinstance(node.fault(), StorageLockedError)
-    os.kill(pid, signal.SIGKILL)
-    while lines.readline() != "gone\n":
-        pass
-    node.write(1)
-    assert node.retry()
-    assert node.fault() is None
 
 
 def test_the_schema_is_the_documented_one(shelter, tmp_path):

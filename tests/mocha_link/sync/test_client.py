@@ -9,9 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import MessageStored
 from mocha_link.store import wire
-from mocha_link.store.record import Record
 from mocha_link.store.wire import Header, PayloadError
 from mocha_link.sync.original import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
@@ -72,18 +70,6 @@ def pull() -> Pull:
     return Pull()
 
 
-def test_nothing_new(pull):
-    assert pull.asked == [b"GHEAD"]
-    pull.offer()
-    assert pull.asked == [b"DENDTtitan"]
-    pull.answer(b"Ack", steady_s=3)
-    assert pull.session.over
-    assert pull.session.failure is None
-    assert (pull.session.messages, pull.session.bytes_in) == (0, 6 + 9)
-    assert pull.session.rtt_s == 2
-    assert pull.session.bandwidth_bytes_s is None
-
-
 def test_a_window_of_requests_is_under_way(pull):
     headers = [header(i) for i in range(TOPICS)]
     pull.offer(*headers)
@@ -122,15 +108,6 @@ def test_what_the_last_contact_showed_sets_the_window():
     assert len(pull.open) == TOPICS > FIRST_WINDOW
 
 
-def test_replies_may_come_in_any_order(pull):
-    pull.offer(header(0), header(1))
-    pull.open.reverse()
-    pull.answer(body(b"one"))
-    pull.answer(body(b"zero"))
-    assert wire.unpack(pull.database.newest(IO, 0).body) == b"zero"
-    assert wire.unpack(pull.database.newest(IO, 1).body) == b"one"
-
-
 def test_unknown_and_unsafe_headers_are_never_fetched(pull):
     unsafe = Header(IO, 3, 1, 0)
     wrong_ms = Header(IO, 4, 50, 999).pack()[:4] + (1000).to_bytes(2)
@@ -140,11 +117,6 @@ def test_unknown_and_unsafe_headers_are_never_fetched(pull):
     assert "no such robot or topic in the team" in pull.refusals[0]
 
 
-def test_only_the_newest_of_a_topic_is_fetched_once(pull):
-    pull.offer(header(0, age_s=20), header(0, age_s=5), header(0, age_s=9), header(0, age_s=5))
-    assert pull.asked == [b"GDATA" + header(0, age_s=5).pack()]
-
-
 @pytest.mark.parametrize("content", [b"SERRM", b"1234567", bytes(6 * 65537)])
 def test_a_list_that_is_none_ends_the_pull(pull, content):
     pull.answer(content)
@@ -152,15 +124,6 @@ def test_a_list_that_is_none_ends_the_pull(pull, content):
     assert pull.asked == []
     assert pull.session.failure
     assert len(pull.refusals) == 1
-
-
-def test_an_error_reply_is_no_message(pull):
-    pull.offer(header(0), header(1))
-    pull.answer(b"SERRM")
-    pull.answer(body())
-    pull.answer(b"Ack")
-    assert pull.session.messages == 1
-    assert pull.database.newest(IO, 0) is None
 
 
 @pytest.mark.parametrize(
@@ -191,16 +154,6 @@ def test_a_reply_to_nothing_ends_the_pull(pull, parts):
     assert pull.session.over
     assert pull.refusals == ["a reply to nothing that was asked"]
     assert pull.session.failure == "the peer answered what was not asked"
-
-
-def test_a_reply_counts_once(pull):
-    pull.offer(header(0))
-    frame = pull.open[0][:6] + body()
-    pull.take(pull.session.reply([frame], at(1)))
-    pull.take(pull.session.reply([frame], at(1)))
-    assert pull.session.over
-    assert [type(e) for e in pull.events] == [MessageStored]
-    assert pull.session.failure
 
 
 def test_it_says_what_it_waits_for(pull):
@@ -277,17 +230,6 @@ def test_nothing_more_is_asked_for_beyond_the_budget():
     assert pull.session.over
 
 
-@pytest.mark.parametrize("budget", [0, 1_000_000])
-def test_a_budget_that_suffices_changes_nothing(budget):
-    pull = Pull(budget=budget)
-    pull.offer(*[header(i) for i in range(50)])
-    while pull.asked != [b"DENDTtitan"]:
-        pull.answer(body())
-    pull.answer(b"Ack")
-    assert not pull.session.cut_short
-    assert pull.session.messages == 50
-
-
 def test_a_message_with_its_full_time(pull):
     """The trailer's time counts, whatever our clock says; another message's is refused."""
     stamp_ms = 1000 * int(NOW_S - 10 * 86_400) + 7
@@ -299,12 +241,6 @@ def test_a_message_with_its_full_time(pull):
     pull.answer(wire.pack(0, 0, b"other", stamp_ms=stamp_ms))
     assert pull.database.newest(IO, 1) is None
     assert "the time of another message" in pull.refusals[0]
-
-
-def test_a_time_without_trailer_is_inferred(pull):
-    pull.offer(header(0))
-    pull.answer(body())
-    assert pull.database.newest(IO, 0).extrapolated
 
 
 def test_messages_that_this_peer_may_not_hand_us():
@@ -320,34 +256,6 @@ def test_messages_that_this_peer_may_not_hand_us():
     assert pull.asked == [b"DENDTtitan"]
     assert [record.header.topic_id for record in pull.database.records()] == [2, 0]
     assert "not signed" in pull.refusals[0]
-
-
-def own_record(age_s: int) -> Record:
-    own = header(0, robot_id=TITAN, age_s=age_s)
-    return Record(own, 0, body(b"mine"), own.stamp_ms(NOW_S), NOW_S)
-
-
-def test_own_messages_are_not_fetched_over_newer_own_ones(pull):
-    pull.database.insert(own_record(10), NOW_S)
-    pull.offer(header(0, robot_id=TITAN, age_s=11), own_record(10).header)
-    assert pull.asked == [b"DENDTtitan"]
-
-
-def test_own_messages_come_back_after_a_restart(pull):
-    pull.offer(own_record(10).header)
-    pull.answer(body(b"mine"))
-    assert pull.events[-1].robot == "titan"
-    assert wire.unpack(pull.database.newest(TITAN, 0).body) == b"mine"
-
-
-def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
-    headers = [header(i) for i in range(FIRST_WINDOW + 1)]
-    pull.offer(*headers)
-    last = headers[-1]
-    pull.database.insert(Record(last, 0, body(), last.stamp_ms(NOW_S), NOW_S), NOW_S)
-    for _ in range(FIRST_WINDOW):
-        pull.answer(body())
-    assert pull.asked == [b"DENDTtitan"]
 
 
 @given(

@@ -60,20 +60,6 @@ def link(credit: Credit, *, rate: float, rtt_s: float, seconds: float) -> tuple[
     return 1 - idle_s / seconds, queue_s
 
 
-def test_the_first_grant_is_the_same_for_all():
-    assert allowed(Credit(None, None)) == FIRST_WINDOW
-    assert allowed(Credit(1e6, None)) == allowed(Credit(None, 0.1)) == FIRST_WINDOW
-    assert Credit(None, None).grant == GRANT.pack(FIRST_WINDOW, MIN_CHUNK)
-
-
-@pytest.mark.parametrize(
-    ("rate", "rtt_s", "window"),
-    [(1e6, 0.05, 300_000), (5e5, 0.35, 375_000), (1e3, 0.3, MIN_WINDOW), (1e12, 1, KNOWN_WINDOW)],
-)
-def test_what_the_last_contact_showed_counts_from_the_start(rate, rtt_s, window):
-    assert allowed(Credit(rate, rtt_s)) == pytest.approx(window, abs=1)
-
-
 def test_a_link_that_was_fast_last_time_and_is_slow_now():
     """What is urgent waits no longer than the first grant, whatever was remembered."""
     credit = Credit(200e6, 0.001)
@@ -95,15 +81,6 @@ def test_a_link_is_kept_busy_and_its_queue_short(rate, rtt_s):
     used, queue_s = link(known, rate=rate, rtt_s=rtt_s, seconds=20)
     assert used > 0.95
     assert queue_s < max(1.5 * (rtt_s + 0.15), MIN_WINDOW / rate) + 0.3
-
-
-def test_bursts_are_no_rate():
-    """A busy machine takes in 100 ms of a 10 Mbit/s link at once, in frames a millisecond apart."""
-    credit = Credit(1_250_000, 0.001)
-    for burst in range(100):
-        for frame in range(10):
-            credit.take(12_500, 0.1 * burst + 0.001 * frame, 0.001)
-        assert burst < 20 or credit._window < 500_000  # 0.4 s
 
 
 def test_a_link_that_becomes_slow_gets_a_small_window():

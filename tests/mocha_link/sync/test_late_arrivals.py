@@ -9,7 +9,6 @@ from mocha_link.sync.frames import END, message_frames
 from mocha_link.sync.sync_messages import Reception
 from tests.mocha_link.sync.test_server import (
     OTHER,
-    PLENTY,
     ROUTE,
     Asker,
     all_of,
@@ -40,20 +39,6 @@ def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
         server.tick(at(end_s + tenth / 10))
     assert server.transmit(at(end_s + 30)) == []
     assert server.wake_s is None
-
-
-def test_an_older_pull_that_was_replaced_does_not_come_back(server, database):
-    """The kernel of the peer repeats what was sent into the gap, for minutes."""
-    old, new = Asker(server, b"older!"), Asker(server, b"newer!")
-    old.open()
-    new.open(route=OTHER)
-    told_by(server)
-    assert old.ask(b"SYNC1" + PLENTY + old.opening) is None
-    (packet,) = old.openings(at(0))
-    assert not server.packet(packet, at(0))
-    assert told_by(server) == []
-    new.read()
-    assert new.got == all_of(database)
 
 
 def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, database):

@@ -83,10 +83,6 @@ def test_any_parts_are_answered(parts):
         assert body == b"SERRM"
 
 
-def test_nothing_held_is_an_empty_list():
-    assert Session(Database()).answer([ID + b"GHEAD and more"], at(0))[0] == ID
-
-
 def test_a_pull_is_told(database):
     session = Session(database)
     assert session.answer([ID + b"DENDTio"], at(0)) == (ID + b"Ack", [])
@@ -111,14 +107,6 @@ def test_silence_and_a_new_beginning_break_a_pull_off(database):
         SyncTimedOut("io", 2000, OUT, "the peer began anew"),
         SyncStarted("io", 2000, OUT),
     ]
-
-
-def test_the_end_of_a_slow_pull_still_counts(database):
-    session = Session(database)
-    session.answer([ID + b"GHEAD"], at(0))
-    session.tick(at(14))
-    (ended,) = session.answer([ID + b"DENDTio"], at(30))[1]
-    assert isinstance(ended, SyncEnded)
 
 
 def test_what_was_offered_stays_available(database):
@@ -164,20 +152,6 @@ def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
     assert session.answer([ask], at(50))[0] == ID + b"\0\0body"
     session.tick(at(111))
     assert session.answer([ask], at(111))[0] == ID + b"SERRM"
-
-
-def test_every_kept_version_is_given_by_its_header():
-    """The list has the newest only, but another node may still ask for the one before."""
-    held = Database(dict.fromkeys(range(1 << 16), 2))
-    session = Session(held)
-    for second in (1500, 1501, 1502):
-        held.insert(record(second, f"at {second}".encode()), 2000)
-    assert session.answer([ID + b"GHEAD"], at(0))[0] == ID + record(1502).header.pack()
-    answers = [
-        session.answer([ID + b"GDATA" + record(second).header.pack()], at(0))[0][6:]
-        for second in (1500, 1501, 1502)
-    ]
-    assert answers == [b"SERRM", b"at 1501", b"at 1502"]
 
 
 @pytest.mark.parametrize("code", [b"SYNC1", b"SYNCF", b"SYNCC"])

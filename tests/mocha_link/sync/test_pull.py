@@ -10,7 +10,6 @@ import pytest
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import Connect
-from mocha_link.sync.puller import LEAST_BUDGET
 from mocha_link.team.team import Team
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of
 
@@ -53,15 +52,6 @@ def blocked(*ways: tuple[str, str, str]) -> set[tuple[str, str, str]]:
 
 
 # --- which path
-
-
-def test_nothing_new(net):
-    net.pull("io", "titan")
-    before = len(net.carried)
-    net.pull("io", "titan")
-    assert [e.messages for e in net.told("io", SyncEnded)] == [1, 0]
-    assert ended(net).complete
-    assert sum(len(c.data) for c in net.carried[before:]) < 700
 
 
 @pytest.mark.parametrize("datagrams", [True, False])
@@ -119,17 +109,6 @@ def test_an_original_peer(team):
     assert net.nodes["io"].links(net.now)["titan"].refused == 0
 
 
-def test_a_peer_that_is_said_to_be_original(team):
-    net = NetworkSim(team.with_robots({"titan": {"original": True}}), datagrams=True, delay_s=FAR_S)
-    net.publish("titan", "/map", b"grid")
-    net.pull("io", "titan")
-    assert net.held("io") == {("titan", "/map"): b"grid"}
-    codes = [frame[6:11] for frame in net.sent("zmq", "io", "titan")]
-    assert codes == [b"GHEAD", b"GDATA", b"DENDT"]
-    assert not net.sent(*UP)
-    assert path(net) == "original"
-
-
 def test_an_original_peer_on_a_slow_link(team):
     """It takes long, datagrams were tried in vain, and all that counts is that bytes come."""
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
@@ -172,18 +151,6 @@ def test_where_answers_by_udp_are_blocked_the_connection_serves_before_long(net)
         net.wait(1)
     assert not net.told("io", SyncTimedOut)
     assert not [e for e in net.told("titan", SyncTimedOut) if e.direction is not OUT]
-
-
-def test_where_only_our_acknowledgements_are_lost_nothing_is_taken_twice_or_left_out(net):
-    """What the connection repeats are the same frames, so none stands for another."""
-    for topic in ("/map", "/slow"):
-        net.publish("titan", topic, noise(60_000))
-    net.lets_by = lambda piece: piece[:3] != UP or len(piece.data) > 1_000  # the opening
-    net.pull("io", "titan")
-    assert ended(net).complete
-    assert ended(net).messages == 2
-    assert net.held("io") == net.held("titan")
-    assert not net.told("io", SyncTimedOut)
 
 
 @pytest.mark.parametrize("until", [0, 1, 2, 5])
@@ -280,17 +247,6 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     assert broken.reason == "the peer closed the connection"
 
 
-def test_a_refused_connection_before_anything_came_ends_the_pull(net):
-    """There is no node: say so at once, not in 5 s."""
-    io = net.nodes["io"]
-    io.sync("titan", net.now)
-    io.lost("titan", "cannot connect to titan: refused", net.now)
-    net.carry()
-    (broken,) = net.told("io", SyncTimedOut)
-    assert broken.reason == "cannot connect to titan: refused"
-    assert io.sync("titan", net.now)
-
-
 # --- peers that are none, or that change
 
 
@@ -346,16 +302,6 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     assert net.held("io") == net.held("titan")
 
 
-def test_silence_in_the_middle_of_a_pull(net):
-    net.publish("titan", "/slow", noise(3_000_000))
-    net.nodes["io"].sync("titan", net.now)
-    until_some_came(net)
-    net.silent.add("titan")
-    net.settle()
-    (broken,) = net.told("io", SyncTimedOut)
-    assert broken.reason == "no byte for 5 s in the middle of a sync"
-
-
 def test_silence_times_out(net):
     net.silent.add("titan")
     begin_s = net.time_s
@@ -366,20 +312,6 @@ def test_silence_times_out(net):
 
 
 # --- gaps
-
-
-def test_a_short_gap_over_datagrams_ends_nothing(net):
-    net.publish("titan", "/slow", noise(2_000_000))
-    net.nodes["io"].sync("titan", net.now)
-    until_some_came(net)
-    net.silent.add("titan")
-    net.wait(3)
-    net.silent.clear()
-    net.settle()
-    assert not net.told("io", SyncTimedOut)
-    assert not net.told("titan", SyncTimedOut)
-    assert ended(net).messages == 2
-    assert net.held("io") == net.held("titan")
 
 
 def test_a_new_contact_ends_a_short_gap_at_once(net):
@@ -509,13 +441,6 @@ def test_the_next_contact_has_a_budget_of_its_own():
     assert net.held("io") == net.held("titan")
     assert len(net.told("io", MessageStored)) == 40
     assert io.links(net.now)["titan"].bytes_in < 40 * 2_100 + 10_000
-
-
-def test_with_hardly_any_budget_left_no_pull_begins(team):
-    net = budgeted(team, 10_000, datagrams=False)
-    net.publish("titan", "/map", noise(10_000 - LEAST_BUDGET))
-    net.pull("io", "titan")
-    assert not net.nodes["io"].sync("titan", net.now)
 
 
 # --- what everything else shares

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import random
-import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.datagram import packet as packets
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store import wire
@@ -225,20 +223,6 @@ def test_frames_wait_for_credit_and_hardly_exceed_it(server, io, database):
         assert io.ask(b"SYNCC" + GRANT.pack(limit, MIN_CHUNK)) is None
 
 
-def test_credit_is_never_taken_back(server, io, database):
-    fill(database)
-    io.open(GRANT.pack(100_000, 50_000))
-    io.ask(b"SYNCC" + GRANT.pack(10, 50_000))
-    assert 100_000 <= sum(len(frame) for _, frame in io.drain()) < 150_000
-
-
-def test_without_credit_nothing_is_sent(server, io):
-    io.open(GRANT.pack(0, 65_536))
-    assert io.drain() == []
-    io.ask(b"SYNCC" + GRANT.pack(1, 65_536))
-    assert len(io.drain()) == 1
-
-
 @pytest.mark.parametrize(
     "grant",
     [
@@ -306,25 +290,6 @@ def test_another_version_of_the_sync(server, io):
     assert "io speaks another version of the sync" in ended.reason
 
 
-def test_a_bad_frame_costs_an_error_reply_not_the_sync(server, io, database):
-    io.open(GRANT.pack(0, 65_536))
-    assert io.ask(b"SYNCF" + bytes(40)) == b"idididSERRM"
-    assert io.ask(b"SYNC1" + PLENTY + b"garbage") == b"idididSERRM"
-    io.ask(b"SYNCC" + PLENTY)
-    io.read()
-    assert io.got == all_of(database)
-
-
-def test_what_is_stored_meanwhile_joins_in(server, io, database):
-    io.open(GRANT.pack(500, 1_400))
-    io.drain()
-    fill(database, topics=1, size=50)
-    fresh = database.newest(1, 0)
-    io.ask(b"SYNCC" + PLENTY)
-    frames = b"".join(frame for _, frame in io.drain())
-    assert fresh.body in frames
-
-
 # --- the fallback for original nodes
 
 
@@ -362,12 +327,6 @@ def test_an_original_client_and_a_new_one_in_turns(server, database):
         assert told == [(SyncStarted, "io")] * 2 + [(SyncEnded, "io")] * 2
 
 
-@pytest.mark.parametrize("parts", [[], [b""], [b"abc"], [b"idididSYNC1", b"two"], [b"\xff" * 11]])
-def test_what_is_no_request(server, parts):
-    reply = server.answer(ROUTE, parts, at(0))
-    assert reply == (parts[0][:6] if parts else b"") + b"SERRM"
-
-
 # --- beginnings and ends
 
 
@@ -400,17 +359,6 @@ def test_silence_ends_a_sync(server, io):
     assert server.supply() is None
 
 
-def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
-    """One large message on a slow link: the peer says nothing but credit."""
-    fill(database, topics=1)
-    io.open(GRANT.pack(2_000, 1_400))
-    for second in range(60):
-        assert io.drain(at(second))
-        io.ask(b"SYNCC" + GRANT.pack(2_000 * (second + 2), 1_400), now=at(second))
-        server.tick(at(second))
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
-
-
 # --- datagrams
 
 
@@ -424,25 +372,6 @@ def test_a_sync_over_datagrams(server, io, database):
     assert (ended.messages, ended.complete) == (TOPICS, True)
     assert end_s < 1
     assert not io.frames
-
-
-@pytest.mark.parametrize(
-    "packet", [b"", b"\x51", b"\x51idi", b"\x51ididid", b"\x50ididid", b"\x57ididid" + bytes(40)]
-)
-def test_what_is_no_packet(server, packet):
-    assert not server.packet(packet, at(0))
-    assert told_by(server) == []
-    assert server.transmit(at(0)) == []
-
-
-def test_a_packet_with_frames_that_open_nothing(server):
-    frames = [b"garbage" * 10]
-    flow = Flow(b"ididid", lambda _: frames.pop() if frames else None)
-    flow.on_contact(1000.0)
-    (packet,) = flow.transmit(1000.0)
-    assert not server.packet(packet, at(0))
-    assert told_by(server) == []
-    assert server.wake_s is None
 
 
 def test_datagrams_first_then_the_connection_of_a_far_peer(server, io, database):
@@ -468,12 +397,6 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
 
 
-def test_a_near_peer_without_a_connection_stays_with_datagrams(server, io, database):
-    io.cast(at(0))
-    io.run(0, 0.001)
-    assert io.got == all_of(database)
-
-
 def test_the_connection_first_then_late_datagrams(server, io, database):
     io.open(GRANT.pack(3_000, 1_400))
     io.drain()
@@ -481,15 +404,6 @@ def test_the_connection_first_then_late_datagrams(server, io, database):
     assert server.transmit(at(0)) == []
     io.ask(b"SYNCC" + PLENTY)
     assert [type(event) for event in told_by(server)] == [SyncStarted]
-
-
-def test_silence_ends_datagrams_too(server, io):
-    io.cast(at(0))
-    assert server.transmit(at(0))
-    server.tick(at(PATIENCE_S + 0.1))
-    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncTimedOut]
-    assert server.wake_s is None
-    assert server.transmit(at(20)) == []
 
 
 def test_a_new_contact_sends_at_once(server, io):
@@ -518,28 +432,6 @@ def test_an_end_that_comes_again_is_no_new_sync(server, io):
     for packet in repeated:
         server.packet(packet, at(end_s + 4))
     assert told_by(server) == []
-
-
-def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
-    """Each path carries the opening; the slower one brings it when all is over."""
-    io.open()
-    io.read()
-    assert io.got == all_of(database)
-    told_by(server)
-    for packet in Asker(server).openings(at(1)):
-        server.packet(packet, at(1))
-    assert told_by(server) == []
-    assert server.transmit(at(1)) == []
-
-
-def test_a_request_that_comes_late_is_no_new_sync(server, io, database):
-    io.cast(at(0))
-    end_s = io.run(0, 0.05)
-    told_by(server)
-    assert io.open(now=at(end_s)) is None
-    assert io.ask(b"GHEAD", now=at(end_s)) is None
-    assert told_by(server) == []
-    assert server.supply() is None
 
 
 CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
@@ -595,23 +487,6 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
         started += isinstance(event, SyncStarted)
         ended += isinstance(event, SyncEnded | SyncTimedOut)
     assert ended <= started + 1  # one that was given up may still end
-
-
-def test_acknowledgements_cannot_be_guessed():
-    """Who opens in the peer's name gets the first flight sent there, and a few probes, no more."""
-    database = Database()
-    for topic in range(TOPICS):
-        database.insert(record(topic, 20_000), NOW_S)
-    server = Server(peer_of(database, team=TEAM))
-    (opening,) = Asker(server, b"forged").openings(at(0))
-    server.packet(opening, at(0))
-    sent = 0
-    for step in range(600):
-        now = at(step * 0.005)
-        sent += sum(map(len, server.transmit(now)))
-        guess = struct.pack(">IHHB", step, 0, 0, 0)
-        server.packet(packets.only_ack(b"forged", guess), now)
-    assert sent < 30_000
 
 
 def test_datagrams_without_an_answer_open_nothing_for_a_while():

@@ -57,31 +57,6 @@ OPENS = st.builds(
 )
 
 
-@given(OPENS)
-def test_an_open_says_what_it_is_told(opening):
-    assert Open.decode(opening.encode()) == opening
-
-
-@given(U64, U64, st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from(Reception))
-def test_small_messages(epoch, sequence, frames, flag, reception):
-    done = Done(epoch, sequence, frames, flag)
-    assert Done.decode(done.encode()) == done
-    hello = Hello(reception, epoch, address_token=sequence)
-    assert Hello.decode(hello.encode()) == hello
-    assert sync_messages.decode_skip(sync_messages.encode_skip(epoch)) == epoch
-
-
-@given(st.dictionaries(st.integers(0, 255), st.tuples(*[U64] * 16), max_size=5))
-def test_group_digests(groups):
-    assert sync_messages.decode_groups(sync_messages.encode_groups(groups.items())) == groups
-
-
-@given(st.integers(0, 255), st.integers(0, 2**16 - 1), st.lists(st.integers(0, 2**56 - 1)))
-def test_answers(robot_id, groups, rest):
-    answers = [Answer(robot_id, groups, [robot_id << 56 | each for each in rest])] * 2
-    assert sync_messages.decode_answers(sync_messages.encode_answers(answers)) == answers
-
-
 def test_an_answer_that_is_too_long_for_a_message_leaves_some_out():
     answers = [Answer(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
     content = sync_messages.encode_answers(answers)
@@ -100,22 +75,6 @@ def test_messages_come_together_in_any_order(content, room, rng):
     rng.shuffle(stream)
     found = [message for frame in stream if (message := collector.take(frame))]
     assert found == [sync.SyncMessage(sync.OPEN, 3, content)]
-
-
-def test_a_message_of_an_earlier_round_is_void():
-    collector = sync.MessageAssembler(sync.OPEN, sync.END)
-    assert collector.take(sync.message_frames(sync.OPEN, 1, b"new", 300)[0])
-    assert collector.take(sync.message_frames(sync.OPEN, 0, b"old", 300)[0]) is None
-    assert collector.take(sync.message_frames(sync.END, 0, b"", 300)[0])
-    assert collector.take(sync.message_frames(sync.OPEN, 2, b"newer", 300)[0])
-
-
-def test_a_new_round_does_not_wait_for_the_old_one():
-    collector = sync.MessageAssembler(sync.OPEN)
-    old = sync.message_frames(sync.OPEN, 0, b"x" * 1_000, 300)
-    assert [collector.take(frame) for frame in old[:2]] == [None, None]
-    assert collector.take(sync.message_frames(sync.OPEN, 1, b"new", 300)[0])
-    assert [collector.take(frame) for frame in old] == [None] * len(old)
 
 
 @pytest.mark.parametrize(
@@ -276,14 +235,6 @@ def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     assert contents(read_chunks(again[0], again[1:])) == data
     with pytest.raises(SyncFrameError):
         read_chunks(again[0], [*again[1:], b"x"])
-
-
-def test_a_frame_has_so_many_parts_at_most():
-    data = [bytes(LARGE_BYTES)] * 100
-    wholes = [sync.WHOLE.pack(n, LARGE_BYTES) for n in range(100)]
-    parts = sync.chunks_parts((0, 0), wholes, [], data)
-    assert len(parts) == sync.MAX_LARGE + 2
-    assert contents(read_chunks(parts[0], parts[1:])) == data
 
 
 @given(

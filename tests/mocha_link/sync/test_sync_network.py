@@ -156,22 +156,6 @@ def test_a_large_message_resumes_over_many_short_contacts():
     assert sent < 1.1 * len(body) + contacts * 100
 
 
-def test_a_large_message_resumes_from_another_peer():
-    asker, one, other = Node("asker"), Node("one"), Node("other")
-    body = one.store(0, 0, START_MS, size=1_000_000).body
-    other.store(0, 0, START_MS, size=1_000_000)
-    pull = Pull(asker, one)
-    pull.ask()
-    for _ in range(60):
-        pull.give(10_000)
-        pull.deliver()
-    before = pull.bytes_down
-    assert 0.5 * len(body) < before < len(body)
-    rest = Pull(asker, other).run()
-    assert asker.content == one.content
-    assert before + rest.bytes_down < 1.01 * len(body)
-
-
 def test_what_two_peers_give_at_once_makes_one_message():
     asker, one, other = Node("asker"), Node("one"), Node("other")
     body = one.store(0, 0, START_MS, size=1_000_000).body
@@ -257,20 +241,6 @@ def test_few_bytes_say_what_is_new():
     assert back.data_down == 0
     met = headers_of(pull) + headers_of(back)
     assert met < 1_000, met
-
-
-def test_a_fresh_robot_needs_no_round_of_digests():
-    asker, server = Node("asker"), Node("server")
-    for number in range(2_000):
-        server.store(number >> 8, number & 0xFF, START_MS + number)
-    pull = Pull(asker, server)
-    assert sum(map(len, pull.up)) < 60
-    pull.ask()
-    while pull.give():
-        pass
-    assert pull.sender.done
-    pull.run()
-    assert asker.content == server.content
 
 
 def test_what_was_listed_is_not_sent_though_it_came_from_others():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 import tracemalloc
 
@@ -16,8 +15,7 @@ from mocha_link.store.record import Knowledge
 from mocha_link.store.wire import WRAP_MS, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import record_id
-from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since
+from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from tests.mocha_link.network import NOW, START_MS, Node, Pull, mutated, peer_of
 
@@ -98,33 +96,6 @@ class Asking:
         return self.said[-1].knowledge
 
 
-def test_a_fresh_robot_says_that_it_has_nothing():
-    asking = Asking(budget=7)
-    assert asking.said == [Open(asking.node.peer("io").node.boot_id, 7, Have(()), [])]
-
-
-def test_one_with_few_messages_lists_them():
-    node = Node("asker")
-    record = node.store(0, 0, START_MS)
-    assert Asking(node).knowledge == Have((record_id(record),))
-
-
-def test_one_with_many_sends_digests():
-    node = Node("asker")
-    for number in range(513):
-        node.store(number % 256, number >> 8, START_MS)
-    assert Asking(node).knowledge == Digest(node.database.digests())
-
-
-def test_one_that_has_met_the_peer_says_what_it_got_since():
-    node = Node("asker")
-    node.store(0, 0, START_MS)
-    node.database.learn("io", Knowledge(EPOCH, 40, node.database.sequence))
-    assert Asking(node).knowledge == Since(EPOCH, 40, ())
-    later = node.store(0, 1, START_MS)
-    assert Asking(node).knowledge == Since(EPOCH, 40, (record_id(later),))
-
-
 def test_of_many_new_ones_the_largest_are_listed_if_the_others_are_small():
     node = Node("asker")
     node.database.learn("io", Knowledge(EPOCH, 40, 0))
@@ -168,43 +139,6 @@ def test_a_message_is_stored_and_told():
     assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
 
 
-def test_a_message_of_an_original_node_has_an_inferred_time():
-    asking = Asking()
-    asking.hear(asking.chunks((LONG, body(None))))
-    assert asking.node.database.kept()[0].extrapolated
-
-
-def test_pieces_come_in_any_order_and_more_than_once():
-    asking = Asking()
-    whole_body = body(data=random.Random(1).randbytes(5_000))
-    cuts = [0, 500, 501, 3_000, len(whole_body)]
-    frames = [
-        asking.chunks(pieces=[(LONG, whole_body, start, end)])
-        for start, end in itertools.pairwise(cuts)
-    ]
-    frames += [asking.chunks(pieces=[(LONG, whole_body, 400, 3_100)])]
-    random.Random(2).shuffle(frames)
-    asking.done()
-    assert not asking.receiver.over
-    for frame in frames + frames:
-        asking.hear(frame)
-    assert asking.node.content == {LONG: whole_body}
-    assert asking.receiver.complete
-    assert len(asking.events) == 1
-
-
-def test_done_before_the_rest_waits_for_the_rest():
-    asking = Asking()
-    first, second = (
-        asking.chunks((sync.message_id_of(3, topic, START_MS), body())) for topic in (1, 2)
-    )
-    asking.done()
-    asking.hear(second)
-    assert not asking.receiver.over
-    asking.hear(first)
-    assert asking.receiver.complete
-
-
 def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():
     asking = Asking(budget=100)
     asking.done(cut_short=True)
@@ -214,46 +148,11 @@ def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():
     assert asking.said[-1] == "END"
 
 
-def test_nothing_is_written_down_when_nothing_has_changed():
-    node = Node("asker")
-    Asking(node).done()
-    known = node.database.knowledge("io")
-    Asking(node).done()
-    assert node.database.knowledge("io") is known
-
-
-def test_a_server_that_does_not_remember_us_gets_the_whole_list():
-    node = Node("asker")
-    record = node.store(0, 0, START_MS)
-    node.database.learn("io", Knowledge(EPOCH, 40, 1))
-    asking = Asking(node)
-    asking.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
-    assert asking.knowledge == Have((record_id(record),))
-    assert asking.round == 1
-    asking.message(sync.HELLO, Hello().encode())
-    asking.done()
-    assert asking.receiver.complete
-
-
 def test_a_server_that_never_remembers_is_not_asked_for_ever():
     asking = Asking()
     for _ in range(20):
         asking.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
     assert asking.round == sync.ROUNDS - 1
-
-
-def test_only_what_differs_is_listed_in_an_answer():
-    node = Node("asker")
-    for topic_id in range(40):
-        node.store(1, topic_id, START_MS)
-    digests = list(node.database.group_digests(1))
-    digests[3] ^= 1
-    asking = Asking(node)
-    groups = [(1, digests), (2, range(16))]
-    asking.message(sync.GROUPS, sync_messages.encode_groups(groups))
-    one, two = asking.said[-1]
-    assert one == (1, 1 << 3, [sync.message_id_of(1, topic, START_MS) for topic in (3, 19, 35)])
-    assert two == (2, 0xFFFE, [])  # 0 is the digest of nothing
 
 
 @pytest.mark.parametrize(
@@ -366,19 +265,6 @@ def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
     assert receiver.complete  # there is nothing to be had by asking again
 
 
-def test_a_damaged_frame_is_made_up_for():
-    asking = Asking()
-    frame = asking.chunks((LONG, body()))
-    asking.hear(frame[:3] + b"?" + frame[4:])
-    assert asking.refusals == ["a damaged frame"]
-    asking.done()
-    assert asking.round == 1
-    asking.hear(asking.chunks((LONG, body())))
-    asking.done()
-    assert asking.receiver.complete
-    assert asking.node.content == {LONG: body()}
-
-
 def test_a_peer_that_damages_everything_is_not_asked_for_ever():
     asking = Asking()
     for _ in range(10):
@@ -400,18 +286,6 @@ def test_a_part_whose_rest_never_comes_is_asked_for():
     asking.done()
     assert asking.receiver.complete
     assert asking.node.content == {LONG: body()}
-
-
-def test_a_part_that_is_not_needed_any_more_is_dropped():
-    node = Node("asker")
-    asking = Asking(node)
-    asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 10)]))
-    assert [request.message_id for request in Asking(node).said[0].requests] == [LONG]
-    node.store(3, 4, START_MS + 1)
-    assert Asking(node).said[0].requests == []
-    assert len(node.reassembly) == 0
-    asking.done()
-    assert asking.receiver.complete
 
 
 def test_the_rest_of_what_came_from_elsewhere_is_declined_once():
@@ -439,23 +313,6 @@ def test_one_frame_is_not_complained_of_for_ever():
     asking = Asking()
     asking.hear(asking.chunks(*[(LONG + number, b"\0") for number in range(5_000)]))
     assert len(asking.refusals) == 100
-
-
-def test_what_comes_after_the_end_is_nothing():
-    asking = Asking()
-    asking.done()
-    asking.hear(asking.chunks((LONG, body())))
-    asking.hear(b"")
-    assert asking.node.content == {}
-    assert asking.refusals == []
-
-
-@pytest.mark.parametrize("frame", [b"", b"\0", b"\1" * 30, b"\10", b"\10" * 40])
-def test_junk_is_counted(frame):
-    asking = Asking()
-    asking.hear(frame)
-    assert len(asking.refusals) == 1
-    assert not asking.receiver.over
 
 
 def serving_frames() -> list[bytes]:
@@ -524,18 +381,3 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
     tracemalloc.stop()
     assert after - before < 8 * came
     assert peak - before < 8 * came + 2**21
-
-
-@pytest.mark.parametrize("ahead", [False, True])
-def test_a_damaged_message_that_the_network_repeats_is_asked_for_again(ahead):
-    """Twice in one pull it would be hopeless; the same frame twice is not twice."""
-    asking = Asking()
-    first = asking.chunks((sync.message_id_of(3, 3, START_MS), body()))
-    damaged = bytearray(asking.chunks((LONG, body())))
-    damaged[-1] ^= 1
-    for frame in [damaged, damaged, first] if ahead else [first, damaged, damaged]:
-        asking.hear(bytes(frame))
-    asking.done()
-    assert len(asking.refusals) == 1
-    assert not asking.receiver.over
-    assert asking.round == 1

@@ -76,24 +76,6 @@ def node() -> Node:
     return Node("server")
 
 
-def test_nothing_is_said_before_the_peer_asks(node):
-    node.store(0, 0, START_MS)
-    assert SyncSender(peer_of(node.database)).next(1_000) is None
-
-
-def test_an_empty_database_is_done_at_once(node):
-    served = Served(node)
-    assert served.hear() == [
-        Hello(address_token=served.sender._peer.next_token),
-        Done(node.database.epoch, 0, 0, cut_short=False),
-    ]
-    assert served.sender.done
-    assert not served.sender.over
-    served.say(sync.END)
-    assert served.sender.over
-    assert served.hear() == []
-
-
 def test_the_most_urgent_first_then_the_newest(node):
     message_ids = [
         record_id(node.store(0, topic, START_MS + age, priority=priority))
@@ -139,16 +121,6 @@ def test_one_small_message_comes_before_a_long_rest(node, left, first):
     assert order == ([urgent, small, begun, newer] if first else [urgent, begun, newer, small])
 
 
-@pytest.mark.parametrize("total", [999, 1_001])
-def test_a_part_of_something_else_is_not_continued(node, total):
-    node.store(0, 0, START_MS, size=1_000)
-    request = FragmentRequest(sync.message_id_of(0, 1, START_MS), total, [(5, total)])
-    other = FragmentRequest(sync.message_id_of(0, 0, START_MS), total, [(5, total)])
-    _, chunks, _ = Served(node, requests=[request, other]).hear()
-    assert chunks.pieces == []
-    assert len(chunks.wholes) == 1
-
-
 def test_frames_are_filled_but_small_messages_are_not_cut(node):
     for number in range(150):
         node.store(number, 0, START_MS, size=number)
@@ -159,22 +131,6 @@ def test_frames_are_filled_but_small_messages_are_not_cut(node):
     chunks = [read_chunks(frame) for frame in frames if frame[0] == sync.CHUNKS]
     assert not any(each.pieces for each in chunks)
     assert all(len(frame) > 750 for frame in frames[1:-2])
-
-
-@pytest.mark.parametrize("room", [MIN_ROOM, 301, 1_192, 70_000])
-def test_no_frame_is_larger_than_its_room(node, room):
-    rng = random.Random(room)
-    for number in range(60):
-        node.store(number, 0, START_MS, size=rng.randrange(3_000))
-    served = Served(node)
-    prefix = b"prefix"
-    total = 0
-    while frame := served.sender.next(room, prefix):
-        assert len(frame) <= room
-        assert frame.startswith(prefix)
-        total += len(frame) - len(prefix)
-    assert served.sender.bytes == total
-    assert served.sender.messages == 60
 
 
 def test_what_is_stored_meanwhile_joins_in(node):
@@ -218,16 +174,6 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
     assert peer.begun(begun) is None
 
 
-def test_what_was_begun_is_let_go_when_the_peer_is_done(node):
-    peer = peer_of(node.database)
-    node.store(0, 0, START_MS, size=5_000)
-    served = Served(node, peer=peer)
-    served.hear(1_000)
-    assert peer.begun(sync.message_id_of(0, 0, START_MS))
-    served.say(sync.END)
-    assert peer.begun(sync.message_id_of(0, 0, START_MS)) is None
-
-
 def test_what_is_kept_of_what_was_begun_is_bounded(node, monkeypatch):
     monkeypatch.setattr(peers, "_BEGUN_BYTES", 64_000)
     peer = peer_of(node.database)
@@ -245,33 +191,6 @@ def test_a_budget_is_never_exceeded(node):
     assert served.sender.cut_short
     assert 4_000 < served.sender.bytes <= 5_000
     assert served.sender.done
-
-
-@pytest.mark.parametrize("budget", [1, 60, 100])
-def test_a_budget_for_nothing_gives_nothing(node, budget):
-    node.store(0, 0, START_MS)
-    served = Served(node, budget=budget)
-    said = served.hear()
-    assert [type(each) for each in said] == [Hello, Done]
-    assert said[-1].cut_short
-
-
-def test_a_budget_that_suffices_cuts_nothing_short(node):
-    node.store(0, 0, START_MS, size=500)
-    free = Served(node)
-    free.hear()
-    served = Served(node, budget=free.sender.bytes)
-    assert not served.hear()[-1].cut_short
-    assert served.sender.bytes == free.sender.bytes
-
-
-def test_since_then(node):
-    node.store(0, 0, START_MS)
-    before = node.database.sequence
-    two, three = (record_id(node.store(0, topic, START_MS)) for topic in (1, 2))
-    assert Served(node, Since(node.database.epoch, before, ())).wholes() == [three, two]
-    assert Served(node, Since(node.database.epoch, before, (two,))).wholes() == [three]
-    assert Served(node, Since(node.database.epoch, before + 2, ())).wholes() == []
 
 
 @pytest.mark.parametrize("of", [(1, 0), (0, 1)])
@@ -296,40 +215,6 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     assert (chunks.round, chunks.number, done.frames) == (1, 0, 1)
 
 
-def test_only_what_differs_is_asked_about(node):
-    for robot_id in range(3):
-        for topic_id in range(32):
-            node.store(robot_id, topic_id, START_MS)
-    other = Node("asker")
-    for record in node.database.kept():
-        if record.header.robot_id < 2:
-            other.store(record.header.robot_id, record.header.topic_id, START_MS)
-    other.store(1, 5, START_MS + 1)
-    node.store(1, 6, START_MS + 1)
-    served = Served(node, Digest(other.database.digests()))
-    hello, groups, chunks = served.hear()
-    assert hello.reception is Reception.WELCOME
-    assert groups == {1: node.database.group_digests(1)}
-    assert {message_id >> 56 for message_id, _ in chunks.wholes} == {2}
-    assert not served.sender.done
-    answer = sync_messages.Answer(
-        1, 1 << 5 | 1 << 6, [record_id(r) for g in (5, 6) for r in other.database.headers_in(1, g)]
-    )
-    served.say(sync.ANSWER, sync_messages.encode_answers([answer]))
-    chunks, _ = served.hear()
-    assert [message_id for message_id, _ in chunks.wholes] == [
-        sync.message_id_of(1, 6, START_MS + 1)
-    ]
-
-
-def test_an_answer_to_nothing_is_nothing(node):
-    node.store(0, 0, START_MS)
-    served = Served(node, Have((sync.message_id_of(0, 0, START_MS),)))
-    served.hear()
-    served.say(sync.ANSWER, sync_messages.encode_answers([sync_messages.Answer(0, 0xFFFF, ())]))
-    assert served.hear() == []
-
-
 def test_what_the_peer_gave_us_is_not_given_back(node):
     peer = peer_of(node.database)
     peer.met(77)
@@ -347,11 +232,6 @@ def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
     peer.holds(record_id(record))
     since = Since(node.database.epoch, 0, ())
     assert Served(node, since, peer=peer).wholes() == [record_id(record)]
-
-
-def test_a_newer_version_than_ours_is_not_answered_with_ours(node):
-    node.store(0, 0, START_MS)
-    assert Served(node, Have((sync.message_id_of(0, 0, START_MS + 1),))).wholes() == []
 
 
 def test_of_topics_with_a_history_older_versions_count_as_well(node):
@@ -373,31 +253,6 @@ def test_a_time_that_was_inferred_is_compared_as_its_header_is(node):
     # The peer's time may be a wrong guess, so it does not count as newer; the same one counts.
     assert Served(guessed, with_time).wholes() == [record_id(record)]
     assert Served(guessed, Have((sync.message_id_of(0, 0, elsewhere),))).wholes() == []
-
-
-def test_what_came_from_elsewhere_is_not_sent_to_the_end(node):
-    node.store(0, 0, START_MS, size=50_000)
-    small = node.store(0, 1, START_MS, size=5)
-    served = Served(node)
-    served.sender.next(1_000)
-    served.sender.next(1_000)
-    served.say(sync.SKIP, sync_messages.encode_skip(sync.message_id_of(0, 0, START_MS)))
-    served.say(sync.SKIP, sync_messages.encode_skip(sync.message_id_of(0, 0, START_MS)))
-    assert served.wholes() in ([record_id(small)], [])
-    assert served.sender.done
-    assert served.sender.bytes < 2_200
-
-
-def test_frames_may_come_twice_and_late(node):
-    node.store(0, 0, START_MS)
-    served = Served(node)
-    served.say(sync.OPEN, Open(77, 0, Have(())).encode())
-    assert [type(each) for each in served.hear()] == [Hello, Chunks, Done]
-    served.say(sync.OPEN, Open(77, 0, Have(())).encode())
-    assert served.hear() == []
-    served.say(sync.END)
-    served.say(sync.OPEN, Open(77, 0, Have(())).encode())
-    assert served.hear() == []
 
 
 def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
