@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Final
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.states import State
 from air_router.flight.flight import Flight
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
 from air_router.record.recorder import Recorder

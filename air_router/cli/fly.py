@@ -15,8 +15,8 @@ from air_router.control.control_server import endpoint_of
 from air_router.errors import RefusedError
 from air_router.files.settings import SEEK_POLICIES
 from air_router.flight.flight import Flight
-from air_router.flight.flight_result import FlightResult
-from air_router.flight.status import StatusLine
+from air_router.flight.flight_stats import FlightResult
+from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.live.page import add_web, page_of

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Protocol
 
 from pydantic import BaseModel, Field, ValidationError
 
-from air_router.controller.model.requests import (
+from air_router.controller.model.events import (
     OPERATOR,
     AnyRequest,
     ComeHome,
@@ -24,6 +24,7 @@ from air_router.controller.model.requests import (
 )
 from air_router.errors import AirRouterError, ExitCode
 from air_router.messages import MOST_POINTS
+from air_router.vehicle.clock import loop_s
 from geo.frame import FrameError, LocalFrame
 from mocha_link.sanitize import sanitize
 
@@ -226,3 +227,51 @@ class RequestHandler(Protocol):
 
     def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Ask for something; what became of it. Raises CommandRequestError."""
+
+
+# How many requests are looked at: no program may take the flight's time with them.
+
+
+COSTLY: Final = frozenset({"seek", "goto", "reload"})
+"""Requests that have ways planned, or a file read."""
+
+COSTLY_PER_S, COSTLY_AT_ONCE = 5.0, 10.0
+"""So many of them are looked at in a second, and so many after a pause."""
+
+POINTS_AT_ONCE: Final = 10
+"""So many points of a `goto` count as one request: ways to and from each are planned."""
+
+TOO_MANY: Final = "too many requests; ask again in a second"
+
+
+class Budget:
+    """Fills up with time, and is spent."""
+
+    def __init__(
+        self, per_s: float, at_once: float, monotonic: Callable[[], float] = loop_s
+    ) -> None:
+        self._per_s = per_s
+        self._at_once = self._left = at_once
+        self._monotonic = monotonic
+        self._at_s = monotonic()  # when it was filled up last, monotonic
+
+    def spend(self, amount: float = 1.0) -> bool:
+        """Whether there was enough for so much more."""
+        now_s = self._monotonic()
+        gained = max(0.0, now_s - self._at_s) * self._per_s
+        self._at_s = now_s
+        self._left = min(self._at_once, self._left + gained)
+        if self._left < amount:
+            return False
+        self._left -= amount
+        return True
+
+    def affords(self, command: CommandRequest) -> bool:
+        """Whether a request may be looked at; those that cost nothing always."""
+        return command.request not in COSTLY or self.affords_ways(
+            len(getattr(command, "points", ()))
+        )
+
+    def affords_ways(self, points: int) -> bool:
+        """Whether ways to so many points may be planned."""
+        return self.spend(max(1.0, points / POINTS_AT_ONCE))

@@ -19,9 +19,12 @@ from urllib.parse import urlsplit
 import zmq
 import zmq.asyncio
 
-from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
 from air_router.control.command_request import (
+    COSTLY_AT_ONCE,
+    COSTLY_PER_S,
     MAX_BYTES,
+    TOO_MANY,
+    Budget,
     CommandRequest,
     CommandRequestError,
     command_request_of,

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
-from air_router.controller.control_authority import ControlAuthority, OnBoard
-from air_router.controller.model.actions import HoldHere, Motion, RenewPlan
+from air_router.controller.model.actions import HoldHere, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import (
+    Goal,
+    MissionContext,
+    OnBoard,
+    Progress,
+    ZoneChange,
+)
 from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import STANDING_M_S, Goal, Progress
-from air_router.controller.motion.pending_setpoints import BRAKING_M_S2
-from air_router.controller.states.return_state import ReturnState
-from air_router.controller.targets.exploration import Exploration
+from air_router.controller.motion.command_gate import BRAKING_M_S2, CommandGate
+from air_router.controller.motion.navigator import STANDING_M_S, Navigator
+from air_router.controller.states.explore_state import Exploration
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.routing.graph import WaypointGraph
@@ -38,62 +40,31 @@ _OVERSHOOT: Final = 1.5
 """A vehicle that brakes may come so much farther than is reckoned with."""
 
 
-class Phase(Enum):
-    """How far a change is."""
-
-    CLEARING = "the vehicle stops, or leaves, where it may not be any more"
-    UPLOADING = "the new fence is being put on board"
-
-
 @dataclass(slots=True, eq=False)
 class AirspaceUpdate:
     """Takes other zones and fences in, and keeps everything else waiting until they count.
 
     Args:
         context: The vehicle, and the mission and router that are replaced.
-        gate: Stops the vehicle, and leads it out of a new zone.
+        gate: Stops the vehicle.
+        navigator: Leads it out of a new zone.
         exploration: Waypoints in a zone, or behind one, are left out of it.
-        authority: A vehicle that is about to be given away is left alone.
-        return_state: Flies home if the new fence cannot be put on board.
 
     Attributes:
-        phase: How far a change is; None if none is under way.
-        leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
+        prepared: The router among changed zones, if it was made elsewhere.
     """
 
     _context: MissionContext
     _gate: CommandGate
+    _navigator: Navigator
     _exploration: Exploration
-    _authority: ControlAuthority
-    _return_state: ReturnState
-    phase: Phase | None = None
-    leaving: frozenset[str] = frozenset()
-    _prepared: Router | None = None  # the new router, if it was made elsewhere
+    prepared: Router | None = None
     _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
     _way_out: Goal | None = None  # where it leaves a zone drawn over it
-    _has_to_stop: bool = False  # told to hold, and not confirmed yet
     _what: str = ""  # what is being uploaded, in announcements
     _stuck_until_s: float = -math.inf  # no way out is looked for before
 
-    def only_hold(self, motion: Motion) -> Motion | None:
-        """An interlock: while zones change, nothing is begun but the way out of one."""
-        if self.phase is None:
-            return motion
-        if self.phase is Phase.UPLOADING:
-            # It is wanted elsewhere than its leg leads, and waits: there, it would not be watched.
-            self._gate.navigator.stop()
-            self._has_to_stop = True
-            self._gate.hold("zones are being changed")
-        return None
-
     # Other zones.
-
-    def prepare(self, router: Router) -> None:
-        """The router among changed zones, made elsewhere because it takes a while.
-
-        The same is made here if there is none when the change comes.
-        """
-        self._prepared = router
 
     def airspace_changed(self, event: AirspaceChanged) -> None:
         """Heed other zones and fences at once."""
@@ -101,16 +72,16 @@ class AirspaceUpdate:
         if context.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
-        if self.phase is Phase.UPLOADING:
+        if self._context.zones is ZoneChange.UPLOADING:
             context.say("zones not changed: others are being put on board just now; ask again")
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
-        router, self._prepared = self._prepared, None
+        router, self.prepared = self.prepared, None
         if router is None or not _same_areas(router.graph.mission, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.mission, context.router = mission, router
-        self.phase = Phase.CLEARING
+        self._context.zones = ZoneChange.CLEARING
         self._what = "the changed fence"
         self._way_out = None
         when = "; they go on board when the mission is resumed" if self._put_off else ""
@@ -121,7 +92,7 @@ class AirspaceUpdate:
     @property
     def _put_off(self) -> bool:
         """Whether the vehicle is not ours, or not for long."""
-        return self._context.state is State.PASSIVE or self._authority.giving_up is not None
+        return self._context.state is State.PASSIVE or self._context.giving_up is not None
 
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""
@@ -147,10 +118,10 @@ class AirspaceUpdate:
             self._upload()
         if telemetry is None or state in {State.READY, State.PASSIVE}:
             return
-        if self._authority.giving_up is not None:
+        if self._context.giving_up is not None:
             return  # it is told to hold, and given away then
         self._new |= _names_of_new(before, now)
-        self.leaving |= self._reached(before, now, telemetry)
+        self._context.leaving |= self._reached(before, now, telemetry)
         inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
         if before.skipped != now.skipped and state is not State.LAND:
             self._stop("waypoints go off the plan on board, or back on it")
@@ -159,23 +130,23 @@ class AirspaceUpdate:
 
     def _clear_onward(self, telemetry: Telemetry) -> bool:
         """Whether it may fly on to wherever it was sent, also by what it did not confirm."""
-        navigator = self._gate.navigator
-        places = {setpoint.place for setpoint in navigator.setpoints.pending(telemetry)}
-        if navigator.leg is not None and navigator.progress is Progress.FLYING:
-            places.add(navigator.leg.to)
+        navigator, way = self._navigator, self._context.way
+        places = {setpoint.place for setpoint in self._gate.setpoints.pending(telemetry)}
+        if way.leg is not None and way.progress is Progress.FLYING:
+            places.add(way.leg.to)
         return all(navigator.clear(telemetry, place) for place in places)
 
     def _stop(self, why: str) -> None:
-        self._gate.navigator.stop()
-        self._has_to_stop = True
-        self.leaving |= self._new  # what it comes into because the hold is late, it leaves
+        self._gate.stop()
+        self._context.has_to_stop = True
+        self._context.leaving |= self._new  # what it comes into because the hold is late, it leaves
         self._gate.hold(why)
         self._context.say(f"holding: {why}")
 
     def _reached(self, before: Mission, now: Mission, telemetry: Telemetry) -> frozenset[str]:
         """The new zones that the vehicle is in, or may come into before it stands."""
         speed_m_s = max(now.speed_m_s, math.hypot(*telemetry.velocity_m_s))
-        reaction_s = self._gate.navigator.reaction_s
+        reaction_s = self._gate.reaction_s
         reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
         known = set(before.zones)
         new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]
@@ -186,14 +157,14 @@ class AirspaceUpdate:
 
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
-        gate, commanded_mode = self._gate, self._gate.commanded_mode
-        if commanded_mode.pending is not None:
+        gate = self._gate
+        if gate.pending is not None:
             return
-        if self._has_to_stop and commanded_mode.last is None:
+        if self._context.has_to_stop and gate.last is None:
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
-        if self.phase is Phase.UPLOADING:
-            if gate.navigator.off_its_leg(telemetry):
+        if self._context.zones is ZoneChange.UPLOADING:
+            if self._navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
         airspace = self._context.mission.airspace_at(telemetry.altitude_m)
@@ -201,26 +172,26 @@ class AirspaceUpdate:
         if inside or self._way_out is not None:
             self._leave(telemetry, inside)
             return
-        stopping = isinstance(commanded_mode.last, HoldHere)
+        stopping = isinstance(gate.last, HoldHere)
         if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
             self._upload()
 
     def upload_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""
-        if self.phase is not Phase.UPLOADING:
-            self.phase = Phase.CLEARING
+        if self._context.zones is not ZoneChange.UPLOADING:
+            self._context.zones = ZoneChange.CLEARING
             self._what = "this mission's plan"
             self._way_out = None
-            self._has_to_stop = True
+            self._context.has_to_stop = True
 
     def _upload(self) -> None:
-        self.phase = Phase.UPLOADING
-        self._context.do(RenewPlan())
+        self._context.zones = ZoneChange.UPLOADING
+        self._context.actions.append(RenewPlan())
 
     def _leave(self, telemetry: Telemetry, inside: tuple[str, ...]) -> None:
         """The shortest way out of the zone that was drawn over the vehicle."""
-        context, gate, navigator = self._context, self._gate, self._gate.navigator
-        if self._way_out is None or navigator.goal is not self._way_out:
+        context, gate, navigator = self._context, self._gate, self._navigator
+        if self._way_out is None or context.way.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
             paths, here = context.router.graph.paths, telemetry.position
@@ -228,43 +199,45 @@ class AirspaceUpdate:
             if self._way_out is None:
                 context.say(f"leaving {names_of(inside)}")
             self._way_out = Goal(here if place is None else place)
-            self._has_to_stop = False
-            motion = navigator.go(self._way_out, telemetry)
-        elif gate.commanded_mode.last is None and context.take_retry():
-            motion = navigator.again(telemetry)  # it did not follow
+            self._context.has_to_stop = False
+            motion = navigator.plan_to(self._way_out)
+        elif gate.last is None and context.take_retry():
+            motion = navigator.again()  # it did not follow
         else:
             motion = navigator.update(telemetry)
         if motion is not None:
             gate.send(motion)
-        if navigator.progress is Progress.NO_ROUTE:
-            context.say(f"no way out of {names_of(inside)}: {gate.refusal}; fly it out by hand")
-            navigator.stop()
+        if context.way.progress is Progress.NO_ROUTE:
+            context.say(
+                f"no way out of {names_of(inside)}: {navigator.refusal}; fly it out by hand"
+            )
+            gate.stop()
             gate.hold("no way out")
             self._stuck_until_s = telemetry.time_s + STUCK_S
             self._way_out = None
-        elif navigator.progress is Progress.ARRIVED and not inside:
+        elif context.way.progress is Progress.ARRIVED and not inside:
             self._way_out = None
-            navigator.stop()
+            gate.stop()
 
     def plan_renewed(self, event: PlanRenewed) -> None:
         """Go on, or home where the autopilot has no such fence."""
-        if self.phase is not Phase.UPLOADING:
+        if self._context.zones is not ZoneChange.UPLOADING:
             return
-        self.phase = None
-        self.leaving = self._new = frozenset()
-        self._has_to_stop = False
+        self._context.zones = None
+        self._context.leaving = self._new = frozenset()
+        self._context.has_to_stop = False
         # Who knows what plan is on board if it was not renewed.
-        self._gate.navigator.by_points = event.why_not is not None
+        self._gate.by_points = event.why_not is not None
         if event.why_not is None:
-            self._authority.on_board = OnBoard.OURS
+            self._context.on_board = OnBoard.OURS
             self._context.say(f"{self._what} is on board")
         else:
             self._context.say(f"{self._what} is not on board: {event.why_not}")
             if self._put_off:
-                self.phase = Phase.CLEARING  # once more when the mission is resumed
+                self._context.zones = ZoneChange.CLEARING  # once more when the mission is resumed
                 return
             if self._context.knows(Signal.COME_HOME):
-                self._return_state.come_home(f"{self._what} is not on board")
+                self._context.come_home(f"{self._what} is not on board")
                 return
         if self._context.in_air:
             self._context.handler.replan()

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
-from air_router.controller.airspace_update import AirspaceUpdate, Phase
-from air_router.controller.control_authority import ControlAuthority, OnBoard
-from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.requests import (
+from air_router.controller.airspace_update import AirspaceUpdate
+from air_router.controller.control_authority import ControlAuthority
+from air_router.controller.deviations import ReturnMonitor
+from air_router.controller.model.actions import Announce, CommandAck, ReadAgain, Refusal
+from air_router.controller.model.events import (
     AnyRequest,
     ComeHome,
     ExploreNow,
@@ -25,14 +25,21 @@ from air_router.controller.model.requests import (
     Reload,
     SeekNow,
 )
-from air_router.controller.model.states import Signal, State
-from air_router.controller.preconditions import Preconditions, comes_home
+from air_router.controller.model.mission_context import (
+    Ending,
+    MissionContext,
+    OnBoard,
+    ZoneChange,
+)
+from air_router.controller.model.states import Requests, Signal, State
+from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator, Refused
-from air_router.controller.states.return_state import ReturnState
+from air_router.controller.states.return_state import LandState
 from air_router.controller.states.search_state import SearchState
-from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.search_points import Search
 from geo.frame import Point
+
+NOT_HEARD_S: Final = 3.0
+"""A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
 
 
 class Accepted(NamedTuple):
@@ -67,28 +74,26 @@ class CommandHandler:
 
     Args:
         context: What the mission is doing; where answers go.
-        preconditions: Whether the vehicle may be told anything just now.
         validator: Whether it may be sent somewhere, and comes home from there.
-        search: Which robots there are, and where.
         exploration: What is left to explore; None: this vehicle only searches.
         search_state: Seeks a robot.
         goto_state: Flies to points.
-        return_state: Comes home, and says which way home may not be called off.
+        land_state: Says whether it may land where it hovers.
+        returns: Says which way home may not be called off.
         authority: Takes a vehicle back that was given away.
-        airspace_update: Whether zones are being changed.
+        airspace_update: Puts the plan on board again.
 
     Attributes:
         later: Points that wait until the vehicle flies on; None: none do.
     """
 
     _context: MissionContext
-    _preconditions: Preconditions
     _validator: GotoValidator
-    _search: Search
     _exploration: Exploration | None
     _search_state: SearchState
     _goto_state: GotoState
-    _return_state: ReturnState
+    _land_state: LandState
+    _returns: ReturnMonitor
     _authority: ControlAuthority
     _airspace_update: AirspaceUpdate
     _held: Held | None = None
@@ -96,35 +101,84 @@ class CommandHandler:
 
     def asked(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program."""
-        if isinstance(request, GoTo) and request.waits and self._put_off(request):
+        if isinstance(request, GoTo) and request.waits and self._context.spec.puts_off:
+            self._put_off(request)
             return
         answer = self._to_requests[type(request)](self, request)
-        if isinstance(answer, Accepted) and self._waits_for_zones(request):
+        zones_change = self._context.zones is not None and self._context.in_air
+        # A hold is begun at once, and a plan that is put on board says so itself.
+        sets_out = isinstance(request, SeekNow | ExploreNow | ComeHome | GoTo) or (
+            isinstance(request, GoOn) and not request.upload
+        )
+        if isinstance(answer, Accepted) and zones_change and sets_out:
             what = f"{answer.what}; it sets out once the changed zones are on board"
             answer = answer._replace(what=what)
-        self._answer(request, answer)
+        self._context.actions.append(_ack(request, answer))
 
-    def _waits_for_zones(self, request: AnyRequest) -> bool:
-        """Whether what was just accepted is not begun before zones have changed."""
-        return (
-            self._airspace_update.phase is not None
-            and isinstance(request, GoOn | SeekNow | ExploreNow | ComeHome | GoTo)
-            and not (isinstance(request, GoOn) and request.upload)  # that says so itself
-            and self._context.in_air
-        )
+    # Whether the vehicle may be told anything just now; None: nothing stands against it.
 
-    def _answer(self, request: AnyRequest, answer: Accepted | Refused) -> None:
-        accepted = isinstance(answer, Accepted)
-        self._context.do(
-            CommandAck(
-                request.request_id,
-                request.by,
-                accepted,
-                answer.what if isinstance(answer, Accepted) else answer.why,
-                None if isinstance(answer, Accepted) else answer.code,
-                answer.points if isinstance(answer, Accepted) else (),
-            )
-        )
+    def _not_to_stop(self) -> Refused | None:
+        """It is ours, in the air, and not on a way home that may not be called off.
+
+        A way home is only called off if it was requested, and nothing else demands it.
+        """
+        context, requests = self._context, self._context.spec.requests
+        if context.giving_up is not None:
+            return self._not_to_decide()
+        if requests is Requests.ANY:
+            return None
+        if requests is not Requests.CALL_OFF:
+            return self._not_in_the_air()
+        ending = context.ending
+        if context.state is State.HOME and ending is not None and ending.by_request:
+            why = self._returns.due(context.heard)
+        else:
+            why = None if ending is None else ending.why
+        return None if why is None else _comes_home(why)
+
+    def _not_to_move(self) -> Refused | None:
+        """And beside that it is known where it is."""
+        return self._not_to_stop() or self._not_without_position()
+
+    def _not_without_position(self) -> Refused | None:
+        """It is known where it is: legs are checked from there."""
+        context = self._context
+        missing = context.inputs.why_no_leg(context.telemetry)
+        if missing is not None:
+            lost_fix = context.telemetry is not None and not context.telemetry.fix
+            return Refused(Refusal.NO_FIX if lost_fix else Refusal.NOT_HEARD, missing)
+        return self._not_unheard()
+
+    def _not_unheard(self) -> Refused | None:
+        """It was heard just now."""
+        telemetry = self._context.telemetry
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
+        # Its clock stands still while nothing is heard of it: then the link says for how long.
+        silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
+        if silent_s <= NOT_HEARD_S:
+            return None
+        what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
+        return Refused(Refusal.NOT_HEARD, f"{what} heard from it for {silent_s:.0f} s")
+
+    def _not_to_decide(self) -> Refused | None:
+        """It is not about to be given away."""
+        why = self._context.giving_up
+        if why is None:
+            return None
+        return Refused(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
+
+    def _not_in_the_air(self) -> Refused | None:
+        """It flies this mission."""
+        requests = self._context.spec.requests
+        if requests is Requests.NOT_YET:
+            return Refused(Refusal.NOT_FLYING, requests.value)
+        if requests is Requests.OVER:
+            return Refused(Refusal.FLIGHT_OVER, requests.value)
+        if requests is Requests.NOT_OURS:
+            taker = self._context.taken_by
+            who = taker.value if taker else "the pilot"
+            return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}")
+        return None
 
     # What can be asked for.
 
@@ -132,25 +186,24 @@ class CommandHandler:
         context = self._context
         if context.state is State.HOLD:
             return Accepted("it holds already")
-        objection = self._preconditions.to_stop()
+        objection = self._not_to_stop()
         if objection is not None:
             return objection
         # A robot is sought again, a way home flown on; time does not run meanwhile.
-        goto_task, left_s = self._goto_state.goto_task, context.left_s
-        robot, explores = self._search_state.robot, context.spec.explores
-        self._held = Held(context.state, explores, robot, goto_task, left_s)
-        self._return_state.call_off()
-        context.say(f"holding, as {request.by} asked")
+        left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
+        goto_task, explores = self._goto_state.goto_task, context.spec.explores
+        self._held = Held(context.state, explores, context.robot, goto_task, left_s)
+        context.actions.append(Announce(f"holding, as {request.by} asked"))
         context.signal(Signal.HOLD)
         return Accepted("it stops and hovers")
 
     def _asked_to_go_on(self, request: GoOn) -> Accepted | Refused:
-        state = self._context.state
-        objection = self._preconditions.to_decide()
+        context, state = self._context, self._context.state
+        objection = self._not_to_decide()
         if objection is not None:
             return objection
         if state in {State.READY, State.PASSIVE}:
-            if self._context.in_air and (silent := self._preconditions.not_heard()) is not None:
+            if context.in_air and (silent := self._not_unheard()) is not None:
                 return silent
             upload = request.upload
             if upload and self._authority.why_not_back(flies_plan=False) is None:
@@ -158,18 +211,17 @@ class CommandHandler:
             why = self._authority.resume(upload=upload)
             if why is not None:
                 return Refused(self._why_ours_not(), why)
-            self._return_state.call_off()
             first = "the plan is put on board again, then " if upload else ""
             return Accepted(f"{first}the mission goes on from here")
         if state is not State.HOLD:
-            return self._preconditions.in_the_air() or Refused(
+            return self._not_in_the_air() or Refused(
                 Refusal.NOTHING_TO_DO, f"nothing is held: it is in {state.name}"
             )
-        return self._preconditions.to_move() or self._go_on(request.by)
+        return self._not_to_move() or self._go_on(request.by)
 
     def _why_ours_not(self) -> Refusal:
         """Whether all that keeps a vehicle from being taken back is the plan on board."""
-        other = self._authority.on_board is OnBoard.ANOTHER
+        other = self._context.on_board is OnBoard.ANOTHER
         only = other and self._authority.why_not_back(flies_plan=False) is None
         return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
@@ -177,7 +229,7 @@ class CommandHandler:
         held, self._held = self._held, None
         assert held is not None  # noqa: S101 - what HOLD is entered with
         if held.state is State.HOME:
-            self._return_state.come_home_on_request(by)
+            self._context.come_home(f"{by}'s request", by_request=True)
             return Accepted("it comes home")
         if held.state is State.GOTO and held.goto_task is not None:
             self._goto_state.set_out(held.goto_task, held.left_s)
@@ -186,27 +238,27 @@ class CommandHandler:
             self._search_state.seek(held.robot)
             return Accepted(f"it seeks {held.robot} again")
         if held.explores and held.left_s is not None:
-            self._context.carry(held.left_s)
+            self._context.carried_s = held.left_s
         self._context.signal(Signal.RESUMED)
         return Accepted("it goes on")
 
     def _asked_to_seek(self, request: SeekNow) -> Accepted | Refused:
-        robot, names = request.robot, self._search.targets.names
+        robot, search = request.robot, self._search_state.search
+        names = search.targets.names
         if robot not in names:
             known = ", ".join(names) or "none"
             return Refused(
                 Refusal.UNKNOWN_ROBOT, f"no robot '{robot}' is sought in this mission: {known}"
             )
-        if robot == self._search_state.robot and self._context.state is State.COMM:
+        if robot == self._context.robot and self._context.state is State.COMM:
             return Accepted(f"it hovers over {robot} already")
-        objection = self._preconditions.to_move()
+        objection = self._not_to_move()
         if objection is not None:
             return objection
-        point = self._search.search_point(robot, self._context.now_s)
-        refused = self._validator.way(self._context.heard, [point.goal])
+        point = search.search_point(robot, self._context.now_s)
+        refused = self._validator.way([point.goal])
         if refused is not None:
             return refused
-        self._return_state.call_off()
         self._search_state.seek(robot)
         return Accepted(f"it seeks {robot}: {point.reason}")
 
@@ -215,7 +267,7 @@ class CommandHandler:
         exploration = self._exploration
         if exploration is None:
             return Refused(Refusal.ONLY_SEARCHES, "this vehicle only searches")
-        objection = self._preconditions.to_move()
+        objection = self._not_to_move()
         if objection is not None:
             return objection
         if not exploration.remaining:
@@ -223,43 +275,44 @@ class CommandHandler:
         left = f"{exploration.remaining} waypoints are left"
         if self._context.spec.explores:
             return Accepted(f"it explores already: {left}")
-        self._return_state.call_off()
         self._context.signal(Signal.EXPLORE)
         return Accepted(f"it explores: {left}")
 
     def _asked_to_come_home(self, request: ComeHome) -> Accepted | Refused:
-        state = self._context.state
-        objection = self._preconditions.to_decide()
+        context, state = self._context, self._context.state
+        objection = self._not_to_decide()
         if objection is not None:
             return objection
         if state in {State.HOME, State.LAND}:
             return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
-        if self._context.in_air and not self._authority.in_charge and state is not State.DONE:
-            if (silent := self._preconditions.not_heard()) is not None:
+        if context.in_air and not context.in_charge and state is not State.DONE:
+            if (silent := self._not_unheard()) is not None:
                 return silent
             why = self._authority.take_home()
             if why is not None:
                 return Refused(Refusal.NOT_OURS, why)
-        elif state is not State.READY and (gone := self._preconditions.in_the_air()) is not None:
+        elif state is not State.READY and (gone := self._not_in_the_air()) is not None:
             return gone
         answer = Accepted(self._how_it_comes_home())
-        self._return_state.come_home_on_request(request.by)
+        context.come_home(f"{request.by}'s request", by_request=state is not State.READY)
         return answer
 
     def _asked_to_land(self, request: LandNow) -> Accepted | Refused:
-        state = self._context.state
+        context, state = self._context, self._context.state
         if state is State.LAND:
             return Accepted("it lands already")
-        objection = self._preconditions.to_move()
+        objection = self._not_to_move()
         if objection is not None:
             return objection
         if state is not State.HOLD:
             return Refused(Refusal.BUSY, "it lands where it hovers: have it hold first")
-        why = self._return_state.why_no_landing()
+        why = self._land_state.why_no_landing()
         if why is not None:
             return Refused(Refusal.NO_WAY, why)
-        self._context.say(f"landing here, as {request.by} asked")
-        self._return_state.land_on_request(request.by)
+        context.say(f"landing here, as {request.by} asked")
+        place = f"where it hovered, as {request.by} asked"
+        context.ending = Ending(f"{request.by} asked to land here", place=place)
+        context.signal(Signal.LAND_HERE)
         return Accepted("it lands where it hovers")
 
     def _how_it_comes_home(self) -> str:
@@ -268,26 +321,22 @@ class CommandHandler:
             return "the mission ends before it begins; the vehicle is left as it is"
         if not self._context.in_air:
             return "the mission ends on the ground"
-        unknown = self._preconditions.without_position()
+        unknown = self._not_without_position()
         if unknown is not None:
             return f"it comes home as soon as it is known where it is: {unknown.why}"
         return "it comes home"
 
     def _asked_to_go_to(self, request: GoTo) -> Accepted | Refused:
-        objection = self._preconditions.to_move()
+        context = self._context
+        objection = self._not_to_move()
         if objection is not None:
             return objection
-        if request.waits and self._context.state is State.HOME:  # the operator asked for that
-            return comes_home(self._return_state.why)
-        hold_s = request.hold_s
-        if hold_s is None:
-            hold_s = self._context.mission.timers.hold_s
-        goto_task = self._validator.goto_task(
-            self._context.heard, request.points, hold_s, request.by
-        )
+        if request.waits and context.state is State.HOME:  # the operator asked for that
+            return _comes_home(context.ending.why if context.ending else None)
+        hold_s = context.mission.timers.hold_s if request.hold_s is None else request.hold_s
+        goto_task = self._validator.goto_task(request.points, hold_s, request.by)
         if isinstance(goto_task, Refused):
             return goto_task
-        self._return_state.call_off()
         self._goto_state.set_out(goto_task)
         count = len(goto_task.stops)
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
@@ -297,17 +346,14 @@ class CommandHandler:
         del request
         if self._context.state is State.DONE:
             return Refused(Refusal.FLIGHT_OVER, "the flight is over")
-        objection = self._preconditions.to_decide()
+        objection = self._not_to_decide()
         if objection is not None:
             return objection
-        if self._airspace_update.phase is Phase.UPLOADING:
+        if self._context.zones is ZoneChange.UPLOADING:
             return Refused(Refusal.BUSY, "zones are being changed just now; ask again")
-        self._context.do(ReadAgain())
-        if self._context.telemetry is None:
-            return Accepted(
-                "the mission file is read again; what has changed goes on board after the plan"
-            )
-        return Accepted("the mission file is read again")
+        self._context.actions.append(ReadAgain())
+        later = "; what has changed goes on board after the plan"
+        return Accepted(f"the mission file is read again{'' if self._context.telemetry else later}")
 
     # what answers a request, by its type
     _to_requests: ClassVar[dict[type, Callable[[CommandHandler, Any], Accepted | Refused]]] = {
@@ -323,22 +369,33 @@ class CommandHandler:
 
     # What is not done at once.
 
-    def _put_off(self, request: GoTo) -> bool:
+    def _put_off(self, request: GoTo) -> None:
         """Keep a request that waits until the vehicle flies its mission; of several the newest."""
-        if not self._context.spec.puts_off:
-            return False
         if self.later is not None:
-            self._answer(self.later, Refused(Refusal.REPLACED, "a newer request came"))
+            replaced = Refused(Refusal.REPLACED, "a newer request came")
+            self._context.actions.append(_ack(self.later, replaced))
         self.later = request
         self._context.say(f"points from {request.by} wait until the vehicle flies on")
-        return True
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
         if self.later is None or self._context.spec.puts_off:
             return
         request, self.later = self.later, None
+        ending = self._context.ending
         if self._context.state is State.HOME:  # that was asked for later
-            self._answer(request, comes_home(self._return_state.why))
+            answer: Accepted | Refused = _comes_home(ending.why if ending else None)
         else:
-            self._answer(request, self._asked_to_go_to(request))
+            answer = self._asked_to_go_to(request)
+        self._context.actions.append(_ack(request, answer))
+
+
+def _comes_home(why: str | None) -> Refused:
+    """A request or a trigger had it come home, and that counts."""
+    return Refused(Refusal.COMING_HOME, f"it comes home: {why}")
+
+
+def _ack(request: AnyRequest, answer: Accepted | Refused) -> CommandAck:
+    if isinstance(answer, Refused):
+        return CommandAck(request.request_id, request.by, False, answer.why, answer.code)
+    return CommandAck(request.request_id, request.by, True, answer.what, None, answer.points)

@@ -7,25 +7,18 @@ is while a plan that a ground station uploaded is compared with ours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
+import math
+from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import (
-    ControlHolder,
-    FlyToNode,
-    FlyToPoint,
-    HoldHere,
-    Motion,
-)
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.actions import ControlHolder, HoldHere
+from air_router.controller.model.mission_context import MissionContext, OnBoard
 from air_router.controller.model.states import Signal, State
-from air_router.controller.monitor.flight_phase import FlightPhase
-from air_router.controller.monitor.safety_monitor import low, why_not_resumed
 from air_router.controller.motion.command_gate import RETRY_S, CommandGate
-from air_router.controller.motion.pending_setpoints import stopping_point
+from air_router.controller.motion.initial_climb import InitialClimb
+from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
-from air_router.vehicle.vehicle import PlanCompared, PlanReplaced, Telemetry
+from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced, Telemetry
 
 HOLDS: Final = 6
 """How often a vehicle is told to hold before hands are off though it does not."""
@@ -33,154 +26,95 @@ HOLDS: Final = 6
 COMPARED_S: Final = 60.0
 """A plan that was not compared within this time counts as another: the link is too poor."""
 
+_TOLD_S: Final = 10.0
+"""How often something that goes on is told."""
 
-CLIMB_S: Final = 20.0
-PROGRESS_M: Final = 0.5
-"""A climb that gains less than this in that time does not go on."""
-
-
-class OnBoard(Enum):
-    """Whose the plan on board is."""
-
-    OURS = "this mission's"
-    REPLACED = "uploaded by a ground station, and not yet compared with this mission's"
-    ANOTHER = "another"
+LATE_S: Final = 2.5
+"""A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
 
 
-@dataclass(slots=True, eq=False)
-class InitialClimb:
-    """Has a vehicle climb straight up where it is, and only then fly its legs.
+def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
+    """Why a flight that the operator asks to be resumed cannot be, as it is now; None if it can."""
+    if telemetry is None or not telemetry.in_air:
+        return "the vehicle is on the ground: start the mission anew"
+    holders = mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    reasons = {
+        "a failsafe of the autopilot acts: choose Hold first": telemetry.failsafe,
+        f"it flies in {telemetry.mode.value} mode: choose Hold first": telemetry.mode
+        not in {FlightMode.HOLD, FlightMode.MISSION},
+        "GPS has no fix: wait for it": not telemetry.fix,
+        f"it is in {', '.join(holders)}: fly it out by hand first": bool(holders),
+        f"it is {telemetry.altitude_m:.0f} m above home, in the layer of another UAV: descend to "
+        f"{mission.altitude_above_home_m:.0f} m first": telemetry.altitude_m > mission.layer_top_m,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), None)
 
-    Args:
-        context: How high it is, and what is flown once it is level.
-        gate: Commands the climb.
+
+# How a mission gets off the ground, how a flight counts as over, and how silence is told.
+
+
+@dataclass(slots=True)
+class Reminder:
+    """What goes on is told at once, then now and then, and that it is over."""
+
+    _what: str | None = None  # announced last; None: over
+    _told_s: float = 0.0  # when it was announced last
+
+    def news(self, what: str | None, now_s: float) -> str | None:
+        """What to tell at this time, where this goes on; None: no news."""
+        if what == self._what and (what is None or now_s < self._told_s + _TOLD_S):
+            return None
+        before, self._what, self._told_s = self._what, what, now_s
+        return f"over: {before}" if what is None else what
+
+
+@dataclass(slots=True)
+class SilenceReminder:
+    """What is told of a vehicle that is not heard: at once, then now and then.
 
     Attributes:
-        wanted: The next leg is begun at the mission's altitude: the vehicle was taken over, and
-            may be anywhere. Stays until it is there.
-        climb: Its way up; None: it does not climb.
+        told_s: How long this silence was when it was told last; 0 once the vehicle is heard.
     """
 
-    _context: MissionContext
-    _gate: CommandGate
-    wanted: bool = False
-    climb: FlyToPoint | None = None
-    _gained: tuple[float, float] = (0.0, 0.0)  # the last progress: altitude, time
+    told_s: float = 0.0
 
-    def why_not(self, telemetry: Telemetry) -> str | None:
-        """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
-        mission, here = self._context.mission, telemetry.position
-        if not low(mission, telemetry):
+    def news(self, silent_s: float) -> str | None:
+        """What to tell after `silent_s` wall-clock seconds without a word; None: no news."""
+        if silent_s < self.told_s:
+            self.told_s = 0.0  # it was heard meanwhile
+        if self.told_s > 0.0 and silent_s < self.told_s + _TOLD_S:
             return None
-        drift_m = mission.planner.tracking_margin_m
-        airspace = mission.climb_airspace.as_drawn().with_margin(drift_m)
-        names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
-        if not names:
-            return None
-        return (
-            f"it is {telemetry.altitude_m:.0f} m above home, too near to {' and '.join(names)} to "
-            f"climb by itself: climb to {mission.altitude_above_home_m:.0f} m by hand, then choose "
-            "Hold"
-        )
-
-    def first(self, motion: Motion) -> Motion | None:
-        """An interlock: the leg of a vehicle that is low waits, and it climbs instead."""
-        if not self.wanted or not isinstance(motion, FlyToNode | FlyToPoint):
-            return motion
-        mission, telemetry = self._context.mission, self._context.heard
-        if not low(mission, telemetry):
-            self.wanted = False
-            return motion
-        self._gate.navigator.stop()
-        why_not = self.why_not(telemetry)
-        if why_not is not None:
-            self._gate.wait_here(why_not)
-            return None
-        if self.climb is None:
-            self._context.say(
-                f"climbing from {telemetry.altitude_m:.0f} to "
-                f"{mission.altitude_above_home_m:.0f} m first"
-            )
-            self._gained = (telemetry.altitude_m, self._context.now_s)
-        place = stopping_point(telemetry, self._gate.navigator.reaction_s)
-        self.climb = FlyToPoint(place, mission.altitude_above_home_m)
-        return self.climb
-
-    def go_on(self, telemetry: Telemetry) -> bool:
-        """Whether it climbs, and everything else waits."""
-        if self.climb is None:
-            return False
-        if self._gate.commanded_mode.last is not self.climb:
-            # It did not follow, or was told to hold: the climb begins anew before the next leg.
-            self.climb = None
-            return False
-        if low(self._context.mission, telemetry):
-            if telemetry.altitude_m > self._gained[0] + PROGRESS_M:
-                self._gained = (telemetry.altitude_m, telemetry.time_s)
-            return True
-        self.climb = None
-        self.wanted = False
-        self._context.handler.replan()
-        return True
-
-    @property
-    def stuck(self) -> bool:
-        """Whether a climb has not gone on for some time."""
-        return self.climb is not None and self._context.now_s - self._gained[1] >= CLIMB_S
+        self.told_s = silent_s
+        return f"nothing heard from the vehicle for {silent_s:.0f} s"
 
 
 @dataclass(slots=True, eq=False)
 class ControlAuthority:
-    """Knows whose the vehicle is.
+    """Gives the vehicle away, and takes it back; whose it is, stands in the context.
 
     Args:
         context: Where it signals that the pilot flies, and that we do again.
         gate: Has it hold.
-        flight_phase: Whether it was handed over to us on the ground.
-        initial_climb: Whether a vehicle that is taken back climbs to the mission's altitude.
-
-    Attributes:
-        giving_up: Why hands will be off as soon as it holds; None if they will not.
-        compares: What was replaced on board, while it holds until that was compared; None: it
-            does not.
-        taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
-        on_board: Whose the plan on board is.
+        climb: Whether a vehicle that is taken back can climb to the mission's altitude.
+        monitor: What is told of breaches while another flies.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _flight_phase: FlightPhase
-    _initial_climb: InitialClimb
-    giving_up: str | None = None
-    taken_by: ControlHolder | None = None
-    on_board: OnBoard = OnBoard.OURS
-    compares: str | None = None
+    _climb: InitialClimb
+    _monitor: SafetyMonitor
     _compared_by_s: float = 0.0  # so long the comparison is waited for
     _holds: int = 0  # commanded before hands are off
     _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
-
-    @property
-    def in_charge(self) -> bool:
-        """Whether the vehicle in the air flies by our commands."""
-        if self._context.state is State.READY:
-            return self._flight_phase.handed_over
-        return self._context.spec.ours
-
-    @property
-    def waits(self) -> bool:
-        """Whether it only holds: it is about to be given away, or the plan on board is compared."""
-        return self.giving_up is not None or self.compares is not None
-
-    def only_hold(self, motion: Motion) -> Motion | None:
-        """An interlock: what is to be given away, or may follow another plan, is sent nowhere."""
-        return motion if self.giving_up is None and self.compares is None else None
+    _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
+    _breaches: Reminder = field(default_factory=Reminder)  # while another flies
 
     # Away.
 
     def give_up(self, why: str) -> None:
         """Have it hold, then hands off."""
-        self.giving_up = why
-        self.compares = None
+        self._context.giving_up = why
+        self._context.compares = None
         self._holds = 0
         self._hold_at_last(why)
 
@@ -191,44 +125,60 @@ class ControlAuthority:
 
     def check(self) -> None:
         """Say the hold again that was lost, or let go at last."""
-        commanded_mode, now_s = self._gate.commanded_mode, self._context.now_s
-        if not self.waits or commanded_mode.pending is not None:
+        context, gate = self._context, self._gate
+        if gate.pending is not None:
             return
-        holds = isinstance(commanded_mode.last, HoldHere)
-        if self.compares is not None:
-            if now_s >= self._compared_by_s:
-                self._differs(f"{self.compares}, and cannot be read")
-            elif not holds and now_s >= self._hold_again_s:
-                self._hold_at_last(self.compares)
-        elif self.giving_up is not None:
+        holds = isinstance(gate.last, HoldHere)
+        if context.compares is not None:
+            if context.now_s >= self._compared_by_s:
+                self._differs(f"{context.compares}, and cannot be read")
+            elif not holds and context.now_s >= self._hold_again_s:
+                self._hold_at_last(context.compares)
+        elif context.giving_up is not None:
             if holds:
-                self._let_go(self.giving_up)
+                self._let_go(context.giving_up)
             elif self._holds >= HOLDS:
-                self._let_go(f"{self.giving_up}; it was told to hold and did not")
-            elif now_s >= self._hold_again_s:
-                self._hold_at_last(self.giving_up)
+                self._let_go(f"{context.giving_up}; it was told to hold and did not")
+            elif context.now_s >= self._hold_again_s:
+                self._hold_at_last(context.giving_up)
 
     def _let_go(self, why: str) -> None:
-        self.giving_up = None
+        self._context.giving_up = None
         self.take_over(ControlHolder.PILOT, why)
+
+    def taken(self, telemetry: Telemetry) -> None:
+        """The vehicle flies in a mode that we did not ask for, or by a failsafe."""
+        who = ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT
+        self._chosen = (telemetry.mode, self._context.now_s)
+        self.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
+
+    def look_on(self, telemetry: Telemetry) -> None:
+        """Another flies: tell what a pilot may not see, and who took it if that shows late."""
+        context = self._context
+        mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
+        late = telemetry.mode is mode and context.now_s - taken_s <= LATE_S
+        if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
+            context.taken_by = ControlHolder.FAILSAFE
+            context.say(f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode")
+        for what, _ in context.inputs.look(telemetry).news:
+            context.say(what)
+        news = self._breaches.news(self._monitor.breach(telemetry), context.now_s)
+        if news is not None:
+            context.say(news)
 
     def take_over(self, who: ControlHolder, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""
         if self._context.knows(Signal.TAKEN_OVER):
-            self.taken_by = who
+            self._context.taken_by = who
             self._context.say(f"hands off: {why}")
             self._context.signal(Signal.TAKEN_OVER)
 
     def fallen(self, why: str) -> None:
         """Its motors were stopped in the air: nothing can be done for it."""
-        self.taken_by = None
+        self._context.taken_by = None
         self._context.say(f"hands off: {why}")
         if self._context.knows(Signal.TAKEN_OVER):
             self._context.signal(Signal.TAKEN_OVER)
-
-    def settled(self) -> None:
-        """Hands are off, or the flight is over: nothing is left to give up."""
-        self.giving_up = self.compares = None
 
     # The plan on board.
 
@@ -238,49 +188,53 @@ class ControlAuthority:
         The leg under way may lead where a zone is now, and PX4 goes to the item that it likes. A
         landing needs no plan.
         """
-        self.on_board = OnBoard.REPLACED
+        context = self._context
+        context.on_board = OnBoard.REPLACED
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
-        self._context.say(f"{what}; comparing it with this mission's")
-        if self.in_charge and self._context.state is not State.LAND and self.giving_up is None:
-            self.compares = what
-            self._compared_by_s = self._context.now_s + COMPARED_S
-            self._hold_again_s = self._context.now_s + RETRY_S
-            self._gate.navigator.stop()
+        context.say(f"{what}; comparing it with this mission's")
+        flies_plan = context.in_charge and context.state is not State.LAND
+        if flies_plan and context.giving_up is None:
+            context.compares = what
+            self._compared_by_s = context.now_s + COMPARED_S
+            self._hold_again_s = context.now_s + RETRY_S
+            self._gate.stop()
             self._gate.hold(what)
 
     def plan_compared(self, event: PlanCompared) -> None:
         """Go on if it flies as ours does; otherwise hands off."""
+        context = self._context
         if event.difference is not None:
             self._differs(f"another plan is on board ({event.difference})")
             return
-        self.on_board = OnBoard.OURS
+        context.on_board = OnBoard.OURS
         again = "the plan on board flies as this mission's does"
-        if self.compares is None:
-            self._context.say(again)
+        if context.compares is None:
+            context.say(again)
             return
-        self.compares = None
-        self._context.say(f"{again}: going on")
-        self._initial_climb.wanted = True  # it may have sunk, or have been stopped in its climb
-        if not self._context.in_air:
+        context.compares = None
+        context.say(f"{again}: going on")
+        context.climbs_first = True  # it may have sunk, or have been stopped in its climb
+        if not context.in_air:
             return
-        if self._context.state is State.READY:  # it hovers, stopped in its climb
-            self._flight_phase.resumed(self._context.now_s)
-            self._context.signal(Signal.AIRBORNE)
+        if context.state is State.READY:  # it hovers, stopped in its climb
+            context.ours_again()
+            context.signal(Signal.AIRBORNE)
         else:
-            self._context.handler.replan()
+            context.handler.replan()
 
     def _differs(self, why: str) -> None:
         """Another plan is on board."""
-        self.on_board = OnBoard.ANOTHER
-        context, telemetry = self._context, self._context.telemetry
+        context = self._context
+        context.on_board = OnBoard.ANOTHER
+        telemetry = context.telemetry
         if context.state is State.READY and telemetry is not None and not telemetry.armed:
-            self._flight_phase.stayed_why = why
+            context.stayed_why = why
             context.signal(Signal.GROUNDED)
-        elif context.state is State.READY and not self.in_charge:
+        elif context.state is State.READY and not context.in_charge:
             self.take_over(ControlHolder.PILOT, why)
         elif context.state in {State.LAND, State.PASSIVE}:
             context.say(why)
-        elif self.in_charge and self.giving_up is None:
+        elif context.in_charge and context.giving_up is None:
             self.give_up(why)
 
     # And back.
@@ -295,12 +249,12 @@ class ControlAuthority:
         if telemetry is None:
             return "nothing was heard of the vehicle: wait for it"
         why = why_not_resumed(self._context.mission, telemetry)
-        why = why or self._initial_climb.why_not(telemetry)
+        why = why or self._climb.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
-        if self.on_board is OnBoard.REPLACED:
+        if self._context.on_board is OnBoard.REPLACED:
             return "the plan on board is being read: ask again in a moment"
-        if self.on_board is OnBoard.ANOTHER:
+        if self._context.on_board is OnBoard.ANOTHER:
             return (
                 "another plan is on board: 'resume upload' puts this mission's there and goes on, "
                 "'home' comes home without it"
@@ -334,22 +288,12 @@ class ControlAuthority:
         """Take it back to come home, whatever plan is on board; returns why not, if not."""
         why = self.why_not_back(flies_plan=False)
         if why is None:
-            self._gate.navigator.by_points |= self.on_board is not OnBoard.OURS
+            self._gate.by_points |= self._context.on_board is not OnBoard.OURS
             self._take_back()
         return why
 
     def _take_back(self) -> None:
-        self._flight_phase.resumed(self._context.now_s)
-        self.taken_by = None
-        self._gate.commanded_mode.assume(self._context.heard.mode)
-        self._initial_climb.wanted = True
-
-
-def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:
-    """The other UAVs that fly between where the vehicle is and its own layer."""
-    own = next((layer for layer in mission.layers if layer.uav == mission.uav), None)
-    if own is None:
-        return ()
-    here_m = telemetry.altitude_m + own.level_m - own.altitude_m
-    lowest_m = here_m - mission.planner.vertical_separation_m
-    return tuple(o.uav for o in mission.layers if lowest_m < o.level_m < own.level_m)
+        self._context.ours_again()
+        self._context.taken_by = None
+        self._gate.assume(self._context.heard.mode)
+        self._context.climbs_first = True

@@ -15,7 +15,7 @@ from typing import Any
 from air_router.control.command_request import CommandRequest, CommandRequestError, View
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import CommandAck, Refusal
-from air_router.controller.model.requests import OPERATOR, AnyRequest
+from air_router.controller.model.events import OPERATOR, AnyRequest
 from air_router.flight.mission_reloader import ReloadReport
 from geo.frame import LocalFrame, Point
 
@@ -99,7 +99,7 @@ class CommandService:
     def situation(self) -> dict[str, Any]:
         """What the flight is doing now."""
         controller, telemetry = self._controller, self._controller.telemetry
-        goal, goto_task = controller.navigator.goal, controller.goto_task
+        goal, goto_task = controller.context.way.goal, controller.goto_task
         left_s, reading = controller.time_left_s, self._reading()
         about: dict[str, Any] = {
             "state": controller.state.name,

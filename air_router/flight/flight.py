@@ -16,9 +16,8 @@ from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Final
 
-from air_router.control.console import listening
 from air_router.control.control_server import ControlServer
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import (
     Action,
     Announce,
@@ -31,20 +30,18 @@ from air_router.controller.model.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.controller.model.events import Event
-from air_router.controller.model.requests import GoOn
+from air_router.controller.model.events import Event, GoOn
 from air_router.controller.model.states import State
-from air_router.controller.monitor.flight_phase import why_not_started
-from air_router.controller.motion.pending_setpoints import REACTION_S
+from air_router.controller.motion.command_gate import REACTION_S
+from air_router.controller.motion.initial_climb import why_not_started
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
 from air_router.flight.command_service import CommandService
-from air_router.flight.flight_result import FlightResult, ending_of
-from air_router.flight.flight_stats import FlightStats
+from air_router.flight.flight_stats import FlightResult, FlightStats, ending_of
 from air_router.flight.flight_view import FlightView
 from air_router.flight.mission_reloader import MissionReloader
 from air_router.flight.motions import MotionSender
 from air_router.flight.resumption import flown_before
-from air_router.flight.status import StatusLine, flight_line
+from air_router.flight.terminal import StatusLine, flight_line, listening
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper, receive_patches
 from air_router.live.page import NoPage, Page
@@ -369,7 +366,7 @@ class Flight:
     def _reckon_with_delays(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
-        self.controller.navigator.reaction_s = reaction_s
+        self.controller.gate.reaction_s = reaction_s
         self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
 
     def _paint(self, patch: bytes) -> None:

@@ -12,8 +12,7 @@ from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
-from air_router.controller.controller import Controller
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import Controller, FlightSetup
 from air_router.controller.model.actions import PublishMap
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S

@@ -165,7 +165,7 @@ class LiveScene:
         if telemetry is None:
             return shown
         at = self._pair(telemetry.position)
-        route = [self._pair(leg.to) for leg in controller.navigator.ahead]
+        route = [self._pair(leg.to) for leg in controller.context.way.ahead]
         return {
             **shown,
             "at": at,

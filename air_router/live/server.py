@@ -7,8 +7,11 @@ from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mappi
 from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final
 
-from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
 from air_router.control.command_request import (
+    COSTLY_AT_ONCE,
+    COSTLY_PER_S,
+    TOO_MANY,
+    Budget,
     CommandRequestError,
     RequestHandler,
     command_request_of,

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Motion
 from air_router.gossip.mapper import Mapper
 from air_router.record import serialization

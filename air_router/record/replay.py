@@ -121,7 +121,7 @@ class Replayer:
         if entry.kind == "setup" and self.controller is None:
             self.controller = entry.value.controller()
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
-            self.controller.navigator.reaction_s = entry.value.fields["reaction_s"]
+            self.controller.gate.reaction_s = entry.value.fields["reaction_s"]
 
     def decide(self, step: RecordedStep) -> list[Any]:
         """What the controller decides now on what happened.

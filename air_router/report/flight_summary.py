@@ -9,16 +9,18 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
 from air_router.controller.model.events import (
+    Asked,
     CommandFailed,
+    GoTo,
     RobotPose,
+    SeekNow,
 )
-from air_router.controller.model.requests import Asked, GoTo, SeekNow
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
-from air_router.flight.flown_track import FlownTrack
+from air_router.flight.flight_stats import FlownTrack
 from air_router.mission.mission import Mission
 from air_router.record.log import Note, RecordEntry
 from air_router.report.exchanges import Exchanges

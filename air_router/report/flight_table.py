@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from air_router.errors import PictureError
-from air_router.flight.flight_result import FlightResult
+from air_router.flight.flight_stats import FlightResult
 from air_router.mission.mission import Mission
 from mocha_link.errors import MissingExtraError
 

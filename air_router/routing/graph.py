@@ -90,12 +90,6 @@ class WaypointGraph:
         """Where a node is. Raises KeyError if there is no such node."""
         return self._positions[node]
 
-    def nearest_node(self, point: Point) -> tuple[float, int]:
-        """How far the nearest node is from a point, and which it is."""
-        away_m = np.hypot(*(self.places - point).T)
-        node = int(np.argmin(away_m))
-        return float(away_m[node]), node
-
     def via(self, start: int, end: int) -> tuple[Point, ...]:
         """The corners between two joined nodes, in the order from start to end."""
         corners = self._vias.get((min(start, end), max(start, end)), ())

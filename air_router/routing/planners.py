@@ -32,7 +32,7 @@ class Leg:
 
 
 class Planner(Protocol):
-    """Finds legs from where a rule of departure is for to a clear target."""
+    """Finds legs from where a rule of departure is for to a clear target, not straight there."""
 
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
         """The legs in order, the target last; None if there are none."""
@@ -62,8 +62,7 @@ class WaypointPlanner:
     """The paper's: onto the waypoint graph, along it, and off it at the goal.
 
     Legs onto the graph and off it are as long as its edges at most, unless no node is seen so near.
-    Where start and goal see each other the way is straight; where start or goal see no waypoint, or
-    none that the graph joins, it is the shortest clear one.
+    Where start or goal see no waypoint, or none that the graph joins, it is the shortest clear one.
     """
 
     def __init__(self, graph: WaypointGraph) -> None:
@@ -74,8 +73,6 @@ class WaypointPlanner:
 
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
         """As `Planner.legs`."""
-        if rule.allows(target.to):
-            return [target]
         way = self._way(rule, target)
         if way is None:
             return self._shortest.legs(rule, target)

@@ -89,14 +89,14 @@ class Router:
             return self._bad_goal(target)
         for airspace in self._margins:
             rule = Departure(airspace, self._paths, start, stopping, pending)
-            legs = self._planner.legs(rule, target)
+            legs = self._legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
         if rule.in_margin:
             for out in self._ways_out(rule):
                 if not self.check_leg(start, out[0], stopping, pending):
                     continue
-                onward = self._planner.legs(self._departure(out[-1]), target)
+                onward = self._legs(self._departure(out[-1]), target)
                 if onward is not None:
                     return _route(start, [*map(Leg, out), *onward], rule.warnings)
         return self._no_route(start, target, rule)
@@ -152,6 +152,10 @@ class Router:
             return None
         return airspace.with_margin(self._mission.planner.departure_margin_m)
 
+    def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
+        """Straight there where that is clear, else as the mission's planner finds."""
+        return [target] if rule.allows(target.to) else self._planner.legs(rule, target)
+
     def _departure(self, start: Point) -> Departure:
         return Departure(self._airspace, self._paths, start, None)
 
@@ -166,8 +170,10 @@ class Router:
     def _goal(self, goal: Point | int) -> Leg:
         if isinstance(goal, int):
             return Leg(self._positions[goal], goal)
-        away_m, node = self.graph.nearest_node(goal)
-        return Leg(self._positions[node], node) if away_m <= _SAME_M else Leg(goal)
+        for node, place in self._positions.items():
+            if math.dist(goal, place) <= _SAME_M:
+                return Leg(place, node)
+        return Leg(goal)
 
     def _bad_goal(self, target: Leg) -> NoRoute:
         holders = self._airspace.holders(target.to)

@@ -174,14 +174,18 @@ class InputStatus(NamedTuple):
     news: tuple[InputNews, ...]
 
 
-_CALM: Final = InputStatus(Stop.NONE, "", back=False, home_why=None, news=())
+CALM: Final = InputStatus(Stop.NONE, "", back=False, home_why=None, news=())
 
 
 @dataclass(slots=True, eq=False)
 class InputWatch:
-    """Looks at the ages in every telemetry, and at whether GPS has a fix."""
+    """Looks at the ages in every telemetry, and at whether GPS has a fix.
 
-    _stopped: dict[str, Stop] = field(default_factory=dict)  # by what is missing
+    Attributes:
+        stopped: What no leg begins without, and is missing or not back for long enough.
+    """
+
+    stopped: dict[str, Stop] = field(default_factory=dict)
     # by what is missing: announced, when
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
     _good_since_s: float | None = None  # since when the fix is good again
@@ -190,21 +194,21 @@ class InputWatch:
         """Why the vehicle is sent nowhere; None if nothing is missing for that."""
         if telemetry is not None and not telemetry.fix:
             return _NO_FIX
-        return next(iter(self._stopped), None)
+        return next(iter(self.stopped), None)
 
     def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
-        waits = not telemetry.fix or self._stopped or self._told
+        waits = not telemetry.fix or self.stopped or self._told
         if not waits and all(map(lt, _ages(telemetry.ages), _TOLD_S)):
-            return _CALM
+            return CALM
         missing: dict[str, Stop] = {}
         news: list[InputNews] = []
         home_why = None
         if not telemetry.fix:
             missing[_NO_FIX] = Stop.HOLD
-            if _NO_FIX not in self._stopped:
+            if _NO_FIX not in self.stopped:
                 news.append(InputNews("GPS has lost its fix", Stop.HOLD.value))
-        stopped = tuple(self._stopped)
+        stopped = tuple(self.stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
             words = f"{limit.words} not heard"
@@ -214,28 +218,28 @@ class InputWatch:
             if stop is not Stop.NONE:
                 missing[words] = stop
             elif age_s >= limit.told_s:
-                self._stopped.pop(words, None)  # home is flown without it
+                self.stopped.pop(words, None)  # home is flown without it
             news += self._told_of(limit, age_s, telemetry.told_s)
         back = self._back(missing, telemetry.told_s) and bool(stopped)
         if back and home_why is None:
             fix = "GPS has its fix again" if _NO_FIX in stopped else "all of it is heard again"
             news.append(InputNews(fix, "going on"))
-        stops = self._stopped.values()
+        stops = self.stopped.values()
         stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE
-        why = next(iter(missing), next(iter(self._stopped), ""))
+        why = next(iter(missing), next(iter(self.stopped), ""))
         return InputStatus(stop, why, back, home_why, tuple(news))
 
     def _back(self, missing: dict[str, Stop], now_s: float) -> bool:
         """Whether nothing stops it any more: what did has come again for some time."""
-        if missing or not self._stopped:
+        if missing or not self.stopped:
             self._good_since_s = None
-            self._stopped.update(missing)
+            self.stopped.update(missing)
             return not missing
         if self._good_since_s is None:
             self._good_since_s = now_s
         if now_s - self._good_since_s < BACK_S:
             return False
-        self._stopped.clear()
+        self.stopped.clear()
         return True
 
     def _told_of(self, limit: InputLimit, age_s: float, now_s: float) -> list[InputNews]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from sitl.experiment.campaign.campaign import Campaign
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
 from sitl.experiment.campaign.runs import (

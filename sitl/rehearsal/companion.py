@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
-from air_router.controller.model.requests import AnyRequest
+from air_router.controller.model.events import AnyRequest
 from air_router.errors import AirRouterError
 from air_router.flight.flight import Flight
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn
+from air_router.controller.model.events import ComeHome, ExploreNow, GoOn
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
@@ -255,7 +255,7 @@ class Script:
             or autopilot.mission.climbing
         ):
             return
-        if companion.flight.controller.commanded_mode.pending is not None:
+        if companion.flight.controller.gate.pending is not None:
             return
         moving = math.hypot(*autopilot.situation.velocity_m_s[:2]) > MOVING_M_S
         if autopilot.mode is FlightMode.AUTO_MISSION and divert:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from air_router.control.command_request import CommandRequestError
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.editor.mission_file import MissionFile, write_starter
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Enum
 from functools import cached_property
 
-from air_router.controller.model.actions import Action, Announce
-from air_router.controller.model.states import From, Signal, Spec, State
+from air_router.controller.model.actions import Action, Announce, ControlHolder
+from air_router.controller.model.states import Signal, Spec, State
 from air_router.mission.mission import Mission
+from air_router.routing.planners import Leg
 from air_router.routing.return_planner import Pace
-from air_router.routing.router import Router
+from air_router.routing.router import NoRoute, Router
+from air_router.vehicle.input_limits import InputWatch
 from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
 
 
 class StateHandler:
@@ -33,13 +38,99 @@ class StateHandler:
         """Other zones count from now on, and nothing was commanded meanwhile: plan anew."""
 
 
+class OnBoard(Enum):
+    """Whose the plan on board is."""
+
+    OURS = "this mission's"
+    REPLACED = "uploaded by a ground station, and not yet compared with this mission's"
+    ANOTHER = "another"
+
+
+class ZoneChange(Enum):
+    """How far a change of zones is."""
+
+    CLEARING = "the vehicle stops, or leaves, where it may not be any more"
+    UPLOADING = "the new fence is being put on board"
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """Why the mission ends.
+
+    Attributes:
+        why: In words.
+        by_request: Such a return may be called off.
+        place: Where it lands, in words.
+    """
+
+    why: str
+    by_request: bool = False
+    place: str = "at home"
+
+
+class Progress(Enum):
+    """How far the flight to a goal is."""
+
+    IDLE = "nowhere to go"
+    FLYING = "on the way"
+    ARRIVED = "there"
+    NO_ROUTE = "no clear way from here"
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to: a node of the plan, or any point."""
+
+    position: Point
+    node: int | None = None  # None: a point that is no node
+
+
+@dataclass(slots=True, eq=False)
+class Way:
+    """What is left of the way to a goal.
+
+    Attributes:
+        goal: Where to; None: nowhere.
+        leg: The leg under way.
+        legs: Those behind it.
+        progress: How far the flight to the goal is.
+        refusal: Why there is no way, once `progress` says so.
+        braking: The vehicle stops, and a way is looked for again once it stands.
+        settled: How often it looked again in vain.
+        stands_since_s: Since when it stands short of its leg's end, vehicle's clock.
+        swept: What the leg under way was checked for.
+    """
+
+    goal: Goal | None = None
+    leg: Leg | None = None
+    legs: deque[Leg] = field(default_factory=deque)
+    progress: Progress = Progress.IDLE
+    refusal: NoRoute | None = None
+    braking: bool = False
+    settled: int = 0
+    stands_since_s: float | None = None
+    swept: tuple[Point, ...] = ()
+
+    @property
+    def ahead(self) -> tuple[Leg, ...]:
+        """The legs that are still to be flown, the one under way first."""
+        return () if self.leg is None else (self.leg, *self.legs)
+
+    def brake(self) -> None:
+        """The vehicle is stopped first, and the way is planned anew from there."""
+        self.leg = None
+        self.legs.clear()
+        self.braking = True
+        self.progress = Progress.FLYING
+
+
 def _no_machine(signal: Signal) -> None:
     """A context of its own, without a state machine, keeps its state."""
 
 
 @dataclass(eq=False)
 class MissionContext:
-    """Owns the mission, its airspace and the router, the vehicle's telemetry and the state.
+    """Owns the mission, its airspace and the router, the vehicle's telemetry, and who has it.
 
     Everything else reads them here and copies nothing, so that nothing has to be told when zones
     change; what a part has worked out from them it keeps beside the mission that it is true of.
@@ -53,10 +144,32 @@ class MissionContext:
         spec: The row of the table of states for it.
         handler: What is flown in this state.
         telemetry: What the vehicle said last; None before it was heard.
+        inputs: Which inputs of a flight are missing.
         silent_s: For how long nothing has come since, as the link reports.
         now_s: Seconds on the vehicle's clock, which never runs back here.
         actions: What to do about the event that is being taken in, in order.
+        way: What is left of the way to where the vehicle is sent.
+        ends_s: When the state's timer ends; None while it does not run.
         retry_at_s: When something that could not be done is tried again; None: nothing waits.
+        robot: Who is sought or hovered over; None while no robot is.
+        ending: Why the vehicle comes home or lands; None while it does not.
+        stayed_why: Why the mission ended before take-off, if it does.
+        airborne_s: When the mission began in the air.
+        leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
+        handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
+        taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
+        on_board: Whose the plan on board is.
+        giving_up: Why hands will be off as soon as the vehicle holds; None if they will not.
+        compares: What was replaced on board, while it holds until that was compared.
+        zones: How far a change of zones is; None if none is under way.
+        has_to_stop: Zones change, and the hold for that is not confirmed yet.
+        jumped: Its altitude has jumped, and it holds until that is over.
+        doubts: An order that is not ours shows, if not for long enough to be sure of it.
+        put_off: A motion was dropped for these doubts.
+        climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,
+            and may be anywhere. Stays until it is there.
+        limit_s: How long the state lasts once its timer runs; None: it has none.
+        carried_s: How long the state that begins next lasts, instead of what the mission says.
     """
 
     mission: Mission
@@ -66,22 +179,41 @@ class MissionContext:
     spec: Spec = field(default_factory=Spec)
     handler: StateHandler = field(default_factory=StateHandler)
     telemetry: Telemetry | None = None
+    inputs: InputWatch = field(default_factory=InputWatch)
     silent_s: float = 0.0
     now_s: float = 0.0
     actions: list[Action] = field(default_factory=list)
-    _limit_s: float | None = None  # of the state; None: it has no timer
-    _carried_s: float | None = None  # limit of the next state instead of its own
-    _from_s: float | None = None  # when the timer began
+    way: Way = field(default_factory=Way)
+    ends_s: float | None = None
     retry_at_s: float | None = None
-
-    def knows(self, signal: Signal) -> bool:
-        """Whether the state reacts to a signal."""
-        return signal in self.spec.on
+    robot: str | None = None
+    ending: Ending | None = None
+    stayed_why: str = "disarmed"
+    airborne_s: float | None = None
+    leaving: frozenset[str] = frozenset()
+    handed_over: bool = False
+    taken_by: ControlHolder | None = None
+    on_board: OnBoard = OnBoard.OURS
+    giving_up: str | None = None
+    compares: str | None = None
+    zones: ZoneChange | None = None
+    has_to_stop: bool = False
+    jumped: bool = False
+    doubts: bool = False
+    put_off: bool = False
+    climbs_first: bool = False
+    limit_s: float | None = None
+    carried_s: float | None = None
 
     @cached_property
     def pace(self) -> Pace:
         """What ways take the vehicle: zones do not change that."""
         return Pace.of(self.mission)
+
+    @cached_property
+    def layer_top_m(self) -> float:
+        """Higher above home it would be in the layer of another UAV; nor do they change that."""
+        return self.mission.layer_top_m
 
     @property
     def in_air(self) -> bool:
@@ -94,17 +226,31 @@ class MissionContext:
         assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         return self.telemetry
 
-    def enter(self, state: State, spec: Spec, handler: StateHandler) -> None:
-        """Another state begins, or the same anew, and its timer; only the state machine says so."""
-        self.state, self.spec, self.handler = state, spec, handler
-        limit_s = None if spec.timer is None else getattr(self.mission.timers, spec.timer)
-        self._limit_s = limit_s if self._carried_s is None else self._carried_s
-        self._carried_s = self.retry_at_s = None
-        self._from_s = None if spec.timer_from is From.ARRIVAL else self.now_s
+    @property
+    def in_charge(self) -> bool:
+        """Whether the vehicle in the air flies by our commands."""
+        return self.handed_over if self.state is State.READY else self.spec.ours
 
-    def do(self, action: Action) -> None:
-        """Have something done that is no motion: `CommandGate` commands those."""
-        self.actions.append(action)
+    def knows(self, signal: Signal) -> bool:
+        """Whether the state reacts to a signal."""
+        return signal in self.spec.on
+
+    def ours_again(self) -> None:
+        """A flight that was under way before us, or given away, is ours from now on."""
+        self.handed_over = True
+        if self.airborne_s is None:
+            self.airborne_s = self.now_s
+
+    def come_home(self, why: str, *, by_request: bool = False) -> None:
+        """End the mission, in the air by flying home; nothing where it cannot be ended any more."""
+        if not self.knows(Signal.COME_HOME):
+            return
+        self.ending = Ending(why, by_request)
+        if self.in_air:
+            self.signal(Signal.COME_HOME)
+        else:
+            self.stayed_why = why
+            self.signal(Signal.GROUNDED)
 
     def say(self, text: str) -> None:
         """Tell the pilot and the operator."""
@@ -112,25 +258,15 @@ class MissionContext:
 
     # The state's timer, and what is tried again.
 
-    def carry(self, limit_s: float) -> None:
-        """The state that begins next lasts so long, instead of what the mission says."""
-        self._carried_s = limit_s
-
-    @property
-    def timer_runs(self) -> bool:
-        """Whether the state's timer has begun."""
-        return self._from_s is not None
-
     def start_timer(self) -> None:
         """The state's timer begins now."""
-        self._from_s = self.now_s
+        if self.limit_s is not None:
+            self.ends_s = self.now_s + self.limit_s
 
     @property
     def left_s(self) -> float | None:
         """Seconds until the state's timer ends, None while it does not run."""
-        if self._limit_s is None or self._from_s is None:
-            return None
-        return max(0.0, self._limit_s - (self.now_s - self._from_s))
+        return None if self.ends_s is None else max(0.0, self.ends_s - self.now_s)
 
     def retry_in(self, pause_s: float) -> None:
         """Something is to be tried again after a pause."""

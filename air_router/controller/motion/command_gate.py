@@ -1,8 +1,12 @@
-"""The one way to command the vehicle: past the interlocks, leg by leg, or to hold and wait.
+"""The one way to command the vehicle: past all that may stand against a motion, or to hold.
 
 The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
 under way (or has failed) the vehicle may be in the mode before it or in the one that it asks for;
 once it is confirmed only in that one. Any other mode was chosen by a pilot or a failsafe.
+
+Commands arrive when they arrive: between the decision on a leg and the vehicle's turn lies a link,
+and machines that may be busy. Until then it goes on with what it was told before, to the end of its
+present leg.
 """
 
 from __future__ import annotations
@@ -10,14 +14,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import Final
 
-from air_router.controller.model.actions import FlyToNode, HoldHere, LandHere, Motion
-from air_router.controller.model.events import CommandFailed
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.navigator import Goal, Navigator, Progress
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.controller.model.mission_context import MissionContext, Way, ZoneChange
 from air_router.mission.flight_plan import FlightPlan
+from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
 
 RETRY_S: Final = 3.0
 """Pause before something that could not be done is tried again."""
@@ -28,74 +34,115 @@ TELL_AGAIN_S: Final = 10.0
 JUMPS: Final = 4
 """After so many jumps that the vehicle did not follow, its plan is left alone."""
 
-Interlock = Callable[[Motion], Motion | None]
-"""Looks at a motion before it is commanded: the same or another goes on, None drops it."""
+BRAKING_M_S2: Final = 2.0
+"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
+
+REACTION_S: Final = 0.6
+"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
+half a second to build its deceleration up, and the link its time."""
+
+_FAR_M: Final = 5.0
+"""The target that it reports counts from here on: nearer, its stopping distance covers it,
+and where it hovers it is as far off as estimates wander."""
+
+_TURNING_S: Final = 0.3
+_TURNING_S2_M: Final = 1 / 12
+"""A vehicle that is turned away just before the end of its leg swings beyond it: by its way in that
+time, and by what braking at 2 instead of 3 m/s2 takes more while it speeds up sideways."""
 
 
-@dataclass(slots=True)
-class CommandedMode:
-    """The last command to the vehicle and the modes that it implies.
+@dataclass(slots=True, eq=False)
+class PendingSetpoints:
+    """The commands that the vehicle may be following, or may yet begin to follow, in order.
 
-    Attributes:
-        pending: The command that the vehicle has neither confirmed nor failed to follow.
-        last: The command that the vehicle follows or is asked to; None when it did not.
-        refused_jumps: How many jumps within the plan it did not follow, one after the other.
+    Args:
+        near_m: A place nearer than this has been reached.
+        speed_m_s: How fast it flies there; faster, if it was seen to.
     """
 
-    pending: Motion | None = None
-    last: Motion | None = None
-    refused_jumps: int = 0
-    _modes: frozenset[FlightMode] = frozenset()  # that our commands explain
+    near_m: float
+    speed_m_s: float
+    _sent: list[Motion] = field(default_factory=list)  # in order; the first may be confirmed
+    _settled: bool = False  # the first of them is
 
-    def assume(self, mode: FlightMode) -> None:
-        """Take the vehicle in the mode that the pilot (or the start) put it in."""
-        self.pending = None
-        self._modes = frozenset({mode})
-
-    def commanded(self, motion: Motion) -> None:
-        """A motion was asked for; it is pending until confirmed or failed."""
-        self.pending = self.last = motion
-        self._modes |= {mode_of(motion)}
+    def sent(self, motion: Motion) -> None:
+        """This was commanded; what was before holds until it is confirmed."""
+        if not self._sent or motion != self._sent[-1]:
+            self._sent.append(motion)
 
     def confirmed(self, motion: Motion) -> None:
-        """The vehicle follows; an older command's late confirmation changes nothing."""
-        if motion is self.pending:
-            self.assume(mode_of(motion))
-            if isinstance(motion, FlyToNode):
-                self.refused_jumps = 0
+        """The vehicle follows this: what was commanded before it is void, on a link in order.
 
-    def failed(self, motion: Motion) -> bool:
-        """The vehicle did not follow; True if that was the last command."""
-        if motion is not self.pending:
-            return False
-        self.pending = self.last = None
-        self.refused_jumps += isinstance(motion, FlyToNode)
-        return True
-
-    def release(self) -> None:
-        """Hands off."""
-        self.pending = self.last = None
-        self._modes = frozenset()
-
-    def taken(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle in the air flies in a mode that we did not ask for, or by a failsafe.
-
-        A failsafe may act in the very mode that we asked for: a fence holds a vehicle that hovers
-        in Hold. On the ground the autopilot changes its mode by itself, when it disarms.
+        Of several alike it is the newest: what was commanded meanwhile has not left yet.
         """
-        flies = telemetry.in_air and telemetry.armed
-        return flies and (telemetry.failsafe or telemetry.mode not in self._modes)
+        for index in reversed(range(len(self._sent))):
+            if self._sent[index] == motion:
+                del self._sent[:index]
+                self._settled = True
+                return
+
+    def forget(self) -> None:
+        """The pilot or a ground station has told it something since."""
+        self._sent.clear()
+        self._settled = False
+
+    def under_way(self, jump: FlyToNode) -> bool:
+        """Whether something that was commanded before a jump is still to come."""
+        return bool(self._before(jump)[self._settled :])
+
+    def given_up(self, jump: FlyToNode) -> bool:
+        """Whether a jump to the same item was given up before, and may come late."""
+        return jump in self._before(jump)
+
+    def _before(self, jump: FlyToNode) -> list[Motion]:
+        return self._sent[:-1] if self._sent and self._sent[-1] == jump else self._sent
+
+    def open(self, telemetry: Telemetry) -> list[Point]:
+        """Where it was sent by us and has not arrived: there it is flying, or begins to."""
+        return [
+            motion.position
+            for motion in self._sent
+            if isinstance(motion, FlyToNode | FlyToPoint)
+            and math.dist(motion.position, telemetry.position) > self.near_m
+        ]
+
+    def pending(self, telemetry: Telemetry) -> tuple[PendingSetpoint, ...]:
+        """Everywhere that it may be flying to now: by our commands, and by its own telemetry."""
+        here, target, places = telemetry.position, telemetry.target, self.open(telemetry)
+        if target is not None and math.dist(target, here) > _FAR_M:
+            places.append(target)
+        if not places:
+            return ()
+        speed_m_s = max(self.speed_m_s, math.hypot(*telemetry.velocity_m_s))
+        beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
+        places = [*dict.fromkeys(places)]
+        found = [_setpoint(here, place, beyond_m) for place in places]
+        # It may turn from the end of one to another, and away there.
+        for one, other in permutations(places, 2):
+            if math.dist(one, other) > self.near_m:
+                found.append(_setpoint(one, other, beyond_m))
+        return tuple(found)
 
 
-def mode_of(motion: Motion) -> FlightMode:
-    """The flight mode in which a motion is flown."""
-    match motion:
-        case FlyToNode():
-            return FlightMode.MISSION
-        case LandHere():
-            return FlightMode.LAND
-        case _:
-            return FlightMode.HOLD
+def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
+    share = 1.0 + beyond_m / math.dist(start, place)
+    east_m, north_m = start
+    reach = Point(
+        east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
+    )
+    return PendingSetpoint(place, reach)
+
+
+def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
+    """Where the vehicle comes to rest if it is told now to brake.
+
+    Told in time it sweeps at most the triangle of its position, this point and its new target.
+    """
+    east_m_s, north_m_s = telemetry.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
+    east_m, north_m = telemetry.position
+    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
 
 
 @dataclass(slots=True, eq=False)
@@ -103,126 +150,103 @@ class CommandGate:
     """Commands motions, and keeps what became of them. Where to, its callers know.
 
     Args:
-        context: What the vehicle says, and what is flown now.
-        navigator: Plans and checks.
+        context: What the vehicle says, and all that may stand against a motion.
         plan: The plan on board, for the autopilot's item numbers.
 
     Attributes:
-        navigator: Takes the vehicle to one goal at a time.
-        commanded_mode: Who has the vehicle, and what it was told last.
-        interlocks: Asked in this order about every motion but a hold, which is always allowed.
+        setpoints: What the vehicle was told, and may follow any moment.
+        reaction_s: For how long the vehicle flies on as it does before it follows a command.
+        pending: The command that the vehicle has neither confirmed nor failed to follow.
+        last: The command that the vehicle follows or is asked to; None when it did not.
+        modes: The flight modes that our commands explain.
+        refused_jumps: How many jumps within the plan it did not follow, one after the other.
+        by_points: Nodes are flown to as any other point, because it does not fly its plan.
+        climb_first: Takes the leg of a vehicle that is low; the climb before it, or None to wait.
     """
 
     _context: MissionContext
-    navigator: Navigator
     _plan: FlightPlan
-    commanded_mode: CommandedMode = field(default_factory=CommandedMode)
-    interlocks: tuple[Interlock, ...] = ()
+    setpoints: PendingSetpoints = field(init=False)
+    reaction_s: float = REACTION_S
+    pending: Motion | None = None
+    last: Motion | None = None
+    modes: frozenset[FlightMode] = frozenset()
+    refused_jumps: int = 0
+    by_points: bool = False
+    climb_first: Callable[[Motion], Motion | None] = lambda motion: motion
     _waits_why: str | None = None  # reason announced last
     _wait_told_s: float = -math.inf  # when, vehicle's clock
+
+    def __post_init__(self) -> None:
+        mission = self._context.mission
+        self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
 
     # Commands.
 
     def command(self, motion: Motion) -> None:
-        """Have the vehicle do this, if no interlock objects."""
-        wanted: Motion | None = motion
-        for interlock in self.interlocks:
-            if wanted is None or isinstance(wanted, HoldHere):
-                break
-            wanted = interlock(wanted)
-        if wanted is not None:
-            self.send(wanted)
+        """Have the vehicle do this, if nothing stands against it; a hold it is told in any case."""
+        context = self._context
+        if isinstance(motion, HoldHere):
+            self.send(motion)
+            return
+        # Where is it, how high, or whose?
+        context.put_off |= context.doubts
+        lost_fix = context.telemetry is not None and not context.telemetry.fix
+        if lost_fix or context.inputs.stopped or context.jumped or context.doubts:
+            return
+        # Which of several orders would it follow?
+        if isinstance(motion, FlyToNode) and self._doubtful(motion):
+            context.way.brake()
+            self.send(HoldHere("an order from before may be under way; stopping to look again"))
+            return
+        # Hands are off in a moment, or the plan on board is compared.
+        if context.giving_up is not None or context.compares is not None:
+            return
+        # Zones are being changed: nothing is begun but the way out of one.
+        if context.zones is not None:
+            if context.zones is ZoneChange.UPLOADING:
+                # It is wanted elsewhere than its leg leads; there, it would not be watched.
+                self.stop()
+                context.has_to_stop = True
+                self.hold("zones are being changed")
+            return
+        # It is lower than legs are checked for.
+        allowed = self.climb_first(motion) if context.climbs_first else motion
+        if allowed is not None:
+            self.send(allowed)
 
     def send(self, motion: Motion) -> None:
-        """The same, whatever the interlocks say."""
-        pending = self.commanded_mode.pending
+        """The same, whatever stands against it."""
+        pending = self.pending
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way
-        self.commanded_mode.commanded(motion)
-        self.navigator.setpoints.sent(motion)
-        self._context.do(motion)
+        self.pending = self.last = motion
+        self.modes |= {mode_of(motion)}
+        self.setpoints.sent(motion)
+        self._context.actions.append(motion)
 
     def hold(self, why: str) -> None:
         """Stop, unless that is what the vehicle was told last."""
-        if not isinstance(self.commanded_mode.last, HoldHere):
-            self.command(HoldHere(why))
+        if not isinstance(self.last, HoldHere):
+            self.send(HoldHere(why))
 
-    def stop_if_doubtful(self, motion: Motion) -> Motion:
-        """An interlock: a jump that would not show which of several orders is followed waits."""
-        if isinstance(motion, FlyToNode) and self._doubtful(motion):
-            return self.navigator.hold_first()
-        return motion
+    def stop(self) -> None:
+        """Go nowhere from now on."""
+        self._context.way = Way()
 
     def _doubtful(self, jump: FlyToNode) -> bool:
+        """Whether a jump would not show which of several orders is followed."""
+        if not self.setpoints.under_way(jump):
+            return False
         telemetry = self._context.telemetry
         shows = (
             telemetry is not None
             and telemetry.mode is FlightMode.MISSION
             and telemetry.item == self._plan.item_of(jump.node)
         )
-        return self.navigator.setpoints.doubtful(jump, shows=shows)
+        return shows or self.setpoints.given_up(jump)
 
-    def objection(self, motion: Motion, now_s: float) -> str | None:
-        """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
-        telemetry = self._context.telemetry
-        if motion is not self.commanded_mode.pending or telemetry is None:
-            return "it was called off"
-        return self.navigator.objection(motion, telemetry, now_s)
-
-    # What became of them.
-
-    def confirmed(self, motion: Motion) -> None:
-        """The vehicle follows."""
-        self.commanded_mode.confirmed(motion)
-        self.navigator.setpoints.confirmed(motion)
-
-    def failed(self, event: CommandFailed) -> None:
-        """The vehicle did not follow: once more in a moment, unless it was told another since."""
-        if not self.commanded_mode.failed(event.action):
-            return
-        self._context.say(f"the vehicle did not follow: {event.reason}")
-        if self.commanded_mode.refused_jumps >= JUMPS and not self.navigator.by_points:
-            self.navigator.by_points = True
-            self._context.say("the plan on board is not flown: flying to points instead")
-        self._context.retry_in(RETRY_S)
-
-    def let_go(self) -> None:
-        """The pilot flies."""
-        self.navigator.stop()
-        self.navigator.setpoints.forget()
-        self.commanded_mode.release()
-
-    # Ways.
-
-    def plan_to(self, goal: Goal) -> Motion | None:
-        """The first motion of a way to a goal; `navigator.progress` says whether there is one."""
-        return self.navigator.go(goal, self._context.heard)
-
-    @property
-    def refusal(self) -> str:
-        """Why there was no way."""
-        refusal = self.navigator.refusal
-        return refusal.reason if refusal is not None else "no clear way"
-
-    def advance(self, motion: Motion | None) -> None:
-        """Command the next motion, if any, and tell the state's handler where it stands."""
-        if motion is not None:
-            self.command(motion)
-            if not isinstance(motion, HoldHere):
-                self._waits_why = None
-        progress = self.navigator.progress
-        if progress is Progress.ARRIVED:
-            self._context.handler.arrived()
-        elif progress is Progress.NO_ROUTE:
-            self._context.handler.no_route(self.refusal)
-
-    def fly_to(self, goal: Goal) -> None:
-        """Set out for a goal."""
-        self.advance(self.plan_to(goal))
-
-    def fly_again(self) -> None:
-        """Set out for the same goal once more."""
-        self.advance(self.navigator.again(self._context.heard))
+    # Waiting.
 
     def wait_for_way(self, refusal: str) -> None:
         """Hover where no way is clear, unless it waits for another already."""
@@ -237,3 +261,53 @@ class CommandGate:
             self._context.say(f"holding: {why}")
         self.hold(why)
         self._context.retry_in(RETRY_S)
+
+    def goes_on(self) -> None:
+        """A way was found: the next reason to wait is news."""
+        self._waits_why = None
+
+    # What became of them.
+
+    def assume(self, mode: FlightMode) -> None:
+        """Take the vehicle in the mode that the pilot (or the start) put it in."""
+        self.pending = None
+        self.modes = frozenset({mode})
+
+    def confirmed(self, event: CommandConfirmed) -> None:
+        """The vehicle follows; an older command's late confirmation changes no mode."""
+        motion = event.action
+        if motion is self.pending:
+            self.assume(mode_of(motion))
+            if isinstance(motion, FlyToNode):
+                self.refused_jumps = 0
+        self.setpoints.confirmed(motion)
+
+    def failed(self, event: CommandFailed) -> None:
+        """The vehicle did not follow: once more in a moment, unless it was told another since."""
+        if event.action is not self.pending:
+            return
+        self.pending = self.last = None
+        self.refused_jumps += isinstance(event.action, FlyToNode)
+        self._context.say(f"the vehicle did not follow: {event.reason}")
+        if self.refused_jumps >= JUMPS and not self.by_points:
+            self.by_points = True
+            self._context.say("the plan on board is not flown: flying to points instead")
+        self._context.retry_in(RETRY_S)
+
+    def let_go(self) -> None:
+        """The pilot flies."""
+        self.stop()
+        self.setpoints.forget()
+        self.pending = self.last = None
+        self.modes = frozenset()
+
+
+def mode_of(motion: Motion) -> FlightMode:
+    """The flight mode in which a motion is flown."""
+    match motion:
+        case FlyToNode():
+            return FlightMode.MISSION
+        case LandHere():
+            return FlightMode.LAND
+        case _:
+            return FlightMode.HOLD

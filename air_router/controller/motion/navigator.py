@@ -10,122 +10,118 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from operator import attrgetter
+from typing import Final
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.pending_setpoints import (
-    REACTION_S,
-    PendingSetpoints,
-    stopping_point,
-)
-from air_router.routing.departure import PendingSetpoint
+from air_router.controller.model.mission_context import Goal, MissionContext, Progress, Way
+from air_router.controller.motion.command_gate import CommandGate, stopping_point
+from air_router.routing.departure import PendingSetpoint, names_of
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
-from geo.frame import Point, off_line_m
+from geo.airspace.airspace import FENCE
+from geo.frame import Point
 
-STOP_S = 4.0
+STOP_S: Final = 4.0
 """What stopping and setting out again takes: a way that avoids it may be longer by so much."""
 
-SETTLE_S = 2.0
-SETTLES = 5
+SETTLE_S: Final = 2.0
+SETTLES: Final = 5
 """How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
 
-STALL_S = 15.0
+STALL_S: Final = 15.0
 """A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
 
-ASTRAY_M = 2.0
+ASTRAY_M: Final = 2.0
 """Farther than this from what was checked for a leg, it is checked again from there."""
 
-STANDING_M_S = 0.5
+STANDING_M_S: Final = 0.5
 """Slower than this counts as hovering: estimates and gusts never read exactly zero."""
 
 
-class Progress(Enum):
-    """How far the flight to a goal is."""
-
-    IDLE = "nowhere to go"
-    FLYING = "on the way"
-    ARRIVED = "there"
-    NO_ROUTE = "no clear way from here"
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """Where to: a node of the plan, or any point."""
-
-    position: Point
-    node: int | None = None  # None: a point that is no node
-
-
+@dataclass(slots=True, eq=False)
 class Navigator:
-    """Takes the vehicle to one goal at a time.
+    """Takes the vehicle to one goal at a time; how far it is, stands in `MissionContext.way`.
 
-    `by_points`: nodes are flown to as any other point, because the vehicle does not fly its plan.
-    So they are while home is higher or lower than at take-off, and with it the items of the plan.
+    Nodes are flown to as points where the vehicle does not fly its plan (`CommandGate.by_points`),
+    and while home is higher or lower than at take-off, and with it the items of the plan.
 
     Args:
         context: Altitudes, the airspace that every leg must keep to, and routes in it.
-        reaction_s: For how long the vehicle flies on as it does before it follows a command.
-
-    Attributes:
-        setpoints: What it was told, and may follow any moment.
-        goal: Where to; None: nowhere.
-        leg: The leg under way.
-        progress: How far the flight to the goal is.
-        refusal: Why there is no way, once `progress` says so.
+        gate: Commands the legs; knows what the vehicle was told before.
     """
 
-    def __init__(self, context: MissionContext, *, reaction_s: float = REACTION_S) -> None:
-        mission = context.mission
-        self.reaction_s = reaction_s
-        self.by_points = False
-        self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
-        self.goal: Goal | None = None
-        self.leg: Leg | None = None
-        self.progress = Progress.IDLE
-        self.refusal: NoRoute | None = None
-        self._context = context
-        self._radius_m = mission.planner.acceptance_radius_m  # a leg's end so near is reached
-        self._legs: deque[Leg] = deque()  # behind the one under way
-        self._braking = False  # to look for a way again once it stands
-        self._settled = 0  # how often it looked again in vain
-        self._settle_until_s = -math.inf  # when it looks again, vehicle's clock
-        self._stands_since_s: float | None = None  # short of its leg's end
-        self._swept: tuple[Point, ...] = ()  # what the leg under way was checked for
+    _context: MissionContext
+    _gate: CommandGate
+    _settle_until_s: float = -math.inf  # when it looks again, vehicle's clock
 
-    def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
-        """Set out for a goal from where the vehicle is, however fast it moves.
+    # What handlers ask for.
 
-        Returns the motion to command; None with `progress` ARRIVED when there is nothing to fly.
-        When no way is clear at the present speed the vehicle is stopped first and asked again
-        when it stands; STRANDED, with `refusal` saying why, when it stands and still has no way.
+    def plan_to(self, goal: Goal) -> Motion | None:
+        """The first motion of a way to a goal from where the vehicle is, however fast it moves.
+
+        None with progress ARRIVED when there is nothing to fly. When no way is clear at the present
+        speed the vehicle is stopped first and asked again when it stands; NO_ROUTE, with `refusal`
+        saying why, when it stands and still has no way.
         """
-        self.goal = goal
-        self.leg = None
-        self._legs.clear()
-        self._braking = False
-        self._settled = 0
-        self._stands_since_s = None
-        self.refusal = None
-        return self._plan(telemetry)
+        self._context.way = Way(goal)
+        return self._plan()
+
+    def again(self) -> Motion | None:
+        """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
+        return self._plan() if self._context.way.goal is not None else None
+
+    def fly_to(self, goal: Goal) -> None:
+        """Set out for a goal."""
+        self.advance(self.plan_to(goal))
+
+    def fly_again(self) -> None:
+        """Set out for the same goal once more."""
+        self.advance(self.again())
+
+    def advance(self, motion: Motion | None) -> None:
+        """Command the next motion, if any, and tell the state's handler where it stands."""
+        if motion is not None:
+            self._gate.command(motion)
+            if not isinstance(motion, HoldHere):
+                self._gate.goes_on()
+        progress = self._context.way.progress
+        if progress is Progress.ARRIVED:
+            self._context.handler.arrived()
+        elif progress is Progress.NO_ROUTE:
+            self._context.handler.no_route(self.refusal)
+
+    def hover(self, position: Point) -> tuple[Point, str]:
+        """Where to hover for a place, and why not there; nothing if it is the place itself."""
+        place = self.hover_point(position)
+        if place == position:
+            return place, ""
+        airspace = self._context.mission.planning_airspace
+        holders = airspace.holders(position)
+        if FENCE in holders:
+            return place, "it is outside of the fence"
+        if holders:
+            return place, f"it is inside {names_of(holders)}"
+        if airspace.point_clear(position):
+            return place, "no clear way leads there"
+        return place, f"it is too close to {names_of((airspace.spare_m(position)[1],))}"
+
+    def hover_point(self, position: Point) -> Point:
+        """The place itself, or the nearest clear one that a clear way leads to from home."""
+        context = self._context
+        place = context.router.graph.paths.nearest(position, reachable_from=context.mission.home)
+        return place or position  # the router says why not
 
     @property
-    def ahead(self) -> tuple[Leg, ...]:
-        """The legs that are still to be flown, the one under way first."""
-        return () if self.leg is None else (self.leg, *self._legs)
+    def refusal(self) -> str:
+        """Why there was no way."""
+        refusal = self._context.way.refusal
+        return refusal.reason if refusal is not None else "no clear way"
 
-    def stop(self) -> None:
-        """Forget the goal."""
-        self.goal = None
-        self.leg = None
-        self._legs.clear()
-        self._braking = False
-        self.progress = Progress.IDLE
+    # Leg by leg.
 
     def update(self, telemetry: Telemetry, reached_node: int | None = None) -> Motion | None:
         """Follow the vehicle; returns the next leg's motion when it is time for it.
@@ -133,112 +129,112 @@ class Navigator:
         A leg's end is reached when the vehicle is within the acceptance radius, or when the
         autopilot says so (`reached_node`): either alone is enough, so none is missed.
         """
-        if self.progress is not Progress.FLYING:
-            return None
-        standing = math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
-        if self._braking or self.leg is None:
-            stopped = standing and not self.setpoints.open(telemetry)
-            return self._plan(telemetry) if stopped else None
-        leg = self.leg
+        way = self._context.way
+        leg, standing = way.leg, math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
+        if way.progress is not Progress.FLYING or way.braking or leg is None:
+            stops = way.progress is Progress.FLYING and standing
+            stopped = stops and not self._gate.setpoints.open(telemetry)
+            return self._plan() if stopped else None
         reported = reached_node is not None and reached_node == leg.node
-        if not reported and math.dist(telemetry.position, leg.to) > self._radius_m:
-            return self._on_the_way(leg, telemetry, standing=standing)
-        self._stands_since_s = None
-        if not self._legs:
-            self.leg = None
-            self.progress = Progress.ARRIVED
+        if not reported and math.dist(telemetry.position, leg.to) > self._gate.setpoints.near_m:
+            here, begin, end = telemetry.position, way.swept[0], way.swept[-1]
+            # In this ellipse around the straight leg no place is astray.
+            around_m = math.hypot(math.dist(begin, end), 2 * ASTRAY_M)
+            on_leg = math.dist(begin, here) + math.dist(here, end) <= around_m
+            if standing or not on_leg:
+                return self._on_the_way(leg, telemetry, standing=standing)
+            way.stands_since_s = None
             return None
-        if self.clear(telemetry, self._legs[0].to):
-            return self._command(self._legs.popleft(), telemetry)
+        way.stands_since_s = None
+        if not way.legs:
+            way.leg = None
+            way.progress = Progress.ARRIVED
+            return None
+        if self.clear(telemetry, way.legs[0].to):
+            return self._command(way.legs.popleft(), telemetry)
         refusal = "no leg on from here is clear, wherever it settles"
         return self._settle(telemetry, refusal) if standing else None
 
-    def again(self, telemetry: Telemetry) -> Motion | None:
-        """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
-        return self._plan(telemetry) if self.goal is not None else None
-
-    def hold_first(self) -> HoldHere:
-        """The leg just planned is not begun: the vehicle stops, and it is planned anew."""
-        self.leg = None
-        self._legs.clear()
-        self._braking = True
-        self.progress = Progress.FLYING
-        return HoldHere("an order from before may be under way; stopping to look again")
-
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
         """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
+        way = self._context.way
         if self._astray(telemetry.position):
-            return self._look_again(leg, telemetry)
-        if not standing:
-            self._stands_since_s = None
+            if not self.clear(telemetry, leg.to):
+                return self._plan()
+            self._sweep(leg, telemetry)
             return None
-        if self._stands_since_s is None:
-            self._stands_since_s = telemetry.time_s
-        if telemetry.time_s - self._stands_since_s < STALL_S:
+        if not standing:
+            way.stands_since_s = None
+            return None
+        if way.stands_since_s is None:
+            way.stands_since_s = telemetry.time_s
+        if telemetry.time_s - way.stands_since_s < STALL_S:
             return None
         return self._settle(telemetry, "the vehicle stands and does not go")
 
     def _astray(self, here: Point) -> bool:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
-        if not self._swept or off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
-            return False
-        swept = MultiPoint(self._swept).convex_hull
+        swept = MultiPoint(self._context.way.swept).convex_hull
         return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
 
     def off_its_leg(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
-        leg = self.leg if self.progress is Progress.FLYING else None
+        way = self._context.way
+        leg = way.leg if way.progress is Progress.FLYING else None
         return (
             leg is not None
             and self._astray(telemetry.position)
             and not self.clear(telemetry, leg.to)
         )
 
-    def _look_again(self, leg: Leg, telemetry: Telemetry) -> Motion | None:
-        """The rest of the leg from where the vehicle is now; another way if that is not clear."""
-        if self.clear(telemetry, leg.to):
-            self._sweep(leg, telemetry)
-            return None
-        return self._plan(telemetry)
-
     def _sweep(
-        self, leg: Leg, telemetry: Telemetry, pending: Sequence[PendingSetpoint] | None = None
+        self,
+        leg: Leg,
+        telemetry: Telemetry,
+        stopping: Point | None = None,
+        pending: Sequence[PendingSetpoint] | None = None,
     ) -> None:
         """Remember what was checked for a leg: all that it may sweep, however late it is told."""
-        if pending is None:
-            pending = self.setpoints.pending(telemetry)
-        stopping = stopping_point(telemetry, self.reaction_s)
+        gate = self._gate
+        if stopping is None or pending is None:
+            stopping = stopping_point(telemetry, gate.reaction_s)
+            pending = gate.setpoints.pending(telemetry)
         reaches = map(attrgetter("reach"), pending)
-        self._swept = (telemetry.position, stopping, *reaches, leg.to)
+        self._context.way.swept = (telemetry.position, stopping, *reaches, leg.to)
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""
         if telemetry.time_s < self._settle_until_s:
             return None
         self._settle_until_s = telemetry.time_s + SETTLE_S
-        self._settled += 1
-        if self._settled <= SETTLES:
-            self._stands_since_s = None
-            return self._plan(telemetry)
-        self.refusal = NoRoute(refusal)
-        self.progress = Progress.NO_ROUTE
+        way = self._context.way
+        way.settled += 1
+        if way.settled <= SETTLES:
+            way.stands_since_s = None
+            return self._plan()
+        way.refusal = NoRoute(refusal)
+        way.progress = Progress.NO_ROUTE
         return None
 
     def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
         """Whether a leg's end is so near that the vehicle may as well go for the next one."""
-        near = math.dist(telemetry.position, leg.to) <= self._radius_m
+        near = math.dist(telemetry.position, leg.to) <= self._gate.setpoints.near_m
         return near and self.clear(telemetry, following.to)
 
-    def _plan(self, telemetry: Telemetry) -> Motion | None:
+    def _plan(self) -> Motion | None:
         """The first motion of a way to the goal; the router has checked its first leg from here."""
-        assert self.goal is not None  # noqa: S101 - every caller has set one
-        target = self.goal.position if self.goal.node is None else self.goal.node
-        here, stopping = telemetry.position, stopping_point(telemetry, self.reaction_s)
-        pending = self.setpoints.pending(telemetry)
+        way, gate, telemetry = self._context.way, self._gate, self._context.telemetry
+        goal = way.goal
+        assert goal is not None  # noqa: S101 - every caller has set one
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
+        target = goal.position if goal.node is None else goal.node
+        here, stopping = telemetry.position, stopping_point(telemetry, gate.reaction_s)
+        pending = gate.setpoints.pending(telemetry)
         route = self._context.router.route(here, target, stopping=stopping, pending=pending)
         if (
             isinstance(route, Route)
             and pending
+            and len(route.legs) > 1
             and self._longer_than_a_stop(route, stopping, target)
         ):
             route = NoRoute("stopping first is quicker")
@@ -246,58 +242,72 @@ class Navigator:
             legs = deque(route.legs)
             while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
                 legs.popleft()
-            if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= self._radius_m):
-                self._legs.clear()
-                self.leg = None
-                self.progress = Progress.ARRIVED
+            near_m = gate.setpoints.near_m
+            if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= near_m):
+                way.legs.clear()
+                way.leg = None
+                way.progress = Progress.ARRIVED
                 # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
                 if legs or pending:
-                    return self._motion(Leg(self.goal.position, self.goal.node), telemetry)
+                    return self._motion(Leg(goal.position, goal.node), telemetry)
                 return None
-            self._legs = legs
+            way.legs = legs
             refusal = self._height_refusal(telemetry, legs[0].to)
             if refusal is None:
-                return self._command(legs.popleft(), telemetry, pending)
+                return self._command(legs.popleft(), telemetry, stopping, pending)
             route = refusal
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
-        if (moves and not self._braking) or self.setpoints.open(telemetry):
-            self._braking = True
-            self.progress = Progress.FLYING
+        if (moves and not way.braking) or gate.setpoints.open(telemetry):
+            way.braking = True
+            way.progress = Progress.FLYING
             return HoldHere("no clear way at this speed; stopping to look again")
-        self.refusal = route
-        self.progress = Progress.NO_ROUTE
+        way.refusal = route
+        way.progress = Progress.NO_ROUTE
         return None
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
         """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
-        if len(route.legs) == 1:
-            return False
         after = self._context.router.route(stopping, target)
         spare_m = STOP_S * self._context.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
     def _command(
-        self, leg: Leg, telemetry: Telemetry, pending: Sequence[PendingSetpoint] | None = None
+        self,
+        leg: Leg,
+        telemetry: Telemetry,
+        stopping: Point | None = None,
+        pending: Sequence[PendingSetpoint] | None = None,
     ) -> Motion:
-        self.leg = leg
-        self._sweep(leg, telemetry, pending)
-        self._braking = False
-        self.progress = Progress.FLYING
+        way = self._context.way
+        way.leg = leg
+        self._sweep(leg, telemetry, stopping, pending)
+        way.braking = False
+        way.progress = Progress.FLYING
         return self._motion(leg, telemetry)
 
     def _motion(self, leg: Leg, telemetry: Telemetry) -> Motion:
-        if leg.node is not None and not (self.by_points or _items_moved(telemetry)):
+        moved = telemetry.home_moved is not None and telemetry.home_moved.changes_heights
+        if leg.node is not None and not (self._gate.by_points or moved):
             return FlyToNode(leg.node, leg.to)
-        return FlyToPoint(leg.to, self._context.mission.altitude_of(leg.node))
+        mission = self._context.mission
+        if leg.node is None:
+            return FlyToPoint(leg.to, mission.altitude_above_home_m)
+        return FlyToPoint(leg.to, mission.altitude_of(leg.node))
 
-    def objection(self, motion: Motion, telemetry: Telemetry, now_s: float) -> str | None:
+    # Once more, in the vehicle's turn.
+
+    def objection(self, motion: Motion, now_s: float) -> str | None:
         """Why a motion decided a moment ago must not be commanded any more; None if it may."""
+        telemetry = self._context.telemetry
+        if motion is not self._gate.pending or telemetry is None:
+            return "it was called off"
         if isinstance(motion, HoldHere | LandHere):
             return None
         age_s = max(0.0, now_s - telemetry.time_s)
-        if age_s > self.reaction_s:
+        if age_s > self._gate.reaction_s:
             return "the vehicle's position is too old to check the leg from"
-        if isinstance(motion, FlyToNode) and _items_moved(telemetry):
+        moved = telemetry.home_moved
+        if isinstance(motion, FlyToNode) and moved is not None and moved.changes_heights:
             return "home was moved, and the plan's items with it"
         if not self.clear(telemetry, motion.position, age_s):
             return "the leg was no longer clear in its turn"
@@ -309,8 +319,8 @@ class Navigator:
         However late the command arrives: until then it may fly all the rest of its present leg.
         In `age_s` it has flown on from where it was when it said so.
         """
-        stopping = stopping_point(telemetry, self.reaction_s + age_s)
-        pending = self.setpoints.pending(telemetry)
+        stopping = stopping_point(telemetry, self._gate.reaction_s + age_s)
+        pending = self._gate.setpoints.pending(telemetry)
         return (
             self._context.router.check_leg(
                 telemetry.position, target, stopping=stopping, pending=pending
@@ -325,12 +335,7 @@ class Navigator:
         cruise, altitude_m = self._context.mission.cruise, telemetry.altitude_m
         if cruise.lower_m <= altitude_m <= cruise.upper_m:
             return None
-        stopping = stopping_point(telemetry, self.reaction_s + age_s)
-        places = [setpoint.place for setpoint in self.setpoints.pending(telemetry)]
+        stopping = stopping_point(telemetry, self._gate.reaction_s + age_s)
+        places = [setpoint.place for setpoint in self._gate.setpoints.pending(telemetry)]
         swept = (telemetry.position, stopping, *places, target)
         return self._context.router.off_cruise(altitude_m, swept)
-
-
-def _items_moved(telemetry: Telemetry) -> bool:
-    """Whether the plan's items lie higher or lower than planned, because home does."""
-    return telemetry.home_moved is not None and telemetry.home_moved.changes_heights

@@ -1,15 +1,122 @@
-"""Flying the waypoints in the operator's order: the states INIT and EXPL."""
+"""Flying the waypoints in the operator's order, and which is next: the states INIT and EXPL."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Final
 
-from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.mission_context import (
+    Goal,
+    MissionContext,
+    Progress,
+    StateHandler,
+)
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Progress
+from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.return_state import HomeReachability
-from air_router.controller.targets.exploration import Exploration
+from air_router.mission.mission import Waypoint
+from geo.frame import Point
+
+PASSING_M: Final = 15.0
+"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
+
+
+@dataclass(slots=True)
+class Exploration:
+    """The waypoints in the operator's order, explored once; resumes where it stopped.
+
+    Attributes:
+        waypoints: All of them.
+        left_out: Numbers of those that could not be visited.
+        here: Where the vehicle was last told to be; None before it flies.
+        began_s: When that was told first.
+    """
+
+    waypoints: Sequence[Waypoint]
+    _skipped: frozenset[int] = frozenset()  # numbers of waypoints that are left out
+    left_out: list[int] = field(default_factory=list)
+    here: Point | None = None
+    began_s: float | None = None
+    _next: int = 0  # index of the next waypoint
+    _passed_s: dict[int, float] = field(default_factory=dict)  # when each waypoint was passed last
+
+    @property
+    def remaining(self) -> int:
+        """How many waypoints are still to be visited."""
+        return sum(w.number not in self._skipped for w in self.waypoints[self._next :])
+
+    @property
+    def goal(self) -> Goal | None:
+        """The waypoint whose turn it is; None when none is left."""
+        turn = self._turn
+        if turn == len(self.waypoints):
+            return None
+        waypoint = self.waypoints[turn]
+        return Goal(waypoint.position, waypoint.number)
+
+    @property
+    def _turn(self) -> int:
+        """Whose turn it is in the operator's order; as many as there are when none is left."""
+        turn = self._next
+        while turn < len(self.waypoints) and self.waypoints[turn].number in self._skipped:
+            turn += 1
+        return turn
+
+    def skip(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
+        """Skip these waypoints from now on, and no others; which are new, and which are back.
+
+        One that is back is visited if its turn is still to come.
+        """
+        before, self._skipped = self._skipped, frozenset(numbers)
+        return sorted(self._skipped - before), sorted(before - self._skipped)
+
+    def visited(self) -> None:
+        """The waypoint whose turn it was is done."""
+        self._next = self._turn + 1
+
+    def leave_out(self) -> int:
+        """Give the waypoint whose turn it was up; returns its number."""
+        index = self._turn
+        number = self.waypoints[index].number
+        self.left_out.append(number)
+        self._next = index + 1
+        return number
+
+    def go_on(self, visited: int, left_out: Collection[int]) -> None:
+        """Another companion has visited so many, and left these of them out."""
+        self._next = visited
+        self.left_out = list(left_out)
+
+    def mark(self) -> tuple[int, int]:
+        """Where exploration stands, to come `back_to`."""
+        return self._next, len(self.left_out)
+
+    def back_to(self, mark: tuple[int, int]) -> None:
+        """Take back what was left out since a mark, which lies after the last visit."""
+        self._next, left_out = mark
+        del self.left_out[left_out:]
+
+    def passed(self, number: int, now_s: float) -> None:
+        """A waypoint is near."""
+        self._passed_s[number] = now_s
+
+    def longest_unseen(self) -> Goal:
+        """Where a robot may be that was never heard: the waypoint passed longest ago.
+
+        Of those never passed the one farthest from all that were, in the middle of the unknown.
+        """
+        passed = [w.position for w in self.waypoints if w.number in self._passed_s]
+
+        def rank(waypoint: Waypoint) -> tuple[float, float]:
+            away_m = min((math.dist(waypoint.position, p) for p in passed), default=0.0)
+            return self._passed_s.get(waypoint.number, -math.inf), -away_m
+
+        open_to_us = [w for w in self.waypoints if w.number not in self._skipped]
+        waypoint = min(open_to_us or self.waypoints, key=rank)
+        return Goal(waypoint.position, waypoint.number)
 
 
 @dataclass(slots=True, eq=False)
@@ -18,45 +125,48 @@ class ExploreState(StateHandler):
 
     Args:
         context: Where it says what is skipped, and signals that no waypoint is left.
-        gate: Flies there.
+        gate: Has it wait.
+        navigator: Flies there.
         exploration: Whose turn it is.
         reachability: Whether zones leave a way home: without one no waypoint is skipped.
     """
 
     _context: MissionContext
     _gate: CommandGate
+    _navigator: Navigator
     _exploration: Exploration
     _reachability: HomeReachability
 
     def begin(self) -> None:
         """Fly to the waypoint whose turn it is, or say that none is left."""
-        gate, exploration = self._gate, self._exploration
+        gate, navigator, exploration = self._gate, self._navigator, self._exploration
         if self._reachability.walls is not None:
             # What cannot be reached from home is skipped already.
-            gate.navigator.stop()
+            gate.stop()
             gate.wait_here("no waypoint can be reached from here: no clear way home")
             return
         refusals = []
         mark = exploration.mark()
         while (goal := exploration.goal) is not None:
-            motion = gate.plan_to(goal)
-            if gate.navigator.progress is Progress.FLYING:
+            motion = navigator.plan_to(goal)
+            if self._context.way.progress is Progress.FLYING:
                 break
-            if gate.navigator.progress is Progress.NO_ROUTE:
-                refusals.append(self._left_out(gate.refusal))
+            if self._context.way.progress is Progress.NO_ROUTE:
+                refusals.append(self._left_out(navigator.refusal))
             else:
                 exploration.visited()
                 mark = exploration.mark()
         if refusals and goal is None:
             # All can be reached from home, or the mission would not fly: it is this place.
             exploration.back_to(mark)
-            gate.navigator.stop()
-            gate.wait_here(f"no waypoint can be reached from here: {gate.refusal}")
+            why = navigator.refusal
+            gate.stop()
+            gate.wait_here(f"no waypoint can be reached from here: {why}")
             return
         for refusal in refusals:
             self._context.say(refusal)
         if goal is not None:
-            gate.advance(motion)
+            navigator.advance(motion)
         else:
             self._context.signal(Signal.EXPLORED)
 
@@ -72,10 +182,10 @@ class ExploreState(StateHandler):
 
     def retry(self) -> None:
         """To the same waypoint, or to the first that can be reached."""
-        if self._gate.navigator.goal is None:
+        if self._context.way.goal is None:
             self.begin()
         else:
-            self._gate.fly_again()
+            self._navigator.fly_again()
 
     replan = begin
 

@@ -1,4 +1,4 @@
-"""Flying to requested points: whether that can be done, and the state GOTO."""
+"""What is flown on request: to points, and whether that can be done (GOTO); nowhere (HOLD)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.actions import Refusal
-from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, Refusal
+from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
 from air_router.controller.model.states import Signal
-from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import STANDING_M_S, Goal
-from air_router.controller.motion.pending_setpoints import stopping_point
-from air_router.controller.targets.search_points import Search
+from air_router.controller.motion.command_gate import CommandGate, stopping_point
+from air_router.controller.motion.navigator import STANDING_M_S, Navigator
 from air_router.messages import FARTHEST_M
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.routing.return_planner import LANDING_MARGIN, Way
@@ -71,15 +69,13 @@ class GotoValidator:
 
     Args:
         context: The airspace, and the routes in it.
-        search: Where to hover for a place that is not clear.
+        navigator: Where to hover for a place that is not clear.
     """
 
     _context: MissionContext
-    _search: Search
+    _navigator: Navigator
 
-    def goto_task(
-        self, telemetry: Telemetry, points: Sequence[Point], hold_s: float, by: str
-    ) -> GotoTask | Refused:
+    def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask | Refused:
         """Look at every point, the ways between them, and what the way home then takes."""
         stops: list[Point] = []
         notes: list[str] = []
@@ -90,18 +86,18 @@ class GotoValidator:
                 return Refused(Refusal.OUTSIDE_FENCE, away)
             if FENCE in self._context.mission.airspace.holders(point):
                 return Refused(Refusal.OUTSIDE_FENCE, f"{name} lies outside of the fence")
-            hover, why = self._search.hover(point)
+            hover, why = self._navigator.hover(point)
             if why:
                 beside_m = math.dist(point, hover)
                 notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
             stops.append(hover)
-        refused = self.way(telemetry, [Goal(stop) for stop in stops], hold_s)
+        refused = self.way([*map(Goal, stops)], hold_s)
         return refused or GotoTask(tuple(stops), hold_s, by, tuple(notes))
 
-    def way(
-        self, telemetry: Telemetry, goals: Sequence[Goal], hold_s: float = 0.0
-    ) -> Refused | None:
+    def way(self, goals: Sequence[Goal], hold_s: float = 0.0) -> Refused | None:
         """Why these goals cannot be flown to, one after the other, and home from there."""
+        telemetry = self._context.telemetry
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         here = telemetry.position
         length_m, legs = 0.0, 0
         for number, goal in enumerate(goals, start=1):
@@ -155,32 +151,32 @@ class GotoState(StateHandler):
 
     Args:
         context: Where it signals that it sets out, and that no point is left to fly to.
-        gate: Flies there.
+        navigator: Flies there.
 
     Attributes:
         goto_task: The points that it was sent to on request, last.
     """
 
     _context: MissionContext
-    _gate: CommandGate
+    _navigator: Navigator
     goto_task: GotoTask | None = None
     _there_since_s: float | None = None  # at the point whose turn it is
 
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
         """Fly a task, and hover for `left_s` at its end; None: as long as it says."""
         self.goto_task = goto_task
-        self._context.carry(goto_task.hold_s if left_s is None else left_s)
+        self._context.carried_s = goto_task.hold_s if left_s is None else left_s
         self._context.signal(Signal.GOTO)
 
     def begin(self) -> None:
         """Fly to the point whose turn it is."""
         self._there_since_s = None
         if self.goto_task is not None:
-            self._gate.fly_to(self.goto_task.goal)
+            self._navigator.fly_to(self.goto_task.goal)
 
     def arrived(self) -> None:
         """On to the next point once it stands here; the state's timer runs at the last."""
-        if self._context.timer_runs or not self._settled:
+        if self._context.ends_s is not None or not self._settled:
             return
         if not self._next():
             self._context.start_timer()
@@ -195,7 +191,7 @@ class GotoState(StateHandler):
 
     def retry(self) -> None:
         """To the same point."""
-        self._gate.fly_again()
+        self._navigator.fly_again()
 
     replan = begin
 
@@ -214,3 +210,42 @@ class GotoState(StateHandler):
             self._there_since_s = now_s
         stands = telemetry is not None and math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
         return stands or now_s - self._there_since_s >= SETTLING_S
+
+
+@dataclass(slots=True, eq=False)
+class HoldState(StateHandler):
+    """Stops, and stays there; or at the end of the leg, where that is as near.
+
+    Args:
+        context: How fast the vehicle is, and where.
+        gate: Stops it.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+
+    def begin(self) -> None:
+        """Stop."""
+        ending = self._stops_anyway()
+        self._gate.stop()
+        if not ending:
+            self._gate.hold("hold was requested")
+
+    def no_route(self, refusal: str) -> None:
+        """Stay."""
+        self._gate.wait_for_way(refusal)
+
+    retry = begin
+
+    def _stops_anyway(self) -> bool:
+        """Whether the leg under way ends no farther off than braking now would.
+
+        To brake once more there makes a vehicle stop later, perhaps beyond what was checked.
+        """
+        gate, telemetry = self._gate, self._context.telemetry
+        last = gate.last
+        if gate.pending or telemetry is None or not isinstance(last, FlyToNode | FlyToPoint):
+            return False
+        here = telemetry.position
+        rest = stopping_point(telemetry, gate.reaction_s)
+        return math.dist(here, last.position) <= math.dist(here, rest)

@@ -9,13 +9,28 @@ from typing import Final
 
 from air_router.controller.model.actions import PublishMap
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
-from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.mission_context import (
+    Goal,
+    MissionContext,
+    Progress,
+    StateHandler,
+)
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import Progress
-from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.search_points import RadioEvent, Search, SearchPoint
-from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
+from air_router.controller.motion.navigator import Navigator
+from air_router.controller.states.explore_state import Exploration
+from air_router.controller.states.search_points import Search, SearchPoint
+from air_router.controller.targets.target_list import Sighting
+from mocha_link.links.metrics import (
+    ContactBegan,
+    ContactEnded,
+    Direction,
+    SyncEnded,
+    SyncStarted,
+)
+
+RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
+"""What tells that a robot's radio is heard where the vehicle is."""
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -30,21 +45,19 @@ class SearchState(StateHandler):
 
     Args:
         context: Where it signals that the robot was found, or that no robot can be sought.
-        gate: Flies there.
-        search: Whom to seek, and where.
+        gate: Has it hold.
+        navigator: Flies there.
+        search: The robots, and where to seek them.
         exploration: What else there is to do; None: this vehicle only searches.
         name: This UAV's: of two that seek the same robot, the lower name keeps it.
-
-    Attributes:
-        robot: Who is sought or hovered over; None while no robot is.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _search: Search
+    _navigator: Navigator
+    search: Search
     _exploration: Exploration | None
     _name: str
-    robot: str | None = None
     _wanted: str | None = None  # by a request, to be sought next
     _asked_for: str | None = None  # by a request, sought now
 
@@ -66,49 +79,49 @@ class SearchState(StateHandler):
         One that is sought already, if it `goes_on`, is not tried once more by that.
         """
         for point in self._candidates(first):
-            motion = self._gate.plan_to(point.goal)
-            if self._gate.navigator.progress is not Progress.NO_ROUTE:
-                self.robot = point.robot
+            motion = self._navigator.plan_to(point.goal)
+            if self._context.way.progress is not Progress.NO_ROUTE:
+                self._context.robot = point.robot
                 if not (goes_on and point.robot == first):
-                    self._search.targets.sought(point.robot)
+                    self.search.targets.sought(point.robot)
                 self._context.say(f"SEARCH {point.robot}: {point.reason}")
-                self._gate.advance(motion)
+                self._navigator.advance(motion)
                 return
-            self._context.say(f"no way to {point.robot}: {self._gate.refusal}")
+            self._context.say(f"no way to {point.robot}: {self._navigator.refusal}")
         self._no_target()
 
     def arrived(self) -> None:
         """Wait for it here."""
-        if not self._context.timer_runs:
+        if self._context.ends_s is None:
             self._context.start_timer()
-            self._context.say(f"at the search position of {self.robot}")
+            self._context.say(f"at the search position of {self._context.robot}")
 
     def no_route(self, refusal: str) -> None:
         """Give it up."""
-        self._context.say(f"no way to {self.robot}: {refusal}")
+        self._context.say(f"no way to {self._context.robot}: {refusal}")
         self._no_target()
 
     def retry(self) -> None:
         """To the same place, or choose again if no robot could be sought."""
-        if self.robot is None:
+        if self._context.robot is None:
             self.begin()
         else:
-            self._gate.fly_again()
+            self._navigator.fly_again()
 
     def replan(self) -> None:
         """Seek the same robot, if there is a way to it now."""
-        self._set_out(self.robot, goes_on=True)
+        self._set_out(self._context.robot, goes_on=True)
 
     def _candidates(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
         now_s = self._context.now_s
         if first is not None:
-            yield self._search.search_point(first, now_s)
-        yield from (point for point in self._search.search_points(now_s) if point.robot != first)
+            yield self.search.search_point(first, now_s)
+        yield from (point for point in self.search.search_points(now_s) if point.robot != first)
 
     def _no_target(self) -> None:
-        self.robot = None
-        self._gate.navigator.stop()
+        self._context.robot = None
+        self._gate.stop()
         if self._exploration is not None and self._exploration.remaining:
             self._context.signal(Signal.NO_TARGET)
         else:
@@ -117,59 +130,67 @@ class SearchState(StateHandler):
 
     def follow(self, *, force: bool = False) -> None:
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
-        if self.robot is None:
+        context, robot = self._context, self._context.robot
+        track = None if robot is None else self.search.targets.tracks.get(robot)
+        if robot is None or track is None or track.pose is None:
             return
-        if self._context.state is State.SEARCH and self._search.foresees:
-            over = self._search.ahead_of(self.robot, self._context.now_s)
+        if context.state is State.SEARCH and self.search.foresees:
+            point = self.search.search_point(robot, context.now_s)
+            hover, beside_m = point.goal, point.beside_m
         else:
-            over = self._search.over(self.robot)
-        if over is None:
-            return
-        (hover, beside_m), goal = over, self._gate.navigator.goal
+            place = self._navigator.hover_point(track.pose.position)
+            hover, beside_m = Goal(place), math.dist(track.pose.position, place)
+        goal = context.way.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return
         if beside_m > 0:
-            self._context.say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
-        self._gate.fly_to(hover)
+            context.say(f"no hovering over {robot}: waiting {beside_m:.0f} m beside it")
+        self._navigator.fly_to(hover)
 
     # What is heard of robots.
 
     def pose_heard(self, event: RobotPose) -> None:
         """A robot is, or was, there; its own pose from itself means that it was found."""
-        news = self._search.targets.pose_heard(
-            event.robot, event.position, event.stamp_s, self._context.now_s
-        )
-        if not news or event.robot != self.robot:
+        context, track = self._context, self.search.targets.tracks.get(event.robot)
+        if track is None or not track.pose_heard(event.position, event.stamp_s, context.now_s):
             return
-        if self._context.state is State.SEARCH and event.peer == event.robot:
-            self._context.signal(Signal.FOUND)
-        elif self._context.spec.seeks:
+        if event.robot != context.robot:
+            return
+        if context.state is State.SEARCH and event.peer == event.robot:
+            context.signal(Signal.FOUND)
+        elif context.spec.seeks:
             self.follow()
 
     def path_heard(self, event: RobotPath) -> None:
         """A robot will drive there."""
-        news = self._search.targets.path_heard(
-            event.robot, event.points, event.stamp_s, self._context.now_s
-        )
-        searching = self._context.state is State.SEARCH and event.robot == self.robot
-        if news and searching and self._search.foresees:
+        context, track = self._context, self.search.targets.tracks.get(event.robot)
+        if track is None or not track.path_heard(event.points, event.stamp_s, context.now_s):
+            return
+        searching = context.state is State.SEARCH and event.robot == context.robot
+        if searching and self.search.foresees:
             self.follow()
 
     def radio_heard(self, event: RadioEvent) -> None:
-        """A robot's radio was heard."""
-        self._search.heard(event, self._context.now_s)
+        """A robot's radio was heard: it is near."""
+        track, here = self.search.targets.tracks.get(event.peer), self.search.exploration.here
+        if track is None:
+            return
+        if here is not None:
+            track.radio = Sighting(here, self._context.now_s)
+        if isinstance(event, SyncEnded) and event.complete:
+            track.synced(event.direction, self._context.now_s)
 
     def sought_by_other(self, event: RobotSought) -> None:
         """Another UAV seeks a robot: one of the two goes on, if it is ours."""
-        targets, now_s = self._search.targets, self._context.now_s
-        news = targets.sought_by_other(event.by, event.robot, now_s)
+        context, targets = self._context, self.search.targets
+        news = targets.sought_by_other(event.by, event.robot, context.now_s)
         # A requested robot is not given up.
-        free = self._context.state is State.SEARCH and self.robot != self._asked_for
-        ours = free and self.robot is not None and self.robot == event.robot
+        free = context.state is State.SEARCH and context.robot != self._asked_for
+        ours = free and context.robot is not None and context.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
-        if ours and news and event.by < self._name and targets.free(now_s):
-            self._context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
-            self._context.signal(Signal.YIELDED)
+        if ours and news and event.by < self._name and targets.free(context.now_s):
+            context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
+            context.signal(Signal.YIELDED)
 
 
 @dataclass(slots=True, eq=False)
@@ -195,8 +216,8 @@ class CommState(StateHandler):
         """Have the newest map ready, and go over the robot."""
         self._began.clear()
         self._synced.clear()
-        self._context.do(PublishMap())
-        self._context.say(f"COMM {self._search_state.robot}: found")
+        self._context.actions.append(PublishMap())
+        self._context.say(f"COMM {self._context.robot}: found")
         self._search_state.follow(force=True)
 
     def no_route(self, refusal: str) -> None:
@@ -211,13 +232,13 @@ class CommState(StateHandler):
 
     def sync_started(self, event: SyncStarted) -> None:
         """Data begin to flow."""
-        if event.peer == self._search_state.robot:
+        if event.peer == self._context.robot:
             self._began.add(event.direction)
         self._search_state.radio_heard(event)
 
     def sync_ended(self, event: SyncEnded) -> None:
         """One direction has everything."""
-        if event.peer == self._search_state.robot and event.direction in self._began:
+        if event.peer == self._context.robot and event.direction in self._began:
             self._began.discard(event.direction)
             self._synced.add(event.direction)
         self._search_state.radio_heard(event)

@@ -13,9 +13,8 @@ from typing import Final
 from air_router.controller.model.mission_context import StateHandler
 from air_router.controller.model.states import From, Requests, Signal, Spec, State
 from air_router.controller.states.explore_state import ExploreState
-from air_router.controller.states.goto_state import GotoState
-from air_router.controller.states.hold_state import HandsOffState, HoldState, LandState
-from air_router.controller.states.return_state import ReturnState
+from air_router.controller.states.goto_state import GotoState, HoldState
+from air_router.controller.states.return_state import HandsOffState, LandState, ReturnState
 from air_router.controller.states.search_state import CommState, SearchState
 
 # Common to states in the air: home when duration, battery or operator demand it; hands off when a

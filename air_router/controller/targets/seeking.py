@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, Protocol
 
+from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.target_list import (
     NEVER_HEARD,
     RECENT_POSE_S,
     SearchPlace,
     TargetList,
 )
-from air_router.controller.targets.target_track import PredictedPath
 from air_router.files.settings import SeekPolicy
 from geo.frame import Point
 
@@ -153,7 +153,7 @@ class Freshest:
         return self._meeting(robot, targets, context).place
 
     def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
-        known = targets[robot]
+        known = targets.tracks[robot]
         meeting = self._meeting(robot, targets, context)
         arrival_s = context.now_s + meeting.flight_s
         course = targets.course(robot)

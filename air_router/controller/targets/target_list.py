@@ -1,12 +1,16 @@
-"""Whom to seek next, and where: the list of robots and what is known of them."""
+"""Whom to seek: the robots, and where each is and will be, from what it said and when that came."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
+from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
 from mocha_link.links.metrics import Direction
 
@@ -21,6 +25,198 @@ SOUGHT_BY_OTHER_S = 180.0
 
 NEVER_HEARD: Final = "never heard, so where the UAV passed longest ago"
 """Why a robot is sought at no place in particular."""
+
+USUAL_SPEED_M_S: Final = 1.0
+"""Of a ground robot, where no robot's speed is known."""
+
+_SPEEDS_M_S: Final = (0.1, 5.0)
+"""Slower is standing; faster is a jump of its position, not a drive."""
+
+_STRETCH_S: Final = (5.0, 120.0)
+"""Speed is measured between poses so far apart: noise counts in shorter, corners in longer."""
+
+_STRETCHES: Final = 12
+
+_LEFT_M: Final = 15.0
+_LEFT_S: Final = 60.0
+"""A pose so far off a path, and so much younger, says that the robot does not follow it."""
+
+_SET_BACK: Final = 3
+"""So many stamps in a row that keep step with our clock say what a robot's clock shows now."""
+
+_BEFORE_S: Final = 30.0
+"""A pose so much older than a path does not say where on it the robot is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where a robot was, and when."""
+
+    position: Point
+    stamp_s: float  # on the robot's clock, of a pose
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """The path that a robot said it would take, and when it said so, in its Unix seconds."""
+
+    points: tuple[Point, ...]  # the last is its destination
+    stamp_s: float
+
+
+@dataclass(slots=True)
+class _Stamps:
+    """The stamps of one topic of a robot, in its own seconds, against when they came.
+
+    What is stamped no later than the newest is old, carried by others. But a robot whose clock was
+    set back, or that stamped one message with a time to come, would never be heard again: stamps
+    that go on at the pace at which they come, `_SET_BACK` one after the other, are its clock.
+
+    Attributes:
+        newest_s: The newest.
+        behind_s: What its clock is behind ours at least, by the least delay of a message.
+    """
+
+    newest_s: float = -math.inf
+    behind_s: float = math.inf
+    _late: tuple[float, float] | None = None  # the last old stamp, and when it came
+    _in_step: int = 0  # late stamps in a row that fit together
+
+    def news(self, stamp_s: float, now_s: float) -> bool:
+        """Whether a message is newer than all before; `now_s` is our clock."""
+        if not math.isfinite(stamp_s):
+            return False
+        set_back = stamp_s <= self.newest_s and self._set_back(stamp_s, now_s)
+        if set_back:
+            self.behind_s = math.inf
+        self.behind_s = min(self.behind_s, now_s - stamp_s)
+        if stamp_s <= self.newest_s and not set_back:
+            return False
+        self.newest_s, self._late, self._in_step = stamp_s, None, 0
+        return True
+
+    def _set_back(self, stamp_s: float, now_s: float) -> bool:
+        before, self._late = self._late, (stamp_s, now_s)
+        passed_s = 0.0 if before is None else now_s - before[1]
+        ticked_s = 0.0 if before is None else stamp_s - before[0]
+        in_step = 0.5 * passed_s < ticked_s < 1.5 * passed_s
+        self._in_step = self._in_step + 1 if in_step else 0
+        return self._in_step >= _SET_BACK
+
+
+@dataclass(slots=True)
+class TargetTrack:
+    """What is known of one robot.
+
+    Clocks of robots differ, from ours and from each other's. A robot's stamps are compared with
+    its own, and moved to our clock by the least delay that any of its messages had, as one-way
+    measurements of clocks do: what came straight from the robot was hardly delayed. So what came
+    through others is as old as it is, not as old as its arrival.
+
+    Attributes:
+        robot: Its name.
+        pose: Its newest pose, at a time in the robot's Unix seconds.
+        path: Its newest path, likewise.
+        news_s: When anything new about it arrived.
+        radio: Where the vehicle was when it last heard the robot's radio, on the vehicle's clock.
+        taken_s: When we last had everything from it.
+        given_s: When it last had everything from us.
+        tries: How often it was sought since the last news.
+    """
+
+    robot: str
+    pose: Sighting | None = None
+    path: Intent | None = None
+    news_s: float | None = None
+    radio: Sighting | None = None
+    taken_s: float | None = None
+    given_s: float | None = None
+    tries: int = 0
+    _poses: _Stamps = field(default_factory=_Stamps)  # clock of its poses
+    _paths: _Stamps = field(default_factory=_Stamps)  # clock of its paths
+    # poses some seconds apart, for its speed
+    _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=_STRETCHES + 1))
+
+    def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
+        """Take its pose in; True if it is newer than the one known before."""
+        if not self._poses.news(stamp_s, now_s):
+            return False
+        if self.pose is not None and stamp_s <= self.pose.stamp_s:  # its clock was set back
+            self._marks.clear()
+        self.pose = Sighting(position, stamp_s)
+        if not self._marks or stamp_s - self._marks[-1].stamp_s >= _STRETCH_S[0]:
+            self._marks.append(self.pose)
+        self.news_s, self.tries = now_s, 0
+        return True
+
+    def path_heard(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
+        """Take the path that it published in; True if it is news."""
+        if not points or not self._paths.news(stamp_s, now_s):
+            return False
+        self.path = Intent(points, stamp_s)
+        self.news_s, self.tries = now_s, 0
+        return True
+
+    def synced(self, direction: Direction, now_s: float) -> None:
+        """Everything that one side held has gone to the other."""
+        if direction is Direction.IN:
+            self.taken_s = now_s
+        else:
+            self.given_s = now_s
+
+    @property
+    def word_s(self) -> float | None:
+        """When it said the newest that we know of it, on our clock; None: never heard of."""
+        said = [self.ours_s(word.stamp_s) for word in (self.pose, self.path) if word is not None]
+        return max(said, default=None)
+
+    @property
+    def speed_m_s(self) -> float | None:
+        """How fast it drives when it drives: the middle one of its latest stretches."""
+        stretches = [
+            math.dist(a.position, b.position) / (b.stamp_s - a.stamp_s)
+            for a, b in pairwise(self._marks)
+            if b.stamp_s - a.stamp_s <= _STRETCH_S[1]
+        ]
+        slowest, fastest = _SPEEDS_M_S
+        driven = [speed for speed in stretches if speed >= slowest]
+        return min(median(driven), fastest) if driven else None
+
+    def ours_s(self, stamp_s: float) -> float:
+        """A time on the robot's clock, on ours."""
+        return stamp_s + min(self._poses.behind_s, self._paths.behind_s)
+
+    def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> PredictedPath | None:
+        """Where it will be; None if it was never heard of.
+
+        From its newest pose on along its path; when that was over and its radio was heard, from
+        there.
+
+        Args:
+            usual_m_s: How fast it drives if that is not known.
+        """
+        speed_m_s = self.speed_m_s or usual_m_s
+        said, radio = self._said(speed_m_s), self.radio
+        if radio is not None and (said is None or radio.stamp_s > said.end_s):
+            return PredictedPath((radio.position,), radio.stamp_s, speed_m_s)
+        return said
+
+    def _said(self, speed_m_s: float) -> PredictedPath | None:
+        """Where it said that it will be.
+
+        A path that it has left counts no more, nor does a pose from long before the path.
+        """
+        pose, path = self.pose, self.path
+        if path is None:
+            if pose is None:
+                return None
+            return PredictedPath((pose.position,), self.ours_s(pose.stamp_s), speed_m_s)
+        if pose is None or path.stamp_s - pose.stamp_s > _BEFORE_S:
+            return PredictedPath(path.points, self.ours_s(path.stamp_s), speed_m_s)
+        ahead, off_m = ahead_of(path.points, pose.position)
+        if off_m > _LEFT_M and pose.stamp_s - path.stamp_s > _LEFT_S:
+            ahead = ()
+        return PredictedPath((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,56 +237,24 @@ class TargetList:
     """
 
     names: tuple[str, ...]  # in the mission's order
-    _records: dict[str, TargetTrack] = field(default_factory=dict)  # by name
+    tracks: dict[str, TargetTrack] = field(default_factory=dict)  # by name
     _last_sought: str | None = None  # the turn goes on after it
     # sought by other UAVs, and when heard
     _others: dict[str, tuple[str | None, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._records = {name: TargetTrack(name) for name in self.names}
-
-    def pose_heard(self, robot: str, position: Point, stamp_s: float, now_s: float) -> bool:
-        """Take a robot's pose in; True if it is newer than the one known before."""
-        record = self._records.get(robot)
-        return record is not None and record.pose_heard(position, stamp_s, now_s)
-
-    def path_heard(
-        self, robot: str, points: tuple[Point, ...], stamp_s: float, now_s: float
-    ) -> bool:
-        """Take the path that a robot published in; True if it is news."""
-        record = self._records.get(robot)
-        return record is not None and record.path_heard(points, stamp_s, now_s)
-
-    def radio_heard(self, peer: str, here: Point, now_s: float) -> None:
-        """A peer's radio was heard: it is near."""
-        record = self._records.get(peer)
-        if record is not None:
-            record.radio_heard(here, now_s)
-
-    def synced(self, peer: str, direction: Direction, now_s: float) -> None:
-        """Everything that one side held has gone to the other."""
-        record = self._records.get(peer)
-        if record is None:
-            return
-        if direction is Direction.IN:
-            record.taken_s = now_s
-        else:
-            record.given_s = now_s
-
-    def __getitem__(self, robot: str) -> TargetTrack:
-        """What is known of a robot."""
-        return self._records[robot]
+        self.tracks = {name: TargetTrack(name) for name in self.names}
 
     def position_of(self, robot: str) -> Point | None:
         """The newest known position of a robot."""
-        record = self._records.get(robot)
+        record = self.tracks.get(robot)
         return record.pose.position if record is not None and record.pose is not None else None
 
     def course(self, robot: str) -> PredictedPath | None:
         """Where a robot will be; one whose speed is not known drives as the others do."""
-        speeds_m_s = [r.speed_m_s for r in self._records.values()]
+        speeds_m_s = [track.speed_m_s for track in self.tracks.values()]
         known_m_s = [speed_m_s for speed_m_s in speeds_m_s if speed_m_s is not None]
-        return self._records[robot].course(median(known_m_s) if known_m_s else USUAL_SPEED_M_S)
+        return self.tracks[robot].course(median(known_m_s) if known_m_s else USUAL_SPEED_M_S)
 
     def candidates(self, now_s: float) -> tuple[str, ...]:
         """Robots in the order in which they are to be tried.
@@ -117,7 +281,7 @@ class TargetList:
     def sought(self, robot: str) -> None:
         """Remember that it was this robot's turn."""
         self._last_sought = robot
-        self._records[robot].tries += 1
+        self.tracks[robot].tries += 1
 
     def sought_by_other(self, by: str, robot: str | None, now_s: float) -> bool:
         """Take in whom another UAV seeks (None: no robot); True unless that was known already."""
@@ -136,7 +300,7 @@ class TargetList:
         A recent pose; else the end of its path; else its last pose, however old; else nowhere
         in particular (`position` None: look where one has not been for longest).
         """
-        record = self._records[robot]
+        record = self.tracks[robot]
         pose, path = record.pose, record.path
         recent = record.news_s is not None and now_s - record.news_s <= RECENT_POSE_S
         if pose is not None and recent:
@@ -155,5 +319,5 @@ class TargetList:
         }
 
     def _is_lost(self, robot: str, now_s: float) -> bool:
-        news_s = self._records[robot].news_s
+        news_s = self.tracks[robot].news_s
         return news_s is not None and now_s - news_s > LOST_AFTER_S

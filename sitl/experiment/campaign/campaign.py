@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.counted import counted
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from sitl.experiment.campaign.process_pool import Failed, Finished, Lost, Outcome, ProcessPool, Work
 from sitl.experiment.campaign.runs import MixedRunsError, usable
 from sitl.experiment.plan import Experiment, Phase, Record, Row, Task

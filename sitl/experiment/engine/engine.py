@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from air_router.controller.motion.pending_setpoints import REACTION_S
+from air_router.controller.motion.command_gate import REACTION_S
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored

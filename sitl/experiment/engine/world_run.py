@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.errors import UsageError
 from air_router.files.settings import SeekPolicy
 from air_router.gossip.gossip import MAP_INTERVAL_S

@@ -13,8 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from air_router.controller.controller import Controller
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import Controller, FlightSetup
 from air_router.controller.model.actions import (
     Action,
     FlyToNode,

@@ -5,7 +5,7 @@ import pty
 import pytest
 
 from air_router.control.command_request import parse_command
-from air_router.control.console import listening
+from air_router.flight.terminal import listening
 
 
 @pytest.fixture

@@ -19,10 +19,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from air_router.cli.cli import main
-from air_router.control.budget import COSTLY_PER_S, Budget
 from air_router.control.command_request import (
+    COSTLY_PER_S,
     MAX_BYTES,
     MODELS,
+    Budget,
     CommandRequestError,
     command_request_of,
     parse_command,
@@ -34,7 +35,7 @@ from air_router.control.control import (
     ControlUnreachableError,
 )
 from air_router.control.control_server import ControlServer, endpoint_of
-from air_router.controller.model.requests import GoTo, HoldNow
+from air_router.controller.model.events import GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.command_service import CommandService
 from air_router.flight.mission_reloader import ReloadReport

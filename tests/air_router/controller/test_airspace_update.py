@@ -6,7 +6,6 @@ import random
 
 import pytest
 
-from air_router.controller.airspace_update import Phase
 from air_router.controller.model.actions import (
     CommandAck,
     FlyToNode,
@@ -15,8 +14,17 @@ from air_router.controller.model.actions import (
     ReadAgain,
     RenewPlan,
 )
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
-from air_router.controller.model.requests import GoOn, HoldNow, Reload, SeekNow
+from air_router.controller.model.events import (
+    AirspaceChanged,
+    GoOn,
+    HoldNow,
+    PlanRenewed,
+    Reload,
+    RobotPose,
+    RobotSought,
+    SeekNow,
+)
+from air_router.controller.model.mission_context import ZoneChange
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
@@ -68,7 +76,7 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
 ):
     flight = cruising(pretend)
     before, speed = flight.mission, flight.mission.speed_m_s
-    stops_m = speed * (flight.controller.navigator.reaction_s + speed / 4.0)
+    stops_m = speed * (flight.controller.gate.reaction_s + speed / 4.0)
     zone = Zone("new", Circle(Point(*ahead(flight, share * stops_m + 20.0)), 20.0))
     now = before.with_areas(before.fences, (*before.zones, zone))
     found = flight.controller.airspace_update._reached(before, now, flight.controller.telemetry)
@@ -104,7 +112,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
 
 def test_a_leg_that_stays_clear_is_flown_on(pretend):
     flight = cruising(pretend)
-    commanded, leg = len(flight.motions), flight.controller.navigator.leg
+    commanded, leg = len(flight.motions), flight.controller.context.way.leg
     change(flight, box((300.0, 300.0)))
     flight.step()
     assert boarding(flight) == 1
@@ -309,7 +317,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
                 due = flight.now_s + chance.uniform(0.5, 5.0)
         if boarding(flight) and due is not None and flight.now_s > due:
             flight.give(PlanRenewed())
-            due = None if flight.controller.airspace_update.phase is None else due
+            due = None if flight.controller.context.zones is None else due
         for zone in zones:
             far_m = Airspace(None, [zone], 0.0).distance_m(flight.position)
             if far_m >= 5.0:
@@ -508,7 +516,7 @@ def enclosed(pretend, **changes):
     for zone in walls(flight.position):
         drawn.append(zone)
         change(flight, *drawn)
-        flight.fly_until(lambda: flight.controller.airspace_update.phase is Phase.UPLOADING, 10.0)
+        flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
         if flight.controller.no_way_home:  # what the mission has beside it is a wall too
@@ -578,7 +586,7 @@ def test_a_change_of_zones_is_no_further_try_to_find_a_robot(pretend):
         change(flight, box((300.0, 300.0 + 30.0 * number), name=f"new {number}"))
         flight.fly_until(lambda n=number: boarding(flight) == n + 1, 20.0)
         flight.give(PlanRenewed())
-    assert flight.controller.search.targets["io"].tries == 1
+    assert flight.controller.search.targets.tracks["io"].tries == 1
 
 
 def test_a_way_that_is_not_there_is_said_once(pretend):

@@ -17,14 +17,19 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import (
     AirspaceChanged,
+    ComeHome,
     CommandFailed,
+    ExploreNow,
+    GoOn,
+    GoTo,
+    HoldNow,
     PlanRenewed,
     RobotPose,
     RobotSought,
+    SeekNow,
 )
-from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
-from air_router.controller.monitor.safety_monitor import FOREIGN_TARGET_M
+from air_router.controller.safety_monitor import FOREIGN_TARGET_M
 from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
@@ -248,7 +253,7 @@ def test_what_was_held_is_gone_on_with(in_state, state):
     flight = in_state(state)
     robot, goto_task = flight.controller.robot, flight.controller.goto_task
     ask(flight, HoldNow())
-    assert (flight.controller.robot, flight.controller.navigator.goal) == (None, None)
+    assert (flight.controller.robot, flight.controller.context.way.goal) == (None, None)
     ask(flight, HoldNow())  # once more changes nothing
     answer, _ = ask(flight, GoOn())
     assert answer.accepted
@@ -310,7 +315,7 @@ def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     answer, _ = ask(flight, SeekNow("io"))
     assert answer.why == "it seeks io: its last position"
     assert (flight.controller.state, flight.controller.robot) == (State.SEARCH, "io")
-    assert flight.controller.navigator.goal.position == ROBOT
+    assert flight.controller.context.way.goal.position == ROBOT
     flight.give(RobotSought("aardvark", "io", 1.0))
     assert flight.controller.robot == "io"
     flight.fly_to_state(State.EXPL)  # no robot was met there
@@ -526,7 +531,7 @@ def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):
         return route(start, Point(0.0, 5000.0) if goal == closed else goal, **more)
 
     monkeypatch.setattr(flight.router, "route", without)
-    flight.controller.navigator.again(flight.telemetry())
+    flight.controller.navigator.again()
     flight.fly_until(lambda: any("point 1 left out" in text for text in flight.said), 60.0)
     flight.fly_until(lambda: math.dist(flight.position, FAR[1]) < 2.0, 300.0)
     closed = FAR[1]
@@ -572,7 +577,7 @@ def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state
     flight.pilot_chooses(FlightMode.HOLD)
     assert ask(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))
-    flight.controller.return_state.come_home("the climb does not go on")
+    flight.controller.context.come_home("the climb does not go on")
     assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 

@@ -4,10 +4,9 @@ import math
 
 import pytest
 
-from air_router.controller.control_authority import COMPARED_S
+from air_router.controller.control_authority import COMPARED_S, SilenceReminder
 from air_router.controller.model.actions import ControlHolder, FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.events import RobotPose
-from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
+from air_router.controller.model.events import ComeHome, GoOn, HoldNow, RobotPose
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced
@@ -380,3 +379,10 @@ def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend)
     assert {type(motion) for motion in flight.motions[before:]} <= {HoldHere}
     flight.give(PlanCompared(flight.now_s, None))
     assert isinstance(flight.motions[-1], FlyToNode | FlyToPoint)
+
+
+def test_a_silence_is_told_at_once_and_then_now_and_then():
+    silence = SilenceReminder()
+    told = [s for s in range(3, 26) if silence.news(float(s)) is not None]
+    assert told == [3, 13, 23]
+    assert silence.news(3.0) is not None

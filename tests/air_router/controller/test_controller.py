@@ -12,10 +12,9 @@ from air_router.controller.model.actions import (
     HoldHere,
     PublishMap,
 )
-from air_router.controller.model.events import PeerFault, RobotPose
-from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.events import ComeHome, PeerFault, RobotPose
 from air_router.controller.model.states import State
-from air_router.controller.targets.search_points import Search
+from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
 from air_router.vehicle.vehicle import FlightMode, ItemReached, LinkSilent
 from geo.airspace.airspace import Airspace
@@ -94,7 +93,7 @@ def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
     robot = flight.controller.robot
     flight.give(RobotPose(robot, CORNERS["io"], 10.0, "europa"))
     assert flight.controller.state is State.SEARCH
-    assert flight.controller.navigator.goal.position == CORNERS["io"]
+    assert flight.controller.context.way.goal.position == CORNERS["io"]
     flight.give(RobotPose(robot, CORNERS["io"], 11.0, robot))
     assert flight.controller.state is State.COMM
 
@@ -138,7 +137,7 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight.robots = {"callisto": inside}
     flight.take_off()
     flight.fly_to_state(State.COMM)
-    goal = flight.controller.navigator.goal.position
+    goal = flight.controller.context.way.goal.position
     assert flight.mission.planning_airspace.point_clear(goal)
     assert any("no hovering over callisto" in text for text in flight.said)
 
@@ -159,22 +158,22 @@ def test_a_repeated_report_of_an_earlier_node_does_not_skip_one(pretend):
     flight = pretend()
     flight.take_off()
     flight.fly_until(lambda: flight.controller.exploration.remaining == 37)
-    before = flight.controller.navigator.leg
+    before = flight.controller.context.way.leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(1)))
-    assert flight.controller.navigator.leg == before
+    assert flight.controller.context.way.leg == before
 
 
 def test_the_autopilot_s_report_alone_is_enough_to_go_on(pretend):
     flight = pretend()
     flight.take_off()
-    leg = flight.controller.navigator.leg
+    leg = flight.controller.context.way.leg
     flight.position = Point(leg.to.east_m + 2.5, leg.to.north_m)  # outside our radius, inside PX4's
     flight.velocity = (0.0, 0.0)
     flight.target = None
     flight.step()
-    assert flight.controller.navigator.leg == leg
+    assert flight.controller.context.way.leg == leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(leg.node)))
-    assert flight.controller.navigator.leg != leg
+    assert flight.controller.context.way.leg != leg
 
 
 def island(pretend):
@@ -208,7 +207,7 @@ def test_a_robot_that_no_way_leads_to_is_sought_from_outside(pretend):
 
 def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend, monkeypatch):
     flight = island(pretend)
-    monkeypatch.setattr(Search, "_hover_point", lambda _, place: place)
+    monkeypatch.setattr(Navigator, "hover_point", lambda _, place: place)
     flight.fly_until(lambda: any("no way to io" in text for text in flight.said))
     assert flight.controller.state is State.SEARCH
     commanded, said = len(flight.motions), len(flight.said)
@@ -226,8 +225,10 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
     flight.fly_until(lambda: flight.controller.exploration.remaining == 35)
     flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
     flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
-    flight.controller.navigator.go(flight.controller.exploration.goal, flight.telemetry())
-    flight.controller.gate.advance(None)
+    controller = flight.controller
+    controller.context.telemetry = flight.telemetry()
+    controller.navigator.plan_to(controller.exploration.goal)
+    controller.navigator.advance(None)
     assert flight.controller.exploration.remaining >= 34
     flight.position = here
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2000.0)
@@ -255,11 +256,11 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
     assert "called off" in controller.objection(motion, now_s)
-    controller.commanded_mode.commanded(motion)
+    controller.gate.send(motion)
     assert controller.objection(motion, now_s) is None
     assert "too old" in controller.objection(motion, now_s + 1.0)
     across = FlyToPoint(Point(1e4, 0.0), 40.0)
-    controller.commanded_mode.commanded(across)
+    controller.gate.send(across)
     assert "no longer clear" in controller.objection(across, now_s)
     flight.pilot_chooses(FlightMode.OTHER)
     assert "called off" in controller.objection(across, flight.now_s)

@@ -5,8 +5,7 @@ import math
 import pytest
 
 from air_router.controller.model.actions import CommandAck, LandHere, Refusal
-from air_router.controller.model.events import AirspaceChanged
-from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
+from air_router.controller.model.events import AirspaceChanged, ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
@@ -77,7 +76,7 @@ def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, be
 
 
 def test_a_mission_that_goes_on_lands_at_home_again(holding):
-    holding.controller.return_state.land_on_request("kim")
+    assert asked(holding, LandNow(by="kim")).accepted
     holding.pilot_chooses(type(holding.mode).POSITION)
     assert holding.controller.state is State.PASSIVE
     holding.pilot_chooses(type(holding.mode).HOLD)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
-from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
+from air_router.controller.model.events import ExploreNow, GoTo, HoldNow, SeekNow
+from air_router.controller.model.mission_context import Ending
 from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.states.table import STATES, transitions
 from geo.frame import Point
@@ -55,7 +56,7 @@ def in_state(pretend, state):
 
 def signalled(flight, signal):
     """What a signal makes of a controller in a state of its own, without an event around it."""
-    context = flight.controller._context
+    context = flight.controller.context
     context.actions = []
     context.signal(signal)
     return context.actions
@@ -78,7 +79,8 @@ def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, sta
     if spec.timer is not None:
         limit_s = getattr(flight.mission.timers, spec.timer)
         waits = spec.timer_from is From.ARRIVAL
-        assert controller.time_left_s == (None if waits else limit_s)
+        left_s = None if waits else pytest.approx(limit_s)
+        assert controller.time_left_s == left_s
     if not spec.keeps_target:
         assert controller.robot is None
 
@@ -88,7 +90,7 @@ def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, sta
 def test_what_may_be_asked_in_a_state(pretend, state, request_):
     flight = in_state(pretend, state)
     if state in {State.HOME, State.LAND}:
-        flight.controller.return_state.why = "2 s of mission are over"  # not to be called off
+        flight.controller.context.ending = Ending("2 s of mission are over")  # not to be called off
     acts = flight.controller.handle(request_, flight.now_s)
     ack = next(action for action in acts if isinstance(action, CommandAck))
     refused = {

@@ -11,10 +11,9 @@ from datetime import UTC, datetime
 import pytest
 
 from air_router.control.command_request import View
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import FlyToNode, StateChanged
-from air_router.controller.model.events import CommandConfirmed
-from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.events import CommandConfirmed, HoldNow
 from air_router.errors import (
     ArmingRefusedError,
     ExitCode,
@@ -24,7 +23,7 @@ from air_router.errors import (
     RefusedError,
 )
 from air_router.flight.flight import Flight
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.airspaces import FlightWindow
 from air_router.preflight.card import PreflightRefusedError

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import ReadAgain
-from air_router.controller.model.events import AirspaceChanged
-from air_router.controller.model.requests import Reload
+from air_router.controller.model.events import AirspaceChanged, Reload
 from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
 from air_router.flight.flight import Flight
 from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
-from air_router.flight.status import StatusLine
+from air_router.flight.terminal import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, Seeking
-from air_router.controller.model.events import RobotPose, RobotSought
-from air_router.controller.model.requests import ComeHome, GoOn
+from air_router.controller.model.events import ComeHome, GoOn, RobotPose, RobotSought
 from air_router.controller.model.states import State
 from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, TargetList
 from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip
@@ -107,7 +106,7 @@ def test_a_robot_that_another_uav_seeks_comes_last_for_some_minutes():
 
 def test_even_a_lost_robot_is_sought_before_one_that_another_uav_seeks():
     targets = TargetList(("callisto", "europa"))
-    targets.pose_heard("callisto", Point(0.0, 0.0), 1.0, 0.0)
+    targets.tracks["callisto"].pose_heard(Point(0.0, 0.0), 1.0, 0.0)
     now_s = 2000.0
     targets.sought_by_other("atlas", "europa", now_s)
     assert targets.candidates(now_s) == ("callisto", "europa")

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.events import AirspaceChanged
-from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.events import AirspaceChanged, HoldNow
 from air_router.controller.model.states import State
 from air_router.errors import UsageError
 from air_router.flight.command_service import CommandService

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
 from air_router.live.playback import Playback, RecordedFlight

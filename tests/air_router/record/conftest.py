@@ -2,7 +2,7 @@
 
 import pytest
 
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.states import Signal, State

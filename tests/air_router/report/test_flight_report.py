@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import (
     Announce,
     CommandAck,
@@ -23,11 +23,14 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import (
     AirspaceChanged,
+    ComeHome,
     CommandFailed,
+    GoTo,
+    HoldNow,
     PlanRenewed,
     RobotPose,
+    SeekNow,
 )
-from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import Signal, State
 from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder

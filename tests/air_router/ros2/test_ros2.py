@@ -28,7 +28,7 @@ from air_router.control.command_request import CommandRequestError, command_requ
 from air_router.control.control import ControlClient, ControlError, ControlUnreachableError
 from air_router.control.control_server import ControlServer
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.requests import ExploreNow
+from air_router.controller.model.events import ExploreNow
 from air_router.controller.model.states import State
 from air_router.flight.command_service import CommandService
 from air_router.flight.flight_stats import FlightStats

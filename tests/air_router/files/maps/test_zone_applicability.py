@@ -6,9 +6,10 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import Goal, MissionContext, Progress
 from air_router.controller.model.states import State
-from air_router.controller.motion.navigator import Goal, Navigator, Progress
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Navigator
 from air_router.errors import ExitCode, MissionFileError
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, HomeAltitudeError, Reference
 from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
@@ -219,18 +220,18 @@ def test_no_leg_crosses_a_zone_at_whose_altitude_it_is_not_flown(
     tmp_path, altitude, within, beside, why
 ):
     mission = load(tmp_path, zone([50, 40], f"altitude: {{{altitude}}}"))
-    router = PretendFlight(mission).router
-    beyond = Goal(Point(50.0, 90.0))
-    navigator = Navigator(MissionContext(mission, router))
-    assert navigator.go(beyond, telemetry(beside)) is not None
-    assert navigator.progress is Progress.FLYING
-    navigator = Navigator(MissionContext(mission, router))
-    assert navigator.go(beyond, telemetry(within)) is None
-    assert navigator.progress is Progress.NO_ROUTE
+    context = MissionContext(mission, PretendFlight(mission).router)
+    navigator = Navigator(context, CommandGate(context, None))
+    beyond, context.telemetry = Goal(Point(50.0, 90.0)), telemetry(beside)
+    assert navigator.plan_to(beyond) is not None
+    assert context.way.progress is Progress.FLYING
+    context.telemetry = telemetry(within)
+    assert navigator.plan_to(beyond) is None
+    assert context.way.progress is Progress.NO_ROUTE
     told = f"the vehicle is {within:.0f} m above home, {why}"
-    assert navigator.refusal.reason.startswith(told)
-    assert navigator.refusal.blockers == ("z",)
-    assert navigator.go(Goal(Point(90.0, 0.0)), telemetry(within)) is not None
+    assert context.way.refusal.reason.startswith(told)
+    assert context.way.refusal.blockers == ("z",)
+    assert navigator.plan_to(Goal(Point(90.0, 0.0))) is not None
 
 
 @pytest.mark.parametrize(("altitude", "within_m"), [("upper_m: 10", 8.0), ("lower_m: 80", 90.0)])

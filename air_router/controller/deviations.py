@@ -1,4 +1,4 @@
-"""What telemetry shows to be off what was planned: home moved, height, clearance, speed. Pure.
+"""What telemetry shows to be off what was planned: height, clearance, speed; and when it ends.
 
 Each deviation is told when it begins. What follows is in this table; nothing follows while a pilot
 flies, zones are being changed, or the vehicle lands.
@@ -16,6 +16,8 @@ flies, zones are being changed, or the vehicle lands.
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
 | much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |
+| the battery at its reserve, or little above what the way home takes | at once | home |
+| the mission's duration is over | at once | home |
 """
 
 from __future__ import annotations
@@ -23,16 +25,18 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import partial
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.command_gate import CommandedMode
+from air_router.controller.model.states import Signal, State
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.safety_monitor import HomeWatch, Response
+from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
-from air_router.vehicle.height_frame import HomeMove
+from air_router.routing.return_planner import LANDING_MARGIN, WayHome
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -57,9 +61,6 @@ CLIMB_M_S: Final = 6.0
 """An altitude that changes by more than this, on top of what a climb at that speed makes in the
 time, has not been flown."""
 
-_HOME_AGAIN_M: Final = 2.0
-"""A home that was told to be moved is told again when it is so much elsewhere."""
-
 NOISE_M: Final = 0.25
 """What a position wanders by is no loss of clearance."""
 
@@ -69,8 +70,6 @@ _NEARER_STILL_M: Final = 1.0
 DOUBT_M: Final = 3.5
 DOUBT_HOME_M: Final = 6.0
 """The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
-
-_AVERAGE_S: Final = 4.0
 
 FASTER_M_S: Final = 0.5
 FASTER: Final = 1.1
@@ -82,19 +81,12 @@ SLOW_S: Final = 5.0
 SLOW_M: Final = 10.0
 """A leg of which more than this is left is flown faster than this share, after some seconds."""
 
+HOLD_S: Final = 2.0
+"""A vehicle that holds for a deviation stands after so long, and goes on."""
+
 TIMES: Final = 3
 WITHIN_S: Final = 180.0
 """What has happened so often in that time will happen again."""
-
-
-class Response(Enum):
-    """What follows a deviation."""
-
-    TELL = "nothing but words"
-    HOLD = "it holds, and goes on when it stands"
-    WAIT = "it holds until the deviation is over"
-    BACK = "the deviation is over: what waited goes on"
-    HOME = "it comes home"
 
 
 class Deviation(NamedTuple):
@@ -106,20 +98,18 @@ class Deviation(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Deviations:
-    """Looks at every telemetry.
+    """Looks at every telemetry of a vehicle that flies its mission by our commands.
 
-    Attributes:
-        waits: Its altitude has jumped, and it holds until that is over: no leg is begun.
+    Args:
+        context: What was planned.
+        gate: What the vehicle was told last; has it hold.
+        home: Where the autopilot's home is, and what the satellites say of the altitude.
     """
 
     _context: MissionContext
-    waits: bool = False
-    _home_told: HomeMove | None = None  # where home was moved to, as announced
+    _gate: CommandGate
+    _home: HomeWatch
     _before: tuple[float, float] | None = None  # time, altitude above sea level
-    # The altitude of the satellite receiver beside the autopilot's, since the take-off.
-    _receiver_began_m: float | None = None
-    _receiver_off_m: float = 0.0  # how far apart they drifted, smoothed
-    _receiver_at_s: float = 0.0  # of the telemetry before
     _receiver_told_m: float = 0.0  # the greatest limit announced
     _out_m: float = 0.0  # the least that it was off its altitudes lately
     _out_since_s: float | None = None  # since when it came no nearer
@@ -134,49 +124,45 @@ class Deviations:
     _slow_told: bool = False  # until it is faster again
     _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
 
-    def home(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether the autopilot's home was moved since it was told last, in any state."""
-        if telemetry.gps_amsl_m is not None and telemetry.altitude_amsl_m is not None:
-            off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
-            if self._receiver_began_m is None:
-                self._receiver_began_m, self._receiver_at_s = off_m, telemetry.time_s
-            passed_s = max(telemetry.time_s - self._receiver_at_s, 0.0)
-            share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
-            self._receiver_off_m += share * (off_m - self._receiver_began_m - self._receiver_off_m)
-            self._receiver_at_s = telemetry.time_s
-        moved, told = telemetry.home_moved, self._home_told
-        if moved is None:
-            self._home_told = None
-            return None if told is None else Deviation(Response.BACK, "home is back in its place")
-        if told is not None and math.dist(moved, told) < _HOME_AGAIN_M:
-            return None
-        self._home_told = moved
-        amsl_m = telemetry.altitude_amsl_m
-        before_m = None if amsl_m is None else amsl_m - telemetry.altitude_m
-        words = f"home was moved: {moved.words(before_m)}"
-        if not moved.changes_heights:
-            return Deviation(Response.TELL, f"{words}; the autopilot's own Return flies there")
-        if told is not None and abs(moved.up_m - told.up_m) < _HOME_AGAIN_M:
-            return Deviation(Response.TELL, words)  # its place is told in a message of its own
-        return Deviation(Response.HOLD, f"{words}; heights count from the take-off as before")
+    def keep(self, telemetry: Telemetry, moved: Response | None) -> None:
+        """Have the vehicle keep to what was planned, and say where it does not.
 
-    def look(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> list[Deviation]:
-        """What is off now, on a vehicle that flies its mission by our commands."""
+        Args:
+            telemetry: What is looked at.
+            moved: What follows home having been moved just now, which is told already.
+        """
+        if moved is not None:
+            self._respond(moved, "home was moved", said=True)
+        in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
         found = (
             self._height(telemetry),
-            self._in_doubt(telemetry) if abs(self._receiver_off_m) >= DOUBT_M else None,
+            self._in_doubt(telemetry) if in_doubt else None,
             self._clearance(telemetry),
-            self._speed(telemetry, commanded_mode),
+            self._speed(telemetry),
         )
-        return [*filter(None, found)]
+        for deviation in filter(None, found):
+            self._respond(*deviation)
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
-        self.waits = False
+        self._context.jumped = False
         self._before = self._out_since_s = self._fast_since_s = self._slow_since_s = None
         self._fast_told = True  # it may come out of another's flight, and brakes
         self._off_since_s = self._back_since_s = None
         self._spare_told_m, self._spare = 0.0, None
+
+    def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
+        context = self._context
+        if response is Response.HOME and context.knows(Signal.COME_HOME):
+            context.come_home(words)
+            return
+        holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
+        if not said:
+            context.say(f"{words}: holding" if holds else words)
+        if holds:
+            self._gate.hold(words)
+        if response is not Response.TELL:
+            context.retry_in(0.0 if response is Response.BACK else HOLD_S)
 
     # Height.
 
@@ -193,7 +179,7 @@ class Deviations:
             words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words)
-            self.waits = True
+            self._context.jumped = True
             self._off_since_s, self._back_since_s = now_s, None
             return Deviation(Response.WAIT, words)
         if self._off_since_s is not None:
@@ -215,12 +201,14 @@ class Deviations:
                 self._back_since_s = now_s
             if now_s - self._back_since_s < BACK_S:
                 return None
-            self.waits, self._off_since_s, self._out_since_s = False, None, None
+            self._context.jumped = False
+            self._off_since_s = self._out_since_s = None
             return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again")
         self._back_since_s = None
         if now_s - off_since_s < OFF_HOME_S:
             return None
-        self.waits, self._off_since_s = False, math.inf  # once, until it is back
+        self._context.jumped = False
+        self._off_since_s = math.inf  # once, until it is back
         return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}")
 
     def _off(self, altitude_m: float) -> str:
@@ -263,22 +251,20 @@ class Deviations:
 
     # Speed.
 
-    def _speed(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
+    def _speed(self, telemetry: Telemetry) -> Deviation | None:
         commanded_m_s = self._context.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
         if speed_m_s > SLOW * commanded_m_s:
             self._slow_since_s = None
         if speed_m_s > FASTER * commanded_m_s + FASTER_M_S:
-            return self._fast(telemetry, commanded_mode, speed_m_s)
+            return self._fast(telemetry, speed_m_s)
         self._fast_since_s, self._fast_told = None, False
         if speed_m_s <= SLOW * commanded_m_s:
-            return self._slow(telemetry, commanded_mode, speed_m_s)
+            return self._slow(telemetry, speed_m_s)
         return None
 
-    def _fast(
-        self, telemetry: Telemetry, commanded_mode: CommandedMode, speed_m_s: float
-    ) -> Deviation | None:
+    def _fast(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         if self._fast_since_s is None:
             self._fast_since_s = telemetry.time_s
         if self._fast_told or telemetry.time_s - self._fast_since_s < FAST_S:
@@ -288,16 +274,14 @@ class Deviations:
             f"it flies {speed_m_s:.1f} m/s and was told {self._context.mission.speed_m_s:.1f} m/s: "
             "another ground station changed its speed, or the wind carries it"
         )
-        if isinstance(commanded_mode.last, HoldHere):  # for another reason; it brakes
+        if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
             return Deviation(Response.TELL, words)
         return self._again(telemetry.time_s, words)
 
-    def _slow(
-        self, telemetry: Telemetry, commanded_mode: CommandedMode, speed_m_s: float
-    ) -> Deviation | None:
-        leg = commanded_mode.last
+    def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
+        leg = self._gate.last
         far = (
-            commanded_mode.pending is None
+            self._gate.pending is None
             and isinstance(leg, FlyToNode | FlyToPoint)
             and math.dist(telemetry.position, leg.position) > SLOW_M
         )
@@ -316,11 +300,11 @@ class Deviations:
     def _in_doubt(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the satellites' altitude has left the autopilot's."""
         for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
-            if abs(self._receiver_off_m) >= limit_m > self._receiver_told_m:
+            if abs(self._home.receiver_off_m) >= limit_m > self._receiver_told_m:
                 self._receiver_told_m = limit_m
                 words = (
                     f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
-                    f"{telemetry.altitude_m + self._receiver_off_m:.0f} m by the satellites"
+                    f"{telemetry.altitude_m + self._home.receiver_off_m:.0f} m by the satellites"
                 )
                 return Deviation(response, words)
         return None
@@ -331,3 +315,56 @@ class Deviations:
             self._times.clear()
             return Deviation(Response.HOME, words)
         return Deviation(Response.HOLD, words)
+
+
+@dataclass(slots=True, eq=False)
+class ReturnMonitor:
+    """Decides when the mission ends, and says where no way leads home.
+
+    Args:
+        context: The charge, and since when the mission is in the air.
+        reachability: Whether zones leave a way home.
+    """
+
+    _context: MissionContext
+    _reachability: HomeReachability
+    _way_home: WayHome = field(default_factory=WayHome)
+
+    @property
+    def need_home(self) -> float | None:
+        """The charge that flying home from here takes; None when unknown, or on the way already."""
+        return self._way_home.need_now if self._context.knows(Signal.COME_HOME) else None
+
+    def check(self, telemetry: Telemetry) -> None:
+        """End the mission if it is time; say it, loudly, where no way leads home."""
+        context, reachability = self._context, self._reachability
+        if context.state is not State.LAND and (
+            telemetry.time_s >= reachability.look_at_s
+            or reachability.walls is not None
+            or reachability.among is not context.mission
+        ):
+            news = reachability.look(telemetry, due=context.state is State.HOME)
+            if news is not None:
+                context.say(news)
+        if Signal.COME_HOME in context.spec.on:
+            why = self.due(telemetry)
+            if why is not None:
+                context.come_home(why)
+
+    def due(self, telemetry: Telemetry) -> str | None:
+        """Why the vehicle comes home now; None to stay out."""
+        context, mission, charge = self._context, self._context.mission, telemetry.battery
+        need_home = None
+        if context.pace.endurance_s is not None:
+            need_home = self._way_home.need(telemetry, context.router)
+        if charge is not None and charge <= mission.battery_reserve:
+            return f"battery at {charge:.0%}"
+        if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
+            return (
+                f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
+                f"{LANDING_MARGIN:.0%} are to be left on the ground"
+            )
+        airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
+        if mission.duration_s is not None and airborne_s >= mission.duration_s:
+            return f"{mission.duration_s:.0f} s of mission are over"
+        return None

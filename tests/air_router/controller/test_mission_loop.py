@@ -4,8 +4,7 @@ import itertools
 import math
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.events import CommandConfirmed, CommandFailed, RobotPose
-from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.events import ComeHome, CommandConfirmed, CommandFailed, RobotPose
 from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point
@@ -21,11 +20,11 @@ def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(pretend):
     flight = pretend(duration_s=200.0)
     flight.take_off()
     flight.fly_away()
-    leg = flight.controller.navigator.leg
+    leg = flight.controller.context.way.leg
     commanded = len(flight.motions)
     off_track(flight, 3.0, 3.0)
     flight.step()
-    assert flight.controller.navigator.leg is leg
+    assert flight.controller.context.way.leg is leg
     assert len(flight.motions) == commanded  # clear from there as well: it flies on
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
@@ -35,16 +34,17 @@ def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
     flight = pretend(duration_s=600.0)
     flight.take_off()
     flight.fly_away()
-    navigator = flight.controller.navigator
+    way = flight.controller.context.way
     behind = next(
         Point(*where)
         for where in itertools.product(range(-150, 100, 5), repeat=2)
         if flight.mission.planning_airspace.point_clear(Point(*where))
-        and not flight.mission.airspace.leg_clear(Point(*where), navigator.leg.to)
+        and not flight.mission.airspace.leg_clear(Point(*where), way.leg.to)
     )
     flight.position = behind
     flight.step()
-    assert isinstance(flight.motions[-1], HoldHere) or navigator.leg.to != flight.motions[-2]
+    leg = flight.controller.context.way.leg
+    assert isinstance(flight.motions[-1], HoldHere) or leg.to != flight.motions[-2]
     track_from = len(flight.track)
     flight.fly_until(lambda: flight.finished is not None)
     after = flight.track[track_from:]
@@ -100,10 +100,10 @@ def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(pret
     flight.take_off()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 20.0)
     flight._act = flight.actions.append  # neither confirmed nor failed
-    flight.fly_until(lambda: isinstance(flight.controller.commanded_mode.pending, FlyToNode))
-    jump, commanded = flight.controller.commanded_mode.pending, len(flight.motions)
+    flight.fly_until(lambda: isinstance(flight.controller.gate.pending, FlyToNode))
+    jump, commanded = flight.controller.gate.pending, len(flight.motions)
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(jump.node)))
-    assert flight.controller.commanded_mode.pending is jump
+    assert flight.controller.gate.pending is jump
     assert len(flight.motions) == commanded
 
 

@@ -22,16 +22,16 @@ def test_robots_take_turns():
 
 def test_a_recent_pose_says_where_to_look():
     robots = targets()
-    robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
+    robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
+    robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=5.0 + RECENT_POSE_S)
     assert place.position == Point(1, 2)
 
 
 def test_after_a_while_the_end_of_the_path_says_where_to_look():
     robots = targets()
-    robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
+    robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
+    robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=6.0 + RECENT_POSE_S)
     assert place.position == Point(9, 9)
     assert "path" in place.reason
@@ -40,8 +40,8 @@ def test_after_a_while_the_end_of_the_path_says_where_to_look():
 def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
     for older_s, where in ((59.0, Point(9, 9)), (61.0, Point(1, 2))):
         robots = targets()
-        robots.pose_heard("io", Point(1, 2), stamp_s=200.0, now_s=200.0)
-        robots.path_heard("io", (Point(9, 9),), stamp_s=200.0 - older_s, now_s=200.0)
+        robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=200.0, now_s=200.0)
+        robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=200.0 - older_s, now_s=200.0)
         assert robots.place("io", now_s=500.0).position == where
 
 
@@ -56,7 +56,7 @@ def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
 
 def test_without_a_path_the_last_pose_however_old():
     robots = targets()
-    robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
+    robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert robots.place("io", now_s=5000.0).position == Point(1, 2)
 
 
@@ -66,33 +66,26 @@ def test_a_robot_never_heard_of_has_no_place():
 
 def test_old_news_changes_nothing():
     robots = targets()
-    assert robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    assert not robots.pose_heard("io", Point(3, 4), stamp_s=100.0, now_s=6.0)
-    assert not robots.pose_heard("io", Point(3, 4), stamp_s=99.0, now_s=6.0)
+    assert robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
+    assert not robots.tracks["io"].pose_heard(Point(3, 4), stamp_s=100.0, now_s=6.0)
+    assert not robots.tracks["io"].pose_heard(Point(3, 4), stamp_s=99.0, now_s=6.0)
     assert robots.position_of("io") == Point(1, 2)
-    assert robots.path_heard("io", (Point(9, 9),), stamp_s=100.0, now_s=6.0)
-    assert not robots.path_heard("io", (Point(8, 8),), stamp_s=100.0, now_s=6.0)
-
-
-def test_unknown_robots_are_ignored():
-    robots = targets()
-    assert not robots.pose_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    assert not robots.path_heard("mallory", (Point(1, 2),), stamp_s=100.0, now_s=5.0)
-    assert robots.position_of("mallory") is None
+    assert robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=100.0, now_s=6.0)
+    assert not robots.tracks["io"].path_heard((Point(8, 8),), stamp_s=100.0, now_s=6.0)
 
 
 def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
     robots = targets()
-    robots.pose_heard("callisto", Point(0, 0), stamp_s=1.0, now_s=0.0)
+    robots.tracks["callisto"].pose_heard(Point(0, 0), stamp_s=1.0, now_s=0.0)
     late_s = LOST_AFTER_S + 1.0
-    robots.pose_heard("io", Point(0, 0), stamp_s=1.0, now_s=late_s)
+    robots.tracks["io"].pose_heard(Point(0, 0), stamp_s=1.0, now_s=late_s)
     assert robots.candidates(late_s) == ("europa", "io", "callisto")
 
 
 def poses(robots, stamps_s, from_s):
     """One a second, at other places; how many of them were news."""
     return sum(
-        robots.pose_heard("io", Point(from_s + k, 0.0), stamp_s, from_s + k)
+        robots.tracks["io"].pose_heard(Point(from_s + k, 0.0), stamp_s, from_s + k)
         for k, stamp_s in enumerate(stamps_s)
     )
 
@@ -104,19 +97,19 @@ def test_one_bad_stamp_blinds_to_no_robot(bad_s):
     poses(robots, [bad_s], 15.0)
     assert poses(robots, [1011.0 + k for k in range(90)], 16.0) >= 86
     assert robots.position_of("io") == Point(105.0, 0.0)
-    assert robots["io"].word_s == pytest.approx(105.0)
-    assert robots["io"].speed_m_s == pytest.approx(1.0)
+    assert robots.tracks["io"].word_s == pytest.approx(105.0)
+    assert robots.tracks["io"].speed_m_s == pytest.approx(1.0)
 
 
 def test_a_clock_that_is_set_back_is_followed():
     robots = targets()
     poses(robots, [1.7e9 + k for k in range(10)], 5.0)
     assert poses(robots, [20.0 + k for k in range(10)], 15.0) >= 6
-    assert robots["io"].word_s == pytest.approx(24.0)
+    assert robots.tracks["io"].word_s == pytest.approx(24.0)
 
 
 def test_what_others_carried_stays_old():
     robots = targets()
     poses(robots, [1000.0 + k for k in range(10)], 5.0)
     late = [(900.0 + 7 * k, 15.0 + k / 10) for k in range(10)]  # all at once, of a long time
-    assert not any(robots.pose_heard("io", Point(0, 0), *at) for at in late)
+    assert not any(robots.tracks["io"].pose_heard(Point(0, 0), *at) for at in late)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.states import State
+from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import (
     EARLY_SHARE,
     MEETING_M,
@@ -17,8 +18,13 @@ from air_router.controller.targets.seeking import (
     SeekContext,
     meet,
 )
-from air_router.controller.targets.target_list import LOST_AFTER_S, TargetList
-from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
+from air_router.controller.targets.target_list import (
+    LOST_AFTER_S,
+    USUAL_SPEED_M_S,
+    Sighting,
+    TargetList,
+    TargetTrack,
+)
 from air_router.files.settings import SEEK_POLICIES
 from geo.frame import Point
 from mocha_link.links.metrics import ContactBegan, Direction
@@ -49,27 +55,27 @@ def order(policy, targets, *args, **how):
 def heard(targets, robot, place, now_s, *path, given=True):
     """Met at a place; its clock is far from ours."""
     stamp_s = 1e9 + now_s
-    targets.pose_heard(robot, place, stamp_s, now_s)
+    targets.tracks[robot].pose_heard(place, stamp_s, now_s)
     if path:
-        targets.path_heard(robot, path, stamp_s, now_s)
-    targets.synced(robot, Direction.IN, now_s)
+        targets.tracks[robot].path_heard(path, stamp_s, now_s)
+    targets.tracks[robot].synced(Direction.IN, now_s)
     if given:
-        targets.synced(robot, Direction.OUT, now_s)
+        targets.tracks[robot].synced(Direction.OUT, now_s)
 
 
 @st.composite
 def rosters(draw):
     targets = TargetList(draw(names))
-    for name in (*targets.names, "intruder"):
+    for name in targets.names:
         now_s, stamp_s = draw(moments), draw(st.floats(0, 1e11))
         if draw(st.booleans()):
-            targets.pose_heard(name, draw(points), stamp_s, now_s)
+            targets.tracks[name].pose_heard(draw(points), stamp_s, now_s)
         if draw(st.booleans()):
-            targets.path_heard(name, draw(paths), draw(st.floats(0, 1e11)), now_s)
+            targets.tracks[name].path_heard(draw(paths), draw(st.floats(0, 1e11)), now_s)
         if draw(st.booleans()):
-            targets.synced(name, draw(st.sampled_from(Direction)), now_s)
+            targets.tracks[name].synced(draw(st.sampled_from(Direction)), now_s)
         if draw(st.booleans()):
-            targets.radio_heard(name, draw(points), draw(moments))
+            targets.tracks[name].radio = Sighting(draw(points), draw(moments))
     if targets.names and draw(st.booleans()):
         targets.sought(draw(st.sampled_from(targets.names)))
         targets.sought_by_other("other", draw(st.sampled_from(targets.names)), draw(moments))
@@ -90,7 +96,7 @@ def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s
     assert rank == sorted(rank)
     for place in first:
         assert place.reason
-        assert place.position is not None or targets[place.robot].word_s is None
+        assert place.position is not None or targets.tracks[place.robot].word_s is None
 
 
 courses = st.builds(PredictedPath, paths, st.floats(-300, 100), st.floats(0.2, 3.0))
@@ -153,13 +159,13 @@ def test_clocks_of_robots_need_not_agree_with_ours():
 
 def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
     robot = TargetTrack("io")
-    robot.radio_heard(Point(7, 7), 50.0)
+    robot.radio = Sighting(Point(7, 7), 50.0)
     assert (robot.course().points, robot.course().end_s, robot.word_s) == (((7, 7),), 50.0, None)
     robot.path_heard((Point(0, 0), Point(100, 0)), 1e9 + 100.0, 100.0)
     robot.pose_heard(Point(0, 0), 1e9 + 100.0, 100.0)
-    robot.radio_heard(Point(40, 10), 150.0)  # as it said
+    robot.radio = Sighting(Point(40, 10), 150.0)  # as it said
     assert robot.course().points[-1] == (100, 0)
-    robot.radio_heard(Point(90, 80), 300.0)  # it was not known
+    robot.radio = Sighting(Point(90, 80), 300.0)  # it was not known
     assert robot.course().points == ((90, 80),)
     robot.pose_heard(Point(95, 85), 1e9 + 310.0, 310.0)
     assert robot.course().points[0] == (95, 85)
@@ -227,7 +233,7 @@ def test_who_was_sought_in_vain_is_not_sought_at_once_again():
     assert order("freshest", targets, 300.0)[0] == "a"
     targets.sought("a")
     assert order("freshest", targets, 400.0) == ["b", "a"]
-    targets.pose_heard("a", Point(60, 0), 2e9, 410.0)  # a peer has seen it
+    targets.tracks["a"].pose_heard(Point(60, 0), 2e9, 410.0)  # a peer has seen it
     assert order("freshest", targets, 900.0)[0] == "a"
 
 
@@ -285,7 +291,7 @@ def test_a_moving_robot_is_met_on_its_way_in_flight(pretend):
         if not second:
             flight.give(RobotPath("io", (south, north), flight.now_s))
     flight.fly_to_state(State.SEARCH)
-    aimed = flight.controller.navigator.goal.position
+    aimed = flight.controller.context.way.goal.position
     assert north[1] > aimed[1] > place()[1]
 
     def drive():
@@ -302,10 +308,10 @@ def test_where_a_radio_is_heard_is_noted_in_flight(pretend):
     flight.take_off()
     flight.fly_until(lambda: flight.now_s > 200.0)
     flight.give(ContactBegan("io", 0.0, None))
-    there, known = flight.position, flight.controller.search.targets["io"]
+    there, known = flight.position, flight.controller.search.targets.tracks["io"]
     assert math.dist(known.course().points[0], there) < 1.0
     flight.fly_to_state(State.SEARCH)
-    assert math.dist(flight.controller.navigator.goal.position, there) < 1.0
+    assert math.dist(flight.controller.context.way.goal.position, there) < 1.0
 
 
 @pytest.mark.parametrize("policy", SEEK_POLICIES)

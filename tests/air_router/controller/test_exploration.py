@@ -1,6 +1,6 @@
 import pytest
 
-from air_router.controller.targets.exploration import PASSING_M, Exploration
+from air_router.controller.states.explore_state import Exploration
 from air_router.mission.mission import Waypoint
 from geo.frame import Point
 
@@ -37,16 +37,16 @@ def test_back_to_a_mark_what_was_left_out_since_is_to_be_visited_again(explorati
 
 
 def test_the_unknown_is_sought_where_it_is_largest(exploration):
-    exploration.passing(Point(100.0, 0.0), 1.0)
-    exploration.passing(Point(200.0, PASSING_M), 2.0)
+    exploration.passed(1, 1.0)
+    exploration.passed(2, 2.0)
     assert exploration.longest_unseen().node == 5
-    exploration.passing(Point(500.0, 0.0), 3.0)
+    exploration.passed(5, 3.0)
     assert exploration.longest_unseen().node in {3, 4}
 
 
 def test_once_all_is_known_the_oldest_is_sought(exploration):
     for second, number in enumerate((3, 1, 2, 5, 4)):
-        exploration.passing(Point(100.0 * number, 0.0), float(second))
+        exploration.passed(number, float(second))
     assert exploration.longest_unseen().node == 3
-    exploration.passing(Point(300.0, 0.0), 9.0)
+    exploration.passed(3, 9.0)
     assert exploration.longest_unseen().node == 1

@@ -5,13 +5,11 @@ import random
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.requests import ExploreNow, GoTo
+from air_router.controller.model.events import CommandConfirmed, CommandFailed, ExploreNow, GoTo
+from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.model.states import State
-from air_router.controller.motion.navigator import Goal, Navigator
-from air_router.controller.motion.pending_setpoints import PendingSetpoints
-from air_router.routing.departure import PendingSetpoint
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Navigator
 from air_router.routing.router import Leg, Route
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
@@ -24,47 +22,6 @@ SEEK = ("callisto", "europa", "io")
 
 def at(east_m, north_m, **more):
     return Telemetry(time_s=1.0, position=Point(east_m, north_m), altitude_m=40.0, **more)
-
-
-NODE = FlyToNode(1, Point(100.0, 0.0))
-PLACE = FlyToPoint(Point(0.0, 100.0), 40.0)
-HOLD = HoldHere("a test")
-
-
-def test_what_is_not_confirmed_may_all_be_flown_to():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
-    setpoints.sent(NODE)
-    setpoints.sent(PLACE)
-    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
-    setpoints.confirmed(NODE)
-    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
-    setpoints.confirmed(PLACE)
-    assert setpoints.open(at(0, 0)) == [PLACE.position]
-    assert setpoints.open(at(0.5, 99.0)) == []  # arrived
-    setpoints.sent(HOLD)
-    assert setpoints.open(at(0, 0)) == [PLACE.position]
-    setpoints.confirmed(HOLD)
-    assert setpoints.open(at(0, 0)) == []
-
-
-def test_of_two_alike_the_newest_is_confirmed():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
-    for motion in (NODE, HOLD, PLACE, HOLD, HOLD):
-        setpoints.sent(motion)
-    setpoints.confirmed(HOLD)
-    assert setpoints.open(at(0, 0)) == []
-
-
-def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
-    assert setpoints.pending(at(0, 0, target=Point(3.0, 3.0))) == ()
-    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0))) == (
-        PendingSetpoint(Point(30.0, 3.0), Point(30.0, 3.0)),
-    )
-    setpoints.sent(NODE)
-    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0)))[0].place == NODE.position
-    setpoints.forget()
-    assert setpoints.pending(at(0, 0)) == ()
 
 
 @pytest.fixture
@@ -87,37 +44,40 @@ def bend(pretend, pennovation):
     return pretend(mission)
 
 
+def navigating(flight, telemetry):
+    context = MissionContext(flight.mission, flight.router, telemetry=telemetry)
+    gate = CommandGate(context, flight.plan)
+    return context, gate, Navigator(context, gate)
+
+
 def test_a_jump_that_might_arrive_late_is_held_for_first(bend):
-    navigator = Navigator(MissionContext(bend.mission, bend.router))
+    context, gate, navigator = navigating(bend, at(15.0, 0.0, velocity_m_s=(3.5, 0.0)))
     way = FlyToPoint(Point(100.0, 0.0), 40.0)
-    navigator.setpoints.sent(way)
-    navigator.setpoints.confirmed(way)
-    moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
+    gate.setpoints.sent(way)
+    gate.setpoints.confirmed(way)
     goal = Goal(Point(15.0, -60.0))
-    motion = navigator.go(goal, moving)
+    motion = navigator.plan_to(goal)
     assert isinstance(motion, HoldHere)  # sent from farther on it would cut the box
-    navigator.setpoints.sent(motion)
-    stands = at(20.0, 0.0)
+    gate.setpoints.sent(motion)
+    stands = context.telemetry = at(20.0, 0.0)
     assert navigator.update(stands) is None  # the way east is not over while that is not confirmed
-    assert isinstance(navigator.again(stands), HoldHere)
-    navigator.setpoints.confirmed(motion)
+    assert isinstance(navigator.again(), HoldHere)
+    gate.setpoints.confirmed(motion)
     assert navigator.update(stands) == FlyToPoint(goal.position, 40.0)
 
 
 def test_a_jump_that_may_arrive_late_is_given_at_once(bend):
-    navigator = Navigator(MissionContext(bend.mission, bend.router))
-    way = FlyToPoint(Point(100.0, 0.0), 40.0)
-    navigator.setpoints.sent(way)
-    moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
-    assert navigator.go(Goal(Point(15.0, 60.0)), moving) == FlyToPoint(Point(15.0, 60.0), 40.0)
+    _, gate, navigator = navigating(bend, at(15.0, 0.0, velocity_m_s=(3.5, 0.0)))
+    gate.setpoints.sent(FlyToPoint(Point(100.0, 0.0), 40.0))
+    assert navigator.plan_to(Goal(Point(15.0, 60.0))) == FlyToPoint(Point(15.0, 60.0), 40.0)
 
 
 def test_a_near_end_of_a_leg_is_only_passed_where_the_next_leg_is_clear(bend):
     near, beyond = Point(51.0, -5.0), Point(50.0, -60.0)
     route = Route((Leg(near), Leg(beyond)), 60.0)
     bend.router.route = lambda *_, **__: route
-    navigator = Navigator(MissionContext(bend.mission, bend.router))
-    assert navigator.go(Goal(beyond), at(50.0, -5.0)) == FlyToPoint(near, 40.0)
+    *_, navigator = navigating(bend, at(50.0, -5.0))
+    assert navigator.plan_to(Goal(beyond)) == FlyToPoint(near, 40.0)
 
 
 class LateFlight:
@@ -192,30 +152,6 @@ def test_however_late_commands_arrive_the_clearance_is_kept(pretend, pennovation
     assert closest_m >= flight.mission.planner.clearance_m, what
 
 
-def test_a_jump_that_would_show_though_another_order_is_still_to_come_is_doubtful():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
-    other = FlyToNode(2, Point(50.0, 50.0))
-    assert not setpoints.doubtful(NODE, shows=True)
-    setpoints.sent(NODE)  # given up
-    assert not setpoints.doubtful(NODE, shows=True)  # it came late: the same place
-    setpoints.sent(PLACE)
-    assert setpoints.doubtful(NODE, shows=True)
-    assert setpoints.doubtful(NODE, shows=False)  # the first one may come, and show
-    assert not setpoints.doubtful(other, shows=False)
-    setpoints.confirmed(PLACE)
-    assert not setpoints.doubtful(NODE, shows=True)
-    setpoints.forget()
-    assert not setpoints.doubtful(NODE, shows=True)
-
-
-def test_it_may_be_turned_away_at_the_second_place_having_come_from_the_first():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=4.0)
-    setpoints.sent(NODE)
-    setpoints.sent(FlyToPoint(Point(100.0, 50.0), 40.0))
-    reaches = {on.reach for on in setpoints.pending(at(0, 0)) if on.place == (100.0, 50.0)}
-    assert any(reach.east_m == 100.0 and reach.north_m > 52.0 for reach in reaches)
-
-
 def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
     """As it was rehearsed: the jump that shows is not the one that was made last."""
     flight = pretend()
@@ -238,17 +174,8 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
 
 
 def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
-    navigator = Navigator(MissionContext(bend.mission, bend.router), reaction_s=2.0)
-    moving = at(22.0, 0.0, velocity_m_s=(3.5, 0.0))
-    down = FlyToPoint(Point(22.0, -60.0), 40.0)
-    assert navigator.objection(down, moving, moving.time_s) is None
-    assert navigator.objection(down, moving, moving.time_s + 1.9) is not None
-
-
-def test_it_swings_as_far_beyond_a_leg_s_end_as_its_true_speed_takes_it():
-    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=3.5)
-    setpoints.sent(NODE)
-    (slow,) = setpoints.pending(at(0, 0, velocity_m_s=(3.5, 0.0)))
-    (fast,) = setpoints.pending(at(0, 0, velocity_m_s=(12.0, 0.0)))
-    assert slow.reach.east_m < 103.0
-    assert fast.reach.east_m > 115.0
+    _, gate, navigator = navigating(bend, at(22.0, 0.0, velocity_m_s=(3.5, 0.0)))
+    gate.reaction_s = 2.0
+    gate.pending = down = FlyToPoint(Point(22.0, -60.0), 40.0)
+    assert navigator.objection(down, 1.0) is None
+    assert navigator.objection(down, 2.9) is not None

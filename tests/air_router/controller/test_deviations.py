@@ -5,13 +5,15 @@ import math
 
 import pytest
 
+from air_router.controller.deviations import FAST_S, OFF_HOME_S, OFF_S, ReturnMonitor
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.events import HoldNow
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
-from air_router.controller.monitor.deviations import FAST_S, OFF_HOME_S, OFF_S
+from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.vehicle import FlightMode
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Band
 from geo.frame import Point
 from tests.air_router.conftest import Airframe
@@ -56,11 +58,12 @@ def test_home_moved_up_or_down_it_holds_at_once_and_flies_on_in_the_planned_heig
 def test_a_jump_that_was_decided_before_home_moved_is_not_sent(cruising):
     motion = next(m for m in reversed(cruising.motions) if isinstance(m, FlyToNode))
     telemetry = cruising.telemetry()
+    cruising.controller.gate.pending = motion
     navigator = cruising.controller.navigator
-    assert navigator.objection(motion, telemetry, telemetry.time_s) is None
+    assert navigator.objection(motion, telemetry.time_s) is None
     cruising.home_moved = LOWER
-    telemetry = cruising.telemetry()
-    assert "home was moved" in navigator.objection(motion, telemetry, telemetry.time_s)
+    cruising.controller.context.telemetry = cruising.telemetry()
+    assert "home was moved" in navigator.objection(motion, telemetry.time_s)
 
 
 def test_home_moved_aside_is_told_and_flown_on(cruising):
@@ -226,3 +229,17 @@ def test_much_slower_than_commanded_is_told_once_and_flown_on(cruising):
     fly(cruising, 40.0)
     assert len(told(cruising, "it flies only")) == 1
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
+
+
+def test_battery_and_duration_bring_it_home(pennovation):
+    context = MissionContext(dataclasses.replace(pennovation, duration_s=60.0), None)
+    returns = ReturnMonitor(context, HomeReachability(context))
+
+    def due(now_s, battery):
+        context.now_s, context.airborne_s = now_s, 0.0
+        return returns.due(Telemetry(now_s, pennovation.home, 40.0, battery=battery))
+
+    assert due(59.9, 0.9) is None
+    assert due(60.0, 0.9) == "60 s of mission are over"
+    assert due(0.0, pennovation.battery_reserve).startswith("battery at")
+    assert due(0.0, None) is None

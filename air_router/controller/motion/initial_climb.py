@@ -1,0 +1,139 @@
+"""Off the ground, and up to the mission's altitude: legs are checked for that and no other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate, stopping_point
+from air_router.mission.mission import Mission
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+
+ALTITUDE_M: Final = 2.0
+"""PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
+
+CLIMB_S: Final = 20.0
+PROGRESS_M: Final = 0.5
+"""A climb that gains less than this in that time does not go on; PX4 takes off at 1.5 m/s."""
+
+
+@dataclass(slots=True)
+class ClimbWatch:
+    """Sees whether a climb goes on."""
+
+    _highest: tuple[float, float] | None = None  # the last progress: altitude, time
+
+    def stuck(self, telemetry: Telemetry) -> bool:
+        """Whether it has not gained height for some time."""
+        if self._highest is None or telemetry.altitude_m > self._highest[0] + PROGRESS_M:
+            self._highest = (telemetry.altitude_m, telemetry.time_s)
+        return telemetry.time_s - self._highest[1] >= CLIMB_S
+
+
+def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | None:
+    """What the pilot has done with a vehicle that was to be started by us; None if nothing.
+
+    Args:
+        before: as it was when it was found.
+        now: as it is.
+        armed: it was armed by us.
+    """
+    if now.in_air or (now.armed and not armed):
+        return "the pilot has armed the vehicle"
+    if now.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
+        return f"the pilot chose {now.mode.value} mode meanwhile"
+    return None
+
+
+def low(mission: Mission, telemetry: Telemetry) -> bool:
+    """Whether the vehicle is below the mission's altitude, where no leg was checked."""
+    altitude_m = mission.altitude_above_home_m
+    return telemetry.altitude_m < altitude_m - min(ALTITUDE_M, altitude_m / 2)
+
+
+@dataclass(slots=True, eq=False)
+class InitialClimb:
+    """Has a vehicle climb straight up where it is, and only then fly its legs.
+
+    Args:
+        context: How high it is, and what is flown once it is level.
+        gate: Commands the climb.
+
+    Attributes:
+        climb: Its way up; None: it does not climb.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    climb: FlyToPoint | None = None
+    _watch: ClimbWatch = field(default_factory=ClimbWatch)
+
+    def why_not(self, telemetry: Telemetry) -> str | None:
+        """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
+        mission, here = self._context.mission, telemetry.position
+        if not low(mission, telemetry):
+            return None
+        drift_m = mission.planner.tracking_margin_m
+        airspace = mission.climb_airspace.as_drawn().with_margin(drift_m)
+        names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
+        if not names:
+            return None
+        return (
+            f"it is {telemetry.altitude_m:.0f} m above home, too near to {' and '.join(names)} to "
+            f"climb by itself: climb to {mission.altitude_above_home_m:.0f} m by hand, then choose "
+            "Hold"
+        )
+
+    def first(self, motion: Motion) -> Motion | None:
+        """The leg of a vehicle that is low waits, and it climbs instead; None: it hovers."""
+        if not isinstance(motion, FlyToNode | FlyToPoint):
+            return motion
+        mission, telemetry = self._context.mission, self._context.heard
+        if not low(mission, telemetry):
+            self._context.climbs_first = False
+            return motion
+        self._gate.stop()
+        why_not = self.why_not(telemetry)
+        if why_not is not None:
+            self._gate.wait_here(why_not)
+            return None
+        if self.climb is None:
+            self._context.say(
+                f"climbing from {telemetry.altitude_m:.0f} to "
+                f"{mission.altitude_above_home_m:.0f} m first"
+            )
+            self._watch = ClimbWatch((telemetry.altitude_m, self._context.now_s))
+        place = stopping_point(telemetry, self._gate.reaction_s)
+        self.climb = FlyToPoint(place, mission.altitude_above_home_m)
+        return self.climb
+
+    def go_on(self, telemetry: Telemetry) -> bool:
+        """Whether it climbs, and everything else waits."""
+        if self.climb is None:
+            return False
+        if self._gate.last is not self.climb:
+            # It did not follow, or was told to hold: the climb begins anew before the next leg.
+            self.climb = None
+            return False
+        if low(self._context.mission, telemetry):
+            return True
+        self.climb = None
+        self._context.climbs_first = False
+        self._context.handler.replan()
+        return True
+
+    def stuck(self, telemetry: Telemetry) -> bool:
+        """Whether a climb has not gone on for some time."""
+        return self.climb is not None and self._watch.stuck(telemetry)
+
+
+def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:
+    """The other UAVs that fly between where the vehicle is and its own layer."""
+    own = next((layer for layer in mission.layers if layer.uav == mission.uav), None)
+    if own is None:
+        return ()
+    here_m = telemetry.altitude_m + own.level_m - own.altitude_m
+    lowest_m = here_m - mission.planner.vertical_separation_m
+    return tuple(o.uav for o in mission.layers if lowest_m < o.level_m < own.level_m)

@@ -1,0 +1,323 @@
+"""What telemetry shows that we have not decided: take-off, landing, home moved, others' orders.
+
+Pure; each sentence that comes back is for the pilot and the operator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.initial_climb import ALTITUDE_M
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
+from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+DISARMED_S: Final = 10.0
+"""A landed vehicle of which no HEARTBEAT has come for so long counts as disarmed."""
+
+HOME_TOLERANCE_M: Final = 20.0
+"""The vehicle must start this close to the mission's home, or it is another place's mission."""
+
+KILLED_M: Final = 3.0
+"""Disarmed in the air lower than this it has landed, for all that an altitude above home tells."""
+
+REST_M: Final = 0.5
+REST_S: Final = 2.0
+"""What fell is down when its altitude has changed by less than this in that time."""
+
+HOME_AGAIN_M: Final = 2.0
+"""A home that was told to be moved is told again when it is so much elsewhere."""
+
+_AVERAGE_S: Final = 4.0
+
+FOREIGN_ORDER_S: Final = 1.5
+"""How long an order that is not ours has to show: our own shows late on a slow link."""
+
+FOREIGN_TARGET_M: Final = 4.0
+"""A target so far from ours is not ours; the autopilot's position estimate wanders less."""
+
+BRAKED_S: Final = 3.0
+"""After so long in Hold the place that it hovers at is where we stopped it."""
+
+HOVERS_M: Final = 2.0
+"""A vehicle that was stopped and is nearer than this to the target that it reports hovers there.
+
+One that is farther off reports the target of before the stop: its stream may be late."""
+
+HOVERS_M_S: Final = 1.0
+"""A vehicle that is faster than this has not stopped yet."""
+
+BRAKING_M: Final = 15.0
+"""It stops nearer than this to where it is then; a place farther off is another's order."""
+
+_ELSEWHERE: Final = "a pilot or ground station gave it another place to go to"
+
+
+@dataclass(slots=True, eq=False)
+class FlightPhase:
+    """What has been seen of arming, lift-off and touch-down.
+
+    Args:
+        context: Told when the flight is handed over to us.
+
+    Attributes:
+        flies: In the air with its motors on, as it said last.
+        killed: Where its motors were stopped in the air, in words, if they were.
+    """
+
+    _context: MissionContext
+    flies: bool = False
+    killed: str | None = None
+    _flew: bool = False  # seen in the air
+    _was_armed: bool = False  # since the hand-over
+    _news: bool = False  # it was killed, and not said yet
+    _rest: tuple[float, float] = (0.0, 0.0)  # altitude that stays the same, and since when
+
+    def note(self, telemetry: Telemetry) -> bool:
+        """Take in what the vehicle says of itself; True when it is handed over to us just now."""
+        flew = self.flies
+        self.flies = telemetry.armed and telemetry.in_air and not telemetry.terminated
+        if not (self.flies and flew):
+            self._fall(telemetry, flew=flew)
+        self._flew |= telemetry.in_air
+        self._was_armed |= telemetry.armed
+        if self._context.handed_over or telemetry.mode is not FlightMode.MISSION:
+            return False
+        self._context.handed_over = telemetry.armed
+        return telemetry.armed
+
+    def _fall(self, telemetry: Telemetry, *, flew: bool) -> None:
+        """PX4 says of a vehicle that was disarmed in the air within a second that it has landed."""
+        motors = telemetry.armed and not telemetry.terminated
+        if flew and not motors and telemetry.altitude_m > KILLED_M:
+            how = "flight terminated" if telemetry.armed else "disarmed"
+            self.killed = f"{how} in the air at {telemetry.altitude_m:.0f} m above home"
+            self._news = True
+            self._rest = (telemetry.altitude_m, telemetry.time_s)
+        elif self.flies:
+            self.killed = None  # and it flies again
+        elif abs(telemetry.altitude_m - self._rest[0]) >= REST_M:
+            self._rest = (telemetry.altitude_m, telemetry.time_s)
+
+    def killed_now(self) -> str | None:
+        """Where its motors were stopped in the air, in words; says so once."""
+        news, self._news = self._news, False
+        return self.killed if news else None
+
+    def over(self, telemetry: Telemetry) -> bool:
+        """Whether it is disarmed after having been armed: then it is down, unless it falls.
+
+        Where no HEARTBEAT tells it any more, what is on the ground after a flight is disarmed.
+        """
+        if self.killed is not None:
+            down = telemetry.told_s - self._rest[1] >= REST_S
+            return down and not telemetry.armed
+        if telemetry.ages.armed_s >= DISARMED_S and self._flew:
+            return not telemetry.in_air
+        return self._was_armed and not telemetry.armed
+
+    def again(self) -> bool:
+        """Whether it was only armed and disarmed again; then everything begins anew."""
+        if self._flew:
+            return False
+        self._context.handed_over = self._was_armed = False
+        return True
+
+    def ending(self, *, landed_by_us: bool) -> str:
+        """How it ended, in words."""
+        context = self._context
+        if self.killed is not None:
+            return self.killed
+        if landed_by_us:
+            return f"landed {context.ending.place if context.ending else 'at home'}"
+        if self._flew:
+            return "landed, but not by our command"
+        return f"{context.stayed_why}, before take-off"
+
+
+class TakeOff(Enum):
+    """How far the take-off is."""
+
+    TO_COME = "on the ground, climbing above home, or not in Mission mode"
+    COMPLETE = "in Mission mode at the mission's altitude"
+    MISPLACED = "in Mission mode, low and away from home: PX4 flies home from there unchecked"
+    TOO_HIGH = "in Mission mode, in the layer of another UAV, or above it"
+
+
+HELD: Final = {
+    TakeOff.MISPLACED: "Mission was chosen low and away from home; land, and start there",
+    TakeOff.TOO_HIGH: "Mission was chosen in another UAV's layer; descend, then have it resumed",
+}
+"""Take-offs that are not led on, and what the pilot should do."""
+
+
+def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
+    """Where the take-off stands, whether we lead it or a pilot.
+
+    It is complete at the mission's altitude, wherever that is: from there on every leg is checked
+    from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
+    this mission: a pilot who flew away by hand has chosen Mission mode. Where several UAVs fly it
+    may be too high: on its first leg it would come down through the layers of others.
+    """
+    if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
+        return TakeOff.TO_COME
+    mission = context.mission
+    if telemetry.altitude_m > context.layer_top_m:
+        return TakeOff.TOO_HIGH
+    altitude_m = mission.altitude_above_home_m
+    if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
+        return TakeOff.COMPLETE
+    away_m = math.dist(telemetry.position, mission.home)
+    return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
+
+
+class Response(Enum):
+    """What follows something that is off what was planned."""
+
+    TELL = "nothing but words"
+    HOLD = "it holds, and goes on when it stands"
+    WAIT = "it holds until the deviation is over"
+    BACK = "the deviation is over: what waited goes on"
+    HOME = "it comes home"
+
+
+@dataclass(slots=True, eq=False)
+class HomeWatch:
+    """Looks where the autopilot's home is, and how high a receiver beside it says that it flies.
+
+    Attributes:
+        receiver_off_m: How far the altitude of the satellite receiver has drifted from the
+            autopilot's since the take-off, smoothed.
+    """
+
+    _context: MissionContext
+    receiver_off_m: float = 0.0
+    _receiver_began_m: float | None = None
+    _receiver_at_s: float = 0.0  # of the telemetry before
+    _told: HomeMove | None = None  # where home was moved to, as announced
+
+    def look(self, telemetry: Telemetry) -> Response | None:
+        """Whether home was moved since it was told last, in any state; says so."""
+        if telemetry.gps_amsl_m is not None and telemetry.altitude_amsl_m is not None:
+            off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
+            if self._receiver_began_m is None:
+                self._receiver_began_m, self._receiver_at_s = off_m, telemetry.time_s
+            passed_s = max(telemetry.time_s - self._receiver_at_s, 0.0)
+            share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
+            self.receiver_off_m += share * (off_m - self._receiver_began_m - self.receiver_off_m)
+            self._receiver_at_s = telemetry.time_s
+        moved, told, say = telemetry.home_moved, self._told, self._context.say
+        if moved is None:
+            self._told = None
+            if told is None:
+                return None
+            say("home is back in its place")
+            return Response.BACK
+        if told is not None and math.dist(moved, told) < HOME_AGAIN_M:
+            return None
+        self._told = moved
+        amsl_m = telemetry.altitude_amsl_m
+        before_m = None if amsl_m is None else amsl_m - telemetry.altitude_m
+        words = f"home was moved: {moved.words(before_m)}"
+        if not moved.changes_heights:
+            say(f"{words}; the autopilot's own Return flies there")
+            return Response.TELL
+        if told is not None and abs(moved.up_m - told.up_m) < HOME_AGAIN_M:
+            say(words)  # its place is told in a message of its own
+            return Response.TELL
+        say(f"{words}; heights count from the take-off as before")
+        return Response.HOLD
+
+
+@dataclass(slots=True, eq=False)
+class SafetyMonitor:
+    """Looks at every telemetry of a vehicle that flies by our commands.
+
+    Args:
+        context: The mission and its airspace.
+        gate: What the vehicle was told last.
+        plan: The plan on board, for the autopilot's item numbers.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    _plan: FlightPlan
+    _foreign_since_s: float | None = None  # an order that is not ours shows
+    _jump: tuple[FlyToNode, int] | None = None  # the last commanded, and its plan item
+    _held: tuple[HoldHere, float, Point | None] | None = None  # hold, since when, target
+    # Nothing is near this place, so far, among the zones of this mission.
+    _clear: tuple[Point, float, Mission] | None = None
+
+    def foreign_order(self, telemetry: Telemetry) -> str | None:
+        """The order that the vehicle surely follows and that is not ours; None if there is none.
+
+        A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
+        changes no mode, and one who jumps to another plan item in Mission mode neither.
+        """
+        order, told_s, ages = None, telemetry.ages.target_s, telemetry.ages
+        settled = self._gate.pending is None and telemetry.in_air
+        match self._gate.last if settled else None:
+            case FlyToNode() as jump if telemetry.mode is FlightMode.MISSION:
+                if self._jump is None or self._jump[0] is not jump:
+                    self._jump = (jump, self._plan.item_of(jump.node))
+                if telemetry.item not in {None, self._jump[1]}:
+                    order, told_s = "a pilot or ground station chose another plan item", ages.item_s
+            case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
+                order = _elsewhere(telemetry, position)
+            case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
+                order = self._moved_from_hold(hold, telemetry)
+        if order is None:
+            self._foreign_since_s, self._context.doubts = None, False
+            return None
+        if self._foreign_since_s is None:
+            self._foreign_since_s = telemetry.told_s
+        self._context.doubts = True
+        shown_s = telemetry.told_s - self._foreign_since_s
+        # One message, that may be of before our own order, is no proof.
+        return order if told_s < shown_s and shown_s >= FOREIGN_ORDER_S else None
+
+    def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
+        if self._held is None or self._held[0] is not hold:
+            self._held = (hold, telemetry.told_s, None)
+        _, since_s, place = self._held
+        if place is not None:
+            return _elsewhere(telemetry, place)
+        if telemetry.told_s - since_s >= BRAKED_S:
+            target, speed_m_s = telemetry.target, math.hypot(*telemetry.velocity_m_s)
+            off_m = 0.0 if target is None else math.dist(target, telemetry.position)
+            if off_m > BRAKING_M:
+                return _ELSEWHERE
+            if off_m <= HOVERS_M and speed_m_s <= HOVERS_M_S:
+                self._held = (hold, since_s, target)
+        return None
+
+    def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
+        """Whether the vehicle in the air is in a no-fly zone or outside a fence."""
+        here, mission, clear = telemetry.position, self._context.mission, self._clear
+        if not telemetry.in_air:
+            return None
+        if clear is not None and clear[2] is mission and math.dist(here, clear[0]) < clear[1]:
+            return None
+        # What is near neither below nor above is near at no altitude.
+        everywhere = (mission.climb_airspace, mission.above_airspace)
+        clear_m = min(airspace.distance_m(here) for airspace in everywhere)
+        self._clear = (here, clear_m, mission)
+        inside = mission.airspace_at(telemetry.altitude_m).holders(here)
+        holders = [name for name in inside if name not in leaving]
+        return f"breach of {', '.join(holders)}" if holders else None
+
+
+def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
+    target = telemetry.target
+    if target is None or math.dist(target, ours) <= FOREIGN_TARGET_M:
+        return None
+    return _ELSEWHERE

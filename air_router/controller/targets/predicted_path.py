@@ -1,0 +1,62 @@
+"""Where a robot will be, by the way that it said it takes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+from geo.frame import Point, off_line_m
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedPath:
+    """Where a robot will be, if it does as it said; a single point is a robot that stands.
+
+    Attributes:
+        points: Its way.
+        start_s: When it is at the first point, on the vehicle's clock.
+        speed_m_s: How fast it drives.
+    """
+
+    points: tuple[Point, ...]
+    start_s: float
+    speed_m_s: float
+
+    @property
+    def length_m(self) -> float:
+        """Length of the way."""
+        return sum(math.dist(a, b) for a, b in pairwise(self.points))
+
+    @property
+    def end_s(self) -> float:
+        """When it comes to the end, beyond which nothing is known of it."""
+        return self.due_s(self.length_m)
+
+    def due_s(self, along_m: float) -> float:
+        """When it has driven so far."""
+        return self.start_s + along_m / self.speed_m_s
+
+    def along_m(self, now_s: float) -> float:
+        """How far it has driven by now: between nothing and the whole way."""
+        return min(max((now_s - self.start_s) * self.speed_m_s, 0.0), self.length_m)
+
+    def place(self, along_m: float) -> Point:
+        """The place after so many metres."""
+        starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)
+        for start_m, (a, b) in zip(starts_m, pairwise(self.points), strict=False):
+            leg_m = math.dist(a, b)
+            if along_m <= start_m + leg_m and leg_m > 0:
+                share = max(along_m - start_m, 0.0) / leg_m
+                return Point(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+        return self.points[-1]
+
+
+def ahead_of(path: tuple[Point, ...], place: Point) -> tuple[tuple[Point, ...], float]:
+    """What of a path lies ahead of a place, and how far off the path that place is."""
+    best, off_m = 0, math.dist(path[0], place)
+    for index, (a, b) in enumerate(pairwise(path), start=1):
+        away_m = off_line_m(place, a, b)
+        if away_m < off_m:
+            best, off_m = index, away_m
+    return path[best:], off_m

@@ -1,0 +1,131 @@
+import pytest
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
+from air_router.routing.departure import PendingSetpoint
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+HERE = Point(0.0, 0.0)
+MOTIONS = [
+    (FlyToNode(1, HERE), FlightMode.MISSION),
+    (FlyToPoint(HERE, 40.0), FlightMode.HOLD),
+    (HoldHere("why"), FlightMode.HOLD),
+    (LandHere(), FlightMode.LAND),
+]
+
+
+@pytest.fixture
+def gate(pennovation):
+    gate = CommandGate(MissionContext(pennovation, None), None)
+    gate.assume(FlightMode.MISSION)
+    return gate
+
+
+@pytest.mark.parametrize(("motion", "mode"), MOTIONS)
+def test_a_command_under_way_allows_the_old_and_the_new_mode(gate, motion, mode):
+    gate.send(motion)
+    assert gate.modes == {FlightMode.MISSION, mode}
+    gate.confirmed(CommandConfirmed(motion))
+    assert gate.modes == {mode}
+
+
+def test_a_failed_command_leaves_both_open_and_a_pilot_s_mode_is_still_seen(gate):
+    motion = FlyToNode(1, HERE)
+    gate.send(motion)
+    gate.failed(CommandFailed(motion, "deaf"))
+    assert gate.pending is None
+    assert gate.modes == {FlightMode.MISSION}
+
+
+def test_a_late_confirmation_of_an_older_command_changes_nothing(gate):
+    first, second = FlyToNode(1, HERE), FlyToPoint(HERE, 40.0)
+    gate.send(first)
+    gate.send(second)
+    gate.confirmed(CommandConfirmed(first))
+    assert gate.pending is second
+    gate.failed(CommandFailed(first, "deaf"))
+    assert gate.pending is second
+
+
+# What it may be flying to.
+
+NODE = FlyToNode(1, Point(100.0, 0.0))
+PLACE = FlyToPoint(Point(0.0, 100.0), 40.0)
+HOLD = HoldHere("a test")
+
+
+def at(east_m, north_m, **more):
+    return Telemetry(time_s=1.0, position=Point(east_m, north_m), altitude_m=40.0, **more)
+
+
+def test_what_is_not_confirmed_may_all_be_flown_to():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    setpoints.sent(NODE)
+    setpoints.sent(PLACE)
+    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
+    setpoints.confirmed(NODE)
+    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
+    setpoints.confirmed(PLACE)
+    assert setpoints.open(at(0, 0)) == [PLACE.position]
+    assert setpoints.open(at(0.5, 99.0)) == []  # arrived
+    setpoints.sent(HOLD)
+    assert setpoints.open(at(0, 0)) == [PLACE.position]
+    setpoints.confirmed(HOLD)
+    assert setpoints.open(at(0, 0)) == []
+
+
+def test_of_two_alike_the_newest_is_confirmed():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    for motion in (NODE, HOLD, PLACE, HOLD, HOLD):
+        setpoints.sent(motion)
+    setpoints.confirmed(HOLD)
+    assert setpoints.open(at(0, 0)) == []
+
+
+def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    assert setpoints.pending(at(0, 0, target=Point(3.0, 3.0))) == ()
+    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0))) == (
+        PendingSetpoint(Point(30.0, 3.0), Point(30.0, 3.0)),
+    )
+    setpoints.sent(NODE)
+    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0)))[0].place == NODE.position
+    setpoints.forget()
+    assert setpoints.pending(at(0, 0)) == ()
+
+
+def test_a_jump_that_would_show_though_another_order_is_still_to_come_is_doubtful():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    other = FlyToNode(2, Point(50.0, 50.0))
+    assert not setpoints.under_way(NODE)
+    setpoints.sent(NODE)  # given up
+    assert not setpoints.under_way(NODE)  # it came late: the same place
+    setpoints.sent(PLACE)
+    assert setpoints.under_way(NODE)
+    assert setpoints.given_up(NODE)  # the first one may come, and show
+    assert setpoints.under_way(other)
+    assert not setpoints.given_up(other)
+    setpoints.confirmed(PLACE)
+    assert not setpoints.under_way(NODE)
+    setpoints.forget()
+    assert not setpoints.under_way(NODE)
+
+
+def test_it_may_be_turned_away_at_the_second_place_having_come_from_the_first():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=4.0)
+    setpoints.sent(NODE)
+    setpoints.sent(FlyToPoint(Point(100.0, 50.0), 40.0))
+    reaches = {on.reach for on in setpoints.pending(at(0, 0)) if on.place == (100.0, 50.0)}
+    assert any(reach.east_m == 100.0 and reach.north_m > 52.0 for reach in reaches)
+
+
+def test_it_swings_as_far_beyond_a_leg_s_end_as_its_true_speed_takes_it():
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=3.5)
+    setpoints.sent(NODE)
+    (slow,) = setpoints.pending(at(0, 0, velocity_m_s=(3.5, 0.0)))
+    (fast,) = setpoints.pending(at(0, 0, velocity_m_s=(12.0, 0.0)))
+    assert slow.reach.east_m < 103.0
+    assert fast.reach.east_m > 115.0
