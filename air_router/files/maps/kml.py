@@ -1,4 +1,4 @@
-"""No-fly zones from KML: polygons with holes, in folders and multi-geometries; circles of ours.
+"""No-fly zones from KML: polygons with holes, in folders and multi-geometries; round ones.
 
 A polygon that is extruded down to the ground ends at its altitude; any other has no altitude
 limit. `ExtendedData` may say more, with the names of the mission file (`clearance_m`, `upper_m`).
@@ -26,7 +26,6 @@ from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import Geodetic
-from geo.geodesic import polar
 
 Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 
@@ -37,7 +36,6 @@ _NOT_FOLLOWED: Final = frozenset(
 _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
 _REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
 _ZONE_KIND: Final = "zone"
-_CIRCLE_CORNERS: Final = 12
 
 
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
@@ -104,31 +102,16 @@ class _Reader:
         self.reading.add(name, shapes, terms)
 
     def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
-        """A circle: a point with a radius, or a polygon that says which circle it draws."""
-        radius_m = data.get("radius_m")
+        """A point with a radius."""
+        point, radius_m = element.child("Point", "coordinates"), data.get("radius_m")
         if radius_m is None:
             return None
         if not is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
             message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
             self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
-        point = element.child("Point", "coordinates")
-        if point is not None:
-            places = self._places(point)
-            return MapCircle(places[0][0], radius_m) if places else None
-        latitude_deg, longitude_deg = (
-            value if is_number(value) and math.isfinite(value) else math.inf
-            for value in (data.get("centre_latitude_deg"), data.get("centre_longitude_deg"))
-        )
-        if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
-            return None
-        circle = MapCircle(Geodetic(float(latitude_deg), float(longitude_deg)), float(radius_m))
-        outlines = [self._outline(polygon) for polygon in self._polygons(element)]
-        if len(outlines) == 1 and outlines[0] is not None and _draws(outlines[0], circle):
-            return circle
-        message = "the polygon is not the circle any more that its data tell of: the polygon counts"
-        self.reading.note(element.keys, message, "changed-circle")
-        return None
+        places = None if point is None else self._places(point)
+        return MapCircle(places[0][0], radius_m) if places else None
 
     def _polygons(self, element: Element) -> Iterator[Element]:
         found = False
@@ -237,18 +220,6 @@ def _numbers(word: str) -> tuple[float, float, float]:
     if not 2 <= len(parts) <= 3 or not all(map(math.isfinite, parts)):
         raise ValueError(word)
     return parts[0], parts[1], parts[2] if len(parts) == 3 else 0.0
-
-
-def _draws(outline: MapOutline, circle: MapCircle) -> bool:
-    """Whether an outline is a circle as we draw it: many corners, all just outside of it."""
-    distances = [polar(circle.centre, corner)[1] for corner in outline.ring]
-    nearest_m, farthest_m = 0.98 * circle.radius_m, 1.06 * circle.radius_m + 0.05
-    return (
-        len(outline.ring) >= _CIRCLE_CORNERS
-        and not outline.holes
-        and nearest_m <= min(distances)
-        and max(distances) <= farthest_m
-    )
 
 
 def _highest(limits: list[AltitudeLimit | None]) -> AltitudeLimit | None:

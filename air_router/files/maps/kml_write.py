@@ -1,7 +1,7 @@
 """Writes a feature set as KML for Google Earth and others. Zones with an upper limit stand as high.
 
-What KML cannot say (circles, clearances, lower limits, schedules) is in `ExtendedData`, and is read
-back from there.
+What KML cannot say (clearances, lower limits, schedules) is in `ExtendedData`, and is read back
+from there; circles are polygons around them.
 """
 
 import json
@@ -66,9 +66,6 @@ def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet)
     holes: tuple[MapRing, ...] = ()
     if isinstance(area.shape, MapCircle):
         ring = circle_around(area.shape.centre, area.shape.radius_m)
-        data["radius_m"] = area.shape.radius_m
-        data["centre_latitude_deg"] = round(area.shape.centre.latitude_deg, 10)
-        data["centre_longitude_deg"] = round(area.shape.centre.longitude_deg, 10)
     else:
         ring, holes = area.shape.ring, area.shape.holes
     placemark = _placemark(folder, kind, area.name, data)

@@ -128,7 +128,7 @@ def test_zones_alone_become_maps(tmp_path, name, kind):
             other.terms.altitudes,
             other.terms.validity,
         )
-        assert type(zone.shape) is type(other.shape)
+        assert kind != "geojson" or type(zone.shape) is type(other.shape)
 
 
 def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):

@@ -135,7 +135,7 @@ def test_one_drag_is_one_step_and_a_zone_keeps_its_shape(session):
     before = session.editable.text
     origin = (39.9424, -75.2005)
     shift = {"do": "shift", "keys": ("no_fly_zones", 7), "origin": origin}
-    for step in range(1, 12):
+    for step in (1, 5, 11):
         to = (origin[0] + step * 3.3e-7, origin[1] - step * 1.7e-7)
         session.edit(edits.Shift(**shift, to=to), gesture="drag")
     session.edit(edits.Shift(**shift, to=origin), gesture="drag")

