@@ -1,6 +1,7 @@
 """`air-router edit`: a mission on a map page, to drag, check and save."""
 
 import argparse
+import gc
 import os
 import sys
 import webbrowser
@@ -53,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_starter(arguments.mission, arguments.new)
     file = MissionFile(arguments.mission)
     session = EditSession(file)
+    gc.freeze()  # what is there by now stays: searching it for garbage would delay every edit
 
     def ready(address: str) -> None:
         print(address, flush=True)

@@ -17,6 +17,7 @@ from air_router.editor.editable_mission import EditableMission
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
+from air_router.mission.validation import points_clear
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route, Router
 from geo.airspace.zone import Outline, ZoneError, polygons_of
@@ -109,10 +110,8 @@ def _legs(
     straight = airspace.legs_clear_between(places[:-1], places[1:])
     wrong = {problem.keys for problem in document.problems}
     spots = [*([document.home] if document.home else []), *document.waypoints]
-    legal = [
-        spot.keys not in wrong and airspace.point_clear(graph.position(node))
-        for node, spot in zip(nodes, spots, strict=True)
-    ]
+    clear = points_clear(airspace, spots)
+    legal = [spot.keys not in wrong and ok for spot, ok in zip(spots, clear, strict=True)]
     routes = _MOST_WORK // len(nodes)
     for index, (start, end) in enumerate(pairwise(nodes)):
         ends = graph.position(start), graph.position(end)

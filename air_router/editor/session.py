@@ -27,7 +27,7 @@ class UnconfirmedError(AirRouterError):
 class _Step:
     """A state of the text, and what led from the one before to it."""
 
-    editable: EditableMission
+    text: str
     what: str  # what undo calls it
     gesture: str | None  # edits of one are undone together
 
@@ -37,6 +37,10 @@ class EditSession:
 
     Not for several threads at a time.
 
+    Attributes:
+        revision: Counts the states shown; edits name the one they mean.
+        editable: The text as it is now.
+
     Raises:
         DocumentError: the file cannot be read at all.
     """
@@ -44,16 +48,11 @@ class EditSession:
     def __init__(self, file: MissionFile) -> None:
         self._file = file
         self._viewer = Viewer()
-        self.revision = 0  # counts the states shown; edits name the one they mean
+        self.revision = 0
         self._saved = ""  # the text on the disk
         self._steps: list[_Step] = []  # the first is the file as it was read
         self._now = 0  # index of the present state in `_steps`
         self._begin()
-
-    @property
-    def editable(self) -> EditableMission:
-        """The text as it is now."""
-        return self._steps[self._now].editable
 
     @property
     def dirty(self) -> bool:
@@ -83,12 +82,12 @@ class EditSession:
         goes_on = gesture is not None and self._now > 0 and last.gesture == gesture
         base = self.editable
         if goes_on and isinstance(edit, edits.Shift):  # from where it began: no rounding adds up
-            base = self._steps[self._now - 1].editable
+            base = EditableMission.read(self._steps[self._now - 1].text, self._file.path)
         after = base.edited(edit)
         if after.text == self.editable.text:
             return
         analysis = MissionAnalysis.of(after)
-        step = _Step(after, edit.words, gesture)
+        step = _Step(after.text, edit.words, gesture)
         del self._steps[self._now + 1 :]
         if goes_on:
             self._steps[self._now] = step
@@ -96,21 +95,19 @@ class EditSession:
             self._steps.append(step)
             del self._steps[:-_MOST_STEPS]
             self._now = len(self._steps) - 1
-        self._show(analysis)
+        self._show(after, analysis)
 
     def undo(self) -> None:
         """Take the last step back. Raises EditError if there is none."""
         if not self._now:
             raise EditError("there is nothing to undo")
-        self._now -= 1
-        self._show(MissionAnalysis.of(self.editable))
+        self._go(-1)
 
     def redo(self) -> None:
         """Make the step again that was taken back. Raises EditError if there is none."""
         if self._now + 1 == len(self._steps):
             raise EditError("there is nothing to redo")
-        self._now += 1
-        self._show(MissionAnalysis.of(self.editable))
+        self._go(+1)
 
     def save(self, *, confirmed: bool = False, overwrite: bool = False) -> None:
         """Write the file.
@@ -163,11 +160,18 @@ class EditSession:
             self._file.forget()
             raise
         self._saved = text
-        self._steps = [_Step(editable, "", None)]
+        self._steps = [_Step(text, "", None)]
         self._now = 0
-        self._show(MissionAnalysis.of(editable))
+        self._show(editable, MissionAnalysis.of(editable))
 
-    def _show(self, analysis: MissionAnalysis) -> None:
+    def _go(self, steps: int) -> None:
+        editable = EditableMission.read(self._steps[self._now + steps].text, self._file.path)
+        analysis = MissionAnalysis.of(editable)
+        self._now += steps
+        self._show(editable, analysis)
+
+    def _show(self, editable: EditableMission, analysis: MissionAnalysis) -> None:
         self.revision += 1
+        self.editable = editable
         self._analysis = analysis
         self._view = self._viewer.view(self.editable.parts, analysis)

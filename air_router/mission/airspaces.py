@@ -8,11 +8,12 @@ returns, and keeps from every zone from the ground up.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import lru_cache
 
 from air_router.files.mission_document import Area, MissionDocument
+from air_router.files.settings import PlannerSettings
 from air_router.files.zone_terms import HomeAltitudeError
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Shape, Zone, ZoneError
@@ -70,6 +71,7 @@ class Airspaces:
         zones: All zones of the mission, in the file's order.
         climb_corridors: What is kept from beside them, because of other UAVs.
         cruise: What applies where the mission flies, with its clearance.
+        planning: The same with the tracking margin on top: what routes are checked with.
         climb: What applies from the ground to there.
         above: What applies there and higher.
         idle: The zones that are not in `cruise`.
@@ -79,6 +81,7 @@ class Airspaces:
     zones: tuple[Zone, ...]
     climb_corridors: tuple[Zone, ...]
     cruise: Airspace
+    planning: Airspace
     climb: Airspace
     above: Airspace
     idle: tuple[IdleZone, ...]
@@ -87,26 +90,44 @@ class Airspaces:
 
 def airspaces_of(draft: MissionDocument, window: FlightWindow) -> Airspaces:
     """The airspaces of a draft. An altitude limit that cannot be read is taken for none."""
-    altitudes = cruise_altitudes(draft)
     zones = tuple(_zone(area, draft) for area in draft.zones)
-    fences = [area.shape for area in draft.fences]
+    fences = tuple(area.shape for area in draft.fences)
     climb_corridors = tuple(_zone(area, draft) for area in draft.climb_corridors)
-    return airspaces_within(
-        fences, zones, climb_corridors, draft.planner.clearance_m, window, altitudes
-    )
+    altitudes = cruise_altitudes(draft)
+    return airspaces_within(fences, zones, climb_corridors, draft.planner, window, altitudes)
 
 
 def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
-    fences: Sequence[Shape],
+    fences: tuple[Shape, ...],
     zones: tuple[Zone, ...],
     climb_corridors: tuple[Zone, ...],
-    clearance_m: float,
+    planner: PlannerSettings,
     window: FlightWindow,
     altitudes: Band,
 ) -> Airspaces:
-    """The airspaces that fences and zones make for a flight at these altitudes in that time."""
-    everything = Airspace(fences, (*zones, *climb_corridors), clearance_m)
-    active = everything.during(window.start, window.end)
+    """The airspaces that fences and zones make for a flight at these altitudes in that time.
+
+    They are kept for a while: an edit that changes none of this costs nothing here, nor in what is
+    found in these airspaces.
+    """
+    timed = any(zone.validity is not None for zone in zones)
+    kept = planner.clearance_m, planner.tracking_margin_m
+    return _airspaces(fences, zones, climb_corridors, *kept, window if timed else None, altitudes)
+
+
+@lru_cache(maxsize=4)
+def _airspaces(  # noqa: PLR0913, PLR0917 - all that counts
+    fences: tuple[Shape, ...],
+    zones: tuple[Zone, ...],
+    climb_corridors: tuple[Zone, ...],
+    clearance_m: float,
+    margin_m: float,
+    window: FlightWindow | None,
+    altitudes: Band,
+) -> Airspaces:
+    active = Airspace(fences, (*zones, *climb_corridors), clearance_m)
+    if window is not None:
+        active = active.during(window.start, window.end)
     climb = active.at(-math.inf, altitudes.upper_m)
     cruise = active.at(altitudes.lower_m, altitudes.upper_m)
     above = active.at(altitudes.lower_m, math.inf)
@@ -114,12 +135,13 @@ def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
     in_time = {id(zone) for zone in active.zones}
     idle = []
     for zone in zones:
-        if id(zone) not in in_time and zone.validity is not None:
+        if id(zone) not in in_time and zone.validity is not None and window is not None:
             idle.append(IdleZone(zone, _out_of_time(zone.validity, window)))
         elif id(zone) not in active_ids and zone.band is not None:
             reason = _out_of_height(zone.band, altitudes)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
-    return Airspaces(zones, climb_corridors, cruise, climb, above, tuple(idle), altitudes)
+    planning = cruise.with_margin(margin_m)
+    return Airspaces(zones, climb_corridors, cruise, planning, climb, above, tuple(idle), altitudes)
 
 
 def cruise_altitudes(draft: MissionDocument) -> Band:

@@ -183,7 +183,7 @@ def mission_of(
         window=window,
         cruise=airspaces.altitudes,
         airspace=airspaces.cruise,
-        planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
+        planning_airspace=airspaces.planning,
         climb_airspace=airspaces.climb,
         above_airspace=airspaces.above,
         climb_corridors=airspaces.climb_corridors,

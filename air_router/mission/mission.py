@@ -123,16 +123,15 @@ class Mission:
 
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
         """The same mission among other fences and zones; climb_corridors of other UAVs stay."""
-        clearance_m = self.planner.clearance_m
         areas = airspaces_within(
-            fences, zones, self.climb_corridors, clearance_m, self.window, self.cruise
+            fences, zones, self.climb_corridors, self.planner, self.window, self.cruise
         )
         return replace(
             self,
             fences=areas.cruise.fences,
             zones=areas.zones,
             airspace=areas.cruise,
-            planning_airspace=areas.cruise.with_margin(self.planner.tracking_margin_m),
+            planning_airspace=areas.planning,
             climb_airspace=areas.climb,
             above_airspace=areas.above,
             idle_zones=areas.idle,

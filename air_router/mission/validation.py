@@ -1,8 +1,9 @@
 """Whether a mission, as drafted, may be flown: every problem of its geometry."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
+import numpy as np
 import shapely
 from shapely import Polygon, STRtree
 
@@ -158,20 +159,28 @@ def _check_same_places(draft: MissionDocument) -> None:
 
 def _check_spots(draft: MissionDocument, airspaces: Airspaces, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
-    margin_m = draft.planner.tracking_margin_m
-    cruise, climb = airspaces.cruise.with_margin(margin_m), airspaces.climb.with_margin(margin_m)
+    cruise = airspaces.planning
+    climb = airspaces.climb.with_margin(draft.planner.tracking_margin_m)
     if "planner" in draft.unread:
         cruise, climb = airspaces.cruise.as_drawn(), airspaces.climb.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
     wrong = [
         (spot, airspace)
         for spots, airspace in ((landings, climb), (draft.waypoints, cruise))
-        for spot in spots
-        if spot.label not in far and not airspace.point_clear(spot.position)
+        for spot, clear in zip(spots, points_clear(airspace, spots), strict=True)
+        if not clear and spot.label not in far
     ]
     for spot, airspace in wrong:
         _complain_of_spot(draft, spot, airspace)
     return not wrong
+
+
+def points_clear(airspace: Airspace, spots: Sequence[MissionPoint]) -> list[bool]:
+    """Whether the vehicle may be at each of these places."""
+    if not spots:
+        return []
+    places = np.array([spot.position for spot in spots], dtype=float)
+    return [bool(clear) for clear in airspace.legs_clear_between(places, places)]
 
 
 def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airspace) -> None:
@@ -211,10 +220,13 @@ def _check_ways(draft: MissionDocument, airspaces: Airspaces) -> None:
     """A clear way must lead from home to every waypoint (and so from each to every other)."""
     if draft.home is None:
         return
-    regions = Regions(airspaces.cruise.with_margin(draft.planner.tracking_margin_m))
+    regions = Regions(airspaces.planning)
     answers: dict[int | None, str] = {}
+    around_home = regions.of(draft.home.position)
     for spot in draft.waypoints:
         region = regions.of(spot.position)
+        if region == around_home is not None:
+            continue
         if regions.connected(draft.home.position, spot.position):
             continue
         if region not in answers:
