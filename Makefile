@@ -92,7 +92,7 @@ $(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
 	@touch $@
 
 # Wheels and source archives, what they need in pinned versions (requirements.txt, CycloneDX), and checksums
-EXTRAS := sim keys mavlink ros ros2 plot experiments web completion foxglove ulog
+EXTRAS := sim keys mavlink ros ros2 plot experiments web completion foxglove
 dist: $(VENV)/.tools
 	rm -rf dist
 	$(BIN)/hadolint packaging/Dockerfile

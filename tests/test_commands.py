@@ -198,7 +198,7 @@ def imported(module):
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
-EXTRAS = {"aiohttp", "foxglove", "matplotlib", "pyulog", "rerun", "rosbags", "scipy", "shtab"}
+EXTRAS = {"aiohttp", "foxglove", "matplotlib", "rerun", "rosbags", "scipy", "shtab"}
 
 
 @pytest.mark.parametrize(

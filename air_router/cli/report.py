@@ -11,7 +11,6 @@ from air_router.record.recording import add_record, record_of
 from air_router.record.serialization import json_of
 from air_router.report.flight_page import page_of
 from air_router.report.flight_summary import summary_of
-from air_router.report.ulog import read_ulog
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="F", help="the page (default: LOG with .html)"
     )
-    parser.add_argument("--ulog", type=Path, metavar="F", help="PX4's own log of the same flight")
     parser.add_argument(
         "--json", action="store_true", help="the same as JSON on stdout, and no page without -o"
     )
@@ -36,14 +34,12 @@ def run(arguments: argparse.Namespace) -> int:
     log = Log(record_of(arguments))
     summary = summary_of(log)
     summary.end(log.ending)
-    ulog = None if arguments.ulog is None else read_ulog(arguments.ulog, summary)
     output = arguments.output or (None if arguments.json else log.path.with_suffix(".html"))
     if output is not None:
         if output.resolve() == log.path.resolve():
             raise UsageError(f"{output}: is the record itself; write the page elsewhere, -o F")
-        write_whole(output, page_of(summary, log.path.name, ulog), replace=True)
+        write_whole(output, page_of(summary, log.path.name), replace=True)
         print(f"the report: {output}", file=sys.stderr)
     if arguments.json:
-        facts = {**summary.as_json(), "ulog": None if ulog is None else ulog.as_json()}
-        sys.stdout.write(json_of(facts) + "\n")
+        sys.stdout.write(json_of(summary.as_json()) + "\n")
     return ExitCode.DONE

@@ -15,7 +15,6 @@ from air_router.report.svg import (
     in_both_widths,
     number,
 )
-from air_router.report.ulog import UlogTrack
 
 COLOURS: Final = 8
 """So many robots have a colour of their own; then they begin anew."""
@@ -64,12 +63,12 @@ class Graph(NamedTuple):
     limit: tuple[float, str] | None = None  # a value that is drawn across, with words
 
 
-def figures(summary: FlightSummary, ulog: UlogTrack | None = None) -> list[Figure]:
+def figures(summary: FlightSummary) -> list[Figure]:
     """Everything that can be drawn of a flight over time."""
     drawn = [_timeline(summary)]
     if summary.exchanges.syncs:
         drawn.append(_bandwidth(summary))
-    graphs = (_ages(summary), _map(summary), _distance(summary), _battery(summary, ulog))
+    graphs = (_ages(summary), _map(summary), _distance(summary), _battery(summary))
     return drawn + [_figure(summary, graph) for graph in graphs if graph is not None]
 
 
@@ -156,12 +155,11 @@ def _distance(summary: FlightSummary) -> Graph | None:
     )
 
 
-def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Graph | None:
-    theirs = [] if ulog is None else [(t, 100 * charge) for t, charge in ulog.battery]
-    if not summary.battery and not theirs:
+def _battery(summary: FlightSummary) -> Graph | None:
+    if not summary.battery:
         return None
-    end = [(summary.to_s, charge) for _, charge in summary.battery[-1:]]
-    ours = [(t, 100 * charge) for t, charge in (*summary.battery, *end)]
+    end = (summary.to_s, summary.battery[-1][1])
+    charges = [(t, 100 * charge) for t, charge in (*summary.battery, end)]
     limit = None
     if summary.setup is not None:
         reserve = 100 * summary.setup.mission.battery_reserve
@@ -173,8 +171,8 @@ def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Graph | None:
         "battery",
         160,
         100.0,
-        [Line(theirs, "theirs", "PX4's log"), Line(ours, "own", "telemetry", steps=True)],
-        [("own", "telemetry"), ("theirs", "in PX4's log")] if theirs else [],
+        [Line(charges, "own", "battery", steps=True)],
+        [],
         _QUARTERS,
         limit,
     )

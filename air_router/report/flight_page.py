@@ -13,23 +13,22 @@ from air_router.report.flight_table import size_words
 from air_router.report.palette import style_sheet
 from air_router.report.svg import clock
 from air_router.report.track import track_figure
-from air_router.report.ulog import UlogTrack
 
 
-def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) -> str:
+def page_of(summary: FlightSummary, source: str) -> str:
     """The page; `source` is the name of the record."""
     facts = summary.as_json()
     title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
-    track = track_figure(summary, ulog)
-    shown = [*([track] if track is not None else []), *figures(summary, ulog)]
+    track = track_figure(summary)
+    shown = [*([track] if track is not None else []), *figures(summary)]
     sheet = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     body = [
         _head(facts, title),
         _tiles(facts),
         *map(_section, shown),
         _robots(summary, facts),
-        *(_table(*part) for part in _what_was_said(summary, ulog)),
-        _foot(facts, source, ulog),
+        *(_table(*part) for part in _what_was_said(summary)),
+        _foot(facts, source),
     ]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -129,7 +128,7 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
 
 
 def _what_was_said(
-    summary: FlightSummary, ulog: UlogTrack | None
+    summary: FlightSummary,
 ) -> Iterable[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
     """Tables of what happened at one moment each: heading, columns and rows."""
 
@@ -141,11 +140,9 @@ def _what_was_said(
         (at(r.t), r.what, r.by, f"{answers[r.accepted]}{': ' if r.why else ''}{r.why}")
         for r in summary.requests
     ]
-    modes = [] if ulog is None else ulog.modes
     yield "Requests", ("at", "what", "who", "answer"), requests
     yield "Announcements", ("at", "text"), [(at(t), said) for t, said in summary.announcements]
     yield "Commands not followed", ("at", "what"), [(at(t), what) for t, what in summary.failures]
-    yield "Flight modes in PX4's log", ("at", "mode"), [(at(t), mode) for t, mode in modes]
 
 
 def _table(
@@ -163,14 +160,9 @@ def _table(
     )
 
 
-def _foot(facts: dict[str, Any], source: str, ulog: UlogTrack | None) -> str:
+def _foot(facts: dict[str, Any], source: str) -> str:
     about = facts["about"]
     known = [name for name in ("air-router", "mavsdk", "python") if name in about]
     versions = ", ".join(f"{name} {about[name]}" for name in known)
     words = [f"Made from {source}.", f"Recorded by {versions}." if versions else ""]
-    if ulog is not None:
-        words.append(
-            f"PX4's log is aligned by {ulog.aligned_by}; the tracks are {ulog.off_m} m apart "
-            "(median)."
-        )
     return f"<footer>{escape(' '.join(words))}</footer>"

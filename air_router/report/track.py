@@ -8,7 +8,6 @@ from air_router.mission.mission import Mission
 from air_router.report.charts import Figure, robot_css
 from air_router.report.flight_summary import FlightSummary
 from air_router.report.svg import NARROW, clock, element, in_both_widths, picture
-from air_router.report.ulog import UlogTrack
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
 
@@ -70,27 +69,25 @@ class _Canvas:
         return element("text", css, "", words, x=x, y=y)
 
 
-def track_figure(summary: FlightSummary, ulog: UlogTrack | None = None) -> Figure | None:
+def track_figure(summary: FlightSummary) -> Figure | None:
     """Zones, fence, waypoints, the track and where it came closest; None without a mission."""
     mission = summary.mission
     if mission is None:
         return None
-    ours = [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
-    theirs = [] if ulog is None else [(east_m, north_m) for _, east_m, north_m in ulog.track]
+    track = [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
     places: list[Sequence[float]] = [mission.home, *(w.position for w in mission.waypoints)]
     places += [corner for fence in mission.fences for corner in fence.corners]
-    places += [*ours, *theirs]
+    places += track
     places += [(e, n) for heard in summary.robots.values() for _, e, n, _ in heard]
 
     def draw(width: int) -> str:
         canvas = _Canvas(places, width)
         dots, names = _robots(summary, canvas)
-        lines = [canvas.line("own", ours), canvas.line("theirs", theirs)]
-        parts = [*_mission(mission, canvas), *dots, *lines, *names, *_marks(summary, canvas)]
+        line = canvas.line("own", track)
+        parts = [*_mission(mission, canvas), *dots, line, *names, *_marks(summary, canvas)]
         return picture(canvas.width, round(canvas.height), "the flown track", parts)
 
     legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
-    legend += [("theirs", "PX4's own log")] if ulog is not None else []
     named = [name for name in summary.exchanges.names() if summary.robots.get(name)]
     legend += [(robot_css(summary, name), name) for name in named]
     words = "Robots are drawn at their reported positions."

@@ -5,7 +5,6 @@ import itertools
 import json
 import math
 import re
-import struct
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -38,7 +37,6 @@ from air_router.report.exchanges import Exchanges
 from air_router.report.flight_page import page_of
 from air_router.report.flight_summary import NothingFlownError, summary_of
 from air_router.report.svg import WIDE, Plot, clock, nice, number, thinned
-from air_router.report.ulog import UlogError, read_ulog
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
@@ -282,62 +280,7 @@ def test_the_command_writes_a_page_beside_the_record(record, capsys):
     assert main(["report", str(record), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["uav"] == "titan"
-    assert told["ulog"] is None
     assert not page.exists()
-
-
-TOPICS = {
-    "vehicle_global_position": ("uint64_t timestamp;double lat;double lon;", "<Qdd"),
-    "battery_status": ("uint64_t timestamp;float remaining;", "<Qf"),
-    "vehicle_status": ("uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;", "<QBB"),
-}
-
-
-def ulog(path, mission, boot_s=0.0, topics=TOPICS):
-    """A PX4 log of that flight, by the format's description."""
-
-    def message(kind, body):
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    data = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message("B", bytes(40))]
-    data += [message("F", f"{name}:{TOPICS[name][0]}".encode()) for name in topics]
-    data += [message("A", struct.pack("<BH", 0, i) + n.encode()) for i, n in enumerate(topics)]
-    for t in range(5, 75):
-        seen = along(float(t))
-        place = mission.frame.to_geodetic(Point(seen.position.east_m + 0.5, 0.0))
-        values = {
-            "vehicle_global_position": place,
-            "battery_status": (seen.battery,),
-            "vehicle_status": (2, 3 if t < 60 else 5),
-        }
-        for topic, name in enumerate(topics):
-            body = struct.pack(TOPICS[name][1], int((t - boot_s) * 1e6), *values[name])
-            data.append(message("D", struct.pack("<H", topic) + body))
-    path.write_bytes(b"".join(data))
-    return path
-
-
-@pytest.mark.parametrize(("boot_s", "by"), [(0.0, "the clock since it booted"), (1e3, "arming")])
-def test_px4_s_own_log_is_laid_over_ours(record, pennovation, capsys, boot_s, by):
-    log = ulog(record.with_name("a.ulg"), pennovation, -boot_s)
-    assert main(["report", str(record), "--ulog", str(log), "--json", "-o", f"{log}.html"]) == 0
-    theirs = json.loads(capsys.readouterr().out)["ulog"]
-    assert by in theirs["aligned_by"]
-    assert theirs["off_m"] == pytest.approx(0.5, abs=0.1)
-    assert [(round(m["t"]), m["mode"]) for m in theirs["modes"]] == [(5, "Mission"), (60, "Return")]
-    assert theirs["battery"][0][1] == pytest.approx(0.975, abs=0.001)
-    assert "Flight modes in PX4" in log.with_name("a.ulg.html").read_text("utf-8")
-
-
-def test_a_log_that_is_none_or_of_another_flight_is_told(summary, pennovation, tmp_path):
-    (tmp_path / "b.ulg").write_bytes(b"ULog" + b"\x00" * 100)
-    with pytest.raises(UlogError, match="not a ULog"):
-        read_ulog(tmp_path / "b.ulg", summary)
-    only = {"battery_status": TOPICS["battery_status"]}
-    with pytest.raises(UlogError, match="no time in common"):
-        read_ulog(ulog(tmp_path / "c.ulg", pennovation, -1e6, only), summary)
-    with pytest.raises(UlogError, match="has none of"):
-        read_ulog(ulog(tmp_path / "d.ulg", pennovation, topics={}), summary)
 
 
 def test_numbers_on_axes():
