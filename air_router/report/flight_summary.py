@@ -41,7 +41,7 @@ class NothingFlownError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class StateInterval:
     """A time in one state; `robot` is whom it is about."""
 
@@ -52,7 +52,7 @@ class StateInterval:
     because: str  # the signal that led into it
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class RequestRecord:
     """A request, and the answer (None: none)."""
 
@@ -107,8 +107,7 @@ class FlightSummary:
     to_s: float = math.nan  # time of the last event
     finish: str | None = None  # as the controller said
     unix_offset_s: float | None = None  # Unix time at 0
-    _open: dict[tuple[str, str], int] = field(default_factory=dict)  # places in `requests`
-    _entered: tuple[State, float, str | None, str] | None = None  # state, when, robot, why
+    _open: dict[tuple[str, str], RequestRecord] = field(default_factory=dict)  # not answered yet
 
     def take(self, entry: RecordEntry) -> None:
         """Take in what is recorded next."""
@@ -141,14 +140,14 @@ class FlightSummary:
         if self.setup is None or math.isnan(self.to_s):
             raise NothingFlownError("nothing was recorded that could be shown")
         self.ending = ending
-        self._leave(self.to_s)
+        self.states[-1].to_s = self.to_s
         self.exchanges.end(self.to_s)
         self.closest = None if self.flown is None else self.flown.closest_approach()
 
     def _seen(self, t: float) -> None:
         if math.isnan(self.from_s):
             self.from_s = t
-            self._entered = (State.READY, t, None, "")
+            self.states = [StateInterval(State.READY.name, t, t, None, "")]
         self.to_s = t
 
     def _note(self, t: float, note: Note) -> None:
@@ -175,8 +174,9 @@ class FlightSummary:
         elif isinstance(event, RobotPose):
             self.robots.setdefault(event.robot, []).append((t, *event.position, event.stamp_s))
         elif isinstance(event, Asked):
-            self._open[event.by, event.request_id] = len(self.requests)
-            self.requests.append(RequestRecord(t, _request_words(event), event.by))
+            request = RequestRecord(t, _request_words(event), event.by)
+            self._open[event.by, event.request_id] = request
+            self.requests.append(request)
         elif isinstance(event, CommandFailed):
             self.failures.append((t, f"{type(event.action).__name__}: {event.reason}"))
 
@@ -204,33 +204,25 @@ class FlightSummary:
     def _action(self, t: float, action: Any) -> None:
         match action:
             case StateChanged(signal=signal, target=target, robot=robot):
-                self._leave(t)
+                for stay in self.states[-1:]:
+                    stay.to_s = t
                 about = robot if target in _ABOUT_ROBOTS else None
-                self._entered = (target, t, about, signal.value)
+                self.states.append(StateInterval(target.name, t, t, about, signal.value))
             case Announce(text=text):
                 self.announcements.append((t, text))
-            case Seeking(robot=str() as robot) if self._entered is not None:
-                state, from_s, _, because = self._entered  # a search finds its robot once entered
-                self._entered = (state, from_s, robot, because)
+            case Seeking(robot=str() as robot) if self.states:
+                self.states[-1].robot = robot  # a search finds its robot once entered
             case CommandAck():
                 self._answered(t, action)
             case Finish(why=why):
                 self.finish = why
 
     def _answered(self, t: float, answer: CommandAck) -> None:
-        place = self._open.pop((answer.by, answer.request_id), None)
-        if place is None:
-            self.requests.append(RequestRecord(t, "", answer.by, answer.accepted, answer.why))
-        else:
-            request = self.requests[place]
-            self.requests[place] = RequestRecord(
-                request.t, request.what, request.by, answer.accepted, answer.why
-            )
-
-    def _leave(self, t: float) -> None:
-        if self._entered is not None:
-            state, from_s, robot, because = self._entered
-            self.states.append(StateInterval(state.name, from_s, t, robot, because))
+        request = self._open.pop((answer.by, answer.request_id), None)
+        if request is None:
+            request = RequestRecord(t, "", answer.by)
+            self.requests.append(request)
+        request.accepted, request.why = answer.accepted, answer.why
 
     @property
     def mission(self) -> Mission | None:
