@@ -178,7 +178,7 @@ class AdversarialOperator:
 
     @property
     def _velocity_m_s(self) -> Pair:
-        airframe = self._scenario.vehicle.autopilot.airframe
+        airframe = self._scenario.autopilot.airframe
         return airframe.velocity_east_m_s, airframe.velocity_north_m_s
 
     def _point(self, place: Pair) -> Point:

@@ -71,7 +71,7 @@ class Operator:
     @property
     def flies(self) -> bool:
         """Whether the vehicle is in the air, and in no failsafe."""
-        autopilot = self._scenario.vehicle.autopilot
+        autopilot = self._scenario.autopilot
         return not autopilot.situation.landed and not autopilot.failsafe.acting
 
     def step(self, now_s: float) -> None:
@@ -101,7 +101,7 @@ class Operator:
 
     def reload(self, ahead_m: float) -> None:
         """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        airframe = self._scenario.vehicle.autopilot.airframe
+        airframe = self._scenario.autopilot.airframe
         course_rad = math.atan2(airframe.velocity_east_m_s, airframe.velocity_north_m_s)
         course_rad += self._dice.uniform(-0.5, 0.5)
         place = self._scenario.place

@@ -16,6 +16,7 @@ from geo.frame import Point
 from sitl.mavlink.codec import MessagePacker
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
+from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
@@ -248,7 +249,7 @@ class Scenario:
     def _step(self) -> None:
         self._step_at_s = round(self._step_at_s + STEP_S, 6)
         self.vehicle.step()
-        self._seen.samples.append(true_state(self.vehicle.autopilot, self.now_s))
+        self._seen.samples.append(true_state(self.autopilot, self.now_s))
         if self.now_s >= self._tick_at_s:
             self._tick_at_s = round(self._tick_at_s + TICK_S, 6)
             self._tick()
@@ -273,7 +274,7 @@ class Scenario:
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def _tick(self) -> None:
-        for phase in phases(self.vehicle.autopilot, self.companion):
+        for phase in phases(self.autopilot, self.companion):
             self._script.enter(phase, self.now_s)
         self._script.step(self.now_s)
         if self.companion is not None:
@@ -281,7 +282,7 @@ class Scenario:
             if not self.now_s < self._stalled_until_s < math.inf:
                 self.call(lambda: self.robots.step(node, place, self.now_s))
         self._look_at_the_estimate()
-        companion, autopilot = self.companion, self.vehicle.autopilot
+        companion, autopilot = self.companion, self.autopilot
         if autopilot.armed and not self._ending.flown:
             self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
             self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
@@ -313,15 +314,20 @@ class Scenario:
 
     def restart(self) -> None:
         """The companion's power is back, and the flight is to be resumed."""
-        if self.companion is None and self.vehicle.autopilot.armed:
+        if self.companion is None and self.autopilot.armed:
             self._restarts = True
 
     # What is seen
 
     @property
+    def autopilot(self) -> Autopilot:
+        """The vehicle's."""
+        return self.vehicle.autopilot
+
+    @property
     def place(self) -> Point:
         """Where the vehicle really is, in the mission's frame."""
-        return self.mission.frame.to_local(*true_degrees(self.vehicle.autopilot))
+        return self.mission.frame.to_local(*true_degrees(self.autopilot))
 
     def _say(self, text: str) -> None:
         self._seen.lines.append(Line(self.now_s, text))
@@ -337,7 +343,7 @@ class Scenario:
         )
 
     def _look_at_the_estimate(self) -> None:
-        errors = self.vehicle.autopilot.errors
+        errors = self.autopilot.errors
         off_m = math.hypot(errors.north_m, errors.east_m)
         if abs(off_m - self._off_m) > 1.0:
             self._off_m = off_m

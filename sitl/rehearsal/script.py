@@ -131,7 +131,7 @@ class Script:
 
     @property
     def _errors(self) -> Any:
-        return self._scenario.vehicle.autopilot.errors
+        return self._scenario.autopilot.errors
 
     def _jump_by(self, angle_rad: float) -> None:
         size_m = self._dice.uniform(1.0, 4.0)
@@ -181,10 +181,7 @@ class Script:
         result, seconds = (_NO_SPACE, math.inf) if for_good else (_ACK_ERROR, 6.0)
         until_s = self._scenario.now_s + seconds
         self._scenario.link.trouble(
-            Way.DOWN,
-            "MISSION_ACK",
-            StreamFault.WRONG,
-            until_s,
+            *(Way.DOWN, "MISSION_ACK", StreamFault.WRONG, until_s),
             wrong=lambda fields, _: {**fields, "type": result},
         )
 
@@ -207,7 +204,7 @@ class Script:
         if mode.needs_pilot:
             self._sticks_from_s = min(self._sticks_from_s, self._scenario.now_s)
             self._scenario.stations.first.sticks()
-        if self._scenario.vehicle.autopilot.mode is mode:
+        if self._scenario.autopilot.mode is mode:
             mode = FlightMode.AUTO_RTL
         self._choose(mode)
 
@@ -232,12 +229,9 @@ class Script:
 
     def _ask_too_early(self) -> None:
         """The operator asks for the vehicle while the pilot still flies it in another mode."""
-        mode = self._scenario.vehicle.autopilot.mode
-        if (
-            self._operator.pilot
-            and self._flies
-            and mode not in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
-        ):
+        mode = self._scenario.autopilot.mode
+        free = mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
+        if self._operator.pilot and self._flies and not free:
             self._operator.ask(self._dice.choice((GoOn(), ComeHome(), ExploreNow())))
 
     def _take_back(self) -> None:
@@ -247,15 +241,11 @@ class Script:
 
     def _pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
-        autopilot, companion = self._scenario.vehicle.autopilot, self._scenario.companion
-        if (
-            self._operator.pilot
-            or companion is None
-            or not self._flies
-            or autopilot.mission.climbing
-        ):
+        autopilot, companion = self._scenario.autopilot, self._scenario.companion
+        if companion is None or self._operator.pilot or not self._flies:
             return
-        if companion.flight.controller.gate.pending is not None:
+        pending = companion.flight.controller.gate.pending
+        if autopilot.mission.climbing or pending is not None:
             return
         moving = math.hypot(*autopilot.situation.velocity_m_s[:2]) > MOVING_M_S
         if autopilot.mode is FlightMode.AUTO_MISSION and divert:
@@ -267,13 +257,13 @@ class Script:
             self._taken("reposition")
 
     def _disarm(self, forced: bool) -> None:
-        was_armed = self._scenario.vehicle.autopilot.armed
+        was_armed = self._scenario.autopilot.armed
         self._scenario.stations.first.disarm(forced=forced)
-        if was_armed and not self._scenario.vehicle.autopilot.armed:
+        if was_armed and not self._scenario.autopilot.armed:
             self._scenario.happened(SceneEventKind.DISARMED, "station")
 
     def _home(self, by: tuple[float, float]) -> None:
-        situation = self._scenario.vehicle.autopilot.situation
+        situation = self._scenario.autopilot.situation
         if situation.home is None:
             return
         side_m, up_m = by
@@ -287,7 +277,7 @@ class Script:
         stations = self._scenario.stations
         if not self._flies:
             return
-        lands = self._scenario.vehicle.autopilot.mode is FlightMode.AUTO_LAND
+        lands = self._scenario.autopilot.mode is FlightMode.AUTO_LAND
         match which:
             case "same":
                 stations.same_plan()

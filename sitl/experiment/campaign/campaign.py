@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,62 +23,44 @@ _MOST_FAILURES: Final = 5
 
 @dataclass(slots=True)
 class Progress:
-    """Counts finished runs; the rest is taken to cost as much per weight as what is done.
+    """Counts finished runs; the rest is taken to cost as much each as what is done.
 
     Attributes:
-        tasks: those that are to be made.
+        count: how many are to be made.
         monotonic: a steady clock, in seconds.
         done: how many are over.
         simulated_s: of those that were made, together.
     """
 
-    tasks: Sequence[Task]
+    count: int
     monotonic: Callable[[], float] = time.monotonic
     done: int = 0
     simulated_s: float = 0.0
-    _began_s: float = 0.0
-    _done_weight: float = 0.0
+    _began_s: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._began_s = self.monotonic()
 
-    def over(self, task: Task, simulated_s: float = 0.0) -> None:
+    def over(self, simulated_s: float = 0.0) -> None:
         """A run is made, or given up."""
         self.done += 1
         self.simulated_s += simulated_s
-        self._done_weight += weight(task)
-
-    @property
-    def elapsed_s(self) -> float:
-        """Since the beginning."""
-        return self.monotonic() - self._began_s
-
-    @property
-    def left_s(self) -> float | None:
-        """How long the rest takes; None before anything is known."""
-        if not self._done_weight:
-            return None
-        return self.elapsed_s * (sum(map(weight, self.tasks)) / self._done_weight - 1.0)
-
-    @property
-    def speed(self) -> str:
-        """How fast it goes, in words."""
-        return f"{self.simulated_s / max(self.elapsed_s, 1e-9):,.0f} x real time"
 
     def line(self) -> str:
         """The state of things in one line."""
-        count, left_s = len(self.tasks), self.left_s
-        full = round(_BAR * self.done / max(count, 1))
-        left = ", time left not known yet" if left_s is None else f", about {in_words(left_s)} left"
-        speed = f", {self.speed}" if self.simulated_s else ""
-        bar = "#" * full + "." * (_BAR - full)
-        return f"[{bar}] {self.done} of {count} runs{left if self.done < count else ''}{speed}"
+        full = round(_BAR * self.done / max(self.count, 1))
+        text = f"[{'#' * full}{'.' * (_BAR - full)}] {self.done} of {self.count} runs"
+        elapsed_s = self.monotonic() - self._began_s
+        if 0 < self.done < self.count:
+            text += f", about {in_words(elapsed_s * (self.count / self.done - 1))} left"
+        speed = f", {self.simulated_s / max(elapsed_s, 1e-9):,.0f} x real time"
+        return text + (speed if self.simulated_s else "")
 
-
-def weight(task: Task) -> float:
-    """What a run costs compared with others: each robot may meet each."""
-    robots = sum(value_of(task.row.settings, key) for key in ("uavs", "ugvs"))
-    return float(max(robots, 1) ** 2)
+    def result(self) -> str:
+        """What was made, and how fast."""
+        elapsed_s = max(self.monotonic() - self._began_s, 1e-9)
+        made = f"{counted(self.done, 'runs')} in {elapsed_s / 60:.1f} min"
+        return f"{made}, {self.simulated_s / elapsed_s:,.0f} x real time"
 
 
 def in_words(time_s: float) -> str:
@@ -140,10 +122,14 @@ class Campaign:
     def missing(self) -> list[Task]:
         """The runs that are still to be made.
 
-        Each round of seeds has its longest runs first, so that no long one is left to the end.
+        Each round of seeds has its largest teams first, so that no long run is left to the end.
         """
+
+        def robots(task: Task) -> int:
+            return sum(value_of(task.row.settings, key) for key in ("uavs", "ugvs"))
+
         missing = [t for t in self.wanted if (t.row.label, t.number) not in self._finished]
-        return sorted(missing, key=lambda task: (task.number, -weight(task)))
+        return sorted(missing, key=lambda task: (task.number, -robots(task)))
 
     @property
     def records(self) -> list[Record]:
@@ -154,7 +140,7 @@ class Campaign:
     def run(self, pool: ProcessPool, work: Work, keep: Callable[[Record], None]) -> None:
         """Make the missing runs, and `keep` each at once."""
         tasks = self.missing
-        progress = Progress(tasks)
+        progress = Progress(len(tasks))
         with closing(pool.run(work, tasks)) as outcomes:
             try:
                 for outcome in outcomes:
@@ -166,9 +152,7 @@ class Campaign:
             finally:
                 self.status.end()
         if progress.simulated_s:
-            minutes = progress.elapsed_s / 60
-            made = f"{counted(progress.done, 'runs')} in {minutes:.1f} min"
-            self.status.say(f"{made}, {progress.speed}")
+            self.status.say(progress.result())
 
     def _take(self, outcome: Outcome, progress: Progress, keep: Callable[[Record], None]) -> None:
         match outcome:
@@ -176,14 +160,14 @@ class Campaign:
                 keep(record)
                 self._finished[task.row.label, task.number] = record
                 measures = record["measures"]
-                progress.over(task, measures["wall_s"] * (measures["speed_up"] or 0.0))
+                progress.over(measures["wall_s"] * (measures["speed_up"] or 0.0))
             case Lost(task, why, again=True):
                 self.status.say(f"{task.name} lost its worker ({why}); it is begun again")
             case Lost(task, why):
                 self.failed.append(outcome)
-                progress.over(task)
+                progress.over()
                 self.status.say(f"{task.name} lost its worker ({why}) again; given up")
             case Failed(task, why):
                 self.failed.append(outcome)
-                progress.over(task)
+                progress.over()
                 self.status.say(f"{task.name} failed: {why.strip().splitlines()[-1]}")

@@ -193,6 +193,13 @@ class RealFlight:
         if not shows():  # what is there already was not chosen now
             self._awaited = SceneEvent(self._seen.time_s, what, value), shows
 
+    def _await_mode(self, how: str, mode: str) -> None:
+        wanted = MODES[mode].custom_mode
+        self._await(SceneEventKind.PILOT, how, lambda: self._seen.mode == wanted)
+
+    def _note_spell(self, what: str, *, begins: bool) -> None:
+        self._note(SceneEventKind.FAULT if begins else SceneEventKind.FAULT_OVER, what)
+
     # What is done, by the names of `scenes`.
 
     def do_mode(self, value: str) -> None:
@@ -202,25 +209,19 @@ class RealFlight:
             for _ in range(10):
                 self._station.sticks()
                 time.sleep(_BEAT_S)
-        self._await(
-            SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value].custom_mode
-        )
+        self._await_mode(value, value)
         self._station.choose(MODES[value])
 
     def do_other_mode(self, value: str) -> None:
         """Another station chooses a mode."""
-        self._await(
-            SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value].custom_mode
-        )
+        self._await_mode(value, value)
         station_at(self._relay, 254).choose(MODES[value])
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
         from_s = self._seen.time_s + _RESTS_S
         self._sticks_moved_s = from_s, from_s + value
-        self._await(
-            SceneEventKind.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"].custom_mode
-        )
+        self._await_mode("sticks", "POSCTL")
 
     def do_resume(self, _value: object) -> None:
         """The operator asks it to go on."""
@@ -234,24 +235,24 @@ class RealFlight:
 
     def do_silence(self, value: object) -> None:
         """Nothing passes, until it is said again."""
-        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "silence")
+        self._note_spell("silence", begins=bool(value))
         self._relay.weather.silent = bool(value)
 
     def do_lose(self, value: str | None) -> None:
         """One stream does not pass."""
         self._relay.weather.lost = STREAMS[value] if value else frozenset()
-        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "lost")
+        self._note_spell("lost", begins=bool(value))
 
     def do_freeze(self, value: str | None) -> None:
         """One stream says for ever what it said first."""
         self._relay.weather.frozen = STREAMS[value] if value else frozenset()
-        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "frozen")
+        self._note_spell("frozen", begins=bool(value))
 
     def do_delay(self, value: str | None) -> None:
         """One stream, or all of them, come late."""
         self._relay.weather.late = STREAMS[value] if value else frozenset()
         self._relay.weather.late_s = 0.0 if value is None else _OLD_S / self._speed
-        self._note(SceneEventKind.FAULT_OVER if value is None else SceneEventKind.FAULT, "late")
+        self._note_spell("late", begins=value is not None)
 
     def do_delete(self, value: int) -> None:
         """A station deletes mission or fence."""

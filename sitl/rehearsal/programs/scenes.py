@@ -105,11 +105,6 @@ def _same_plan(dice: random.Random) -> list[Act]:
     return [Act(at_s, "replan", "same"), *(Act(at_s + 4.0 + n, "resume") for n in range(0, 12, 3))]
 
 
-def _fence_deleted(dice: random.Random) -> list[Act]:
-    at_s = dice.uniform(8.0, FLIGHT_S - 20.0)
-    return [Act(at_s, "delete", 1)]
-
-
 def _two_stations(dice: random.Random) -> list[Act]:
     at_s = dice.uniform(8.0, FLIGHT_S)
     first, second = dice.sample(("HOLD", "RETURN", "LAND", "POSCTL"), 2)
@@ -165,7 +160,7 @@ CLASSES: Final[Mapping[str, Class]] = MappingProxyType(
         "HAND_BACK": Class(16, _hand_back),
         "STICKS": Class(12, lambda dice: [Act(_any(dice), "sticks", dice.uniform(2.0, 8.0))]),
         "TWO_STATIONS": Class(12, _two_stations),
-        "FENCE_DELETED": Class(8, _fence_deleted),
+        "FENCE_DELETED": Class(8, lambda dice: [Act(dice.uniform(8, FLIGHT_S - 20), "delete", 1)]),
         "PLAN_REPLACED": Class(8, _replaced),
         "SAME_PLAN": Class(8, _same_plan),
         "HOME_MOVED": Class(10, lambda dice: [Act(_any(dice), "home", dice.choice((-25, 15)))]),
