@@ -35,7 +35,6 @@ from sitl.experiment.figures.sheet import (
     Chart,
     example_chart,
     panel_chart,
-    panel_sheet,
     save,
     sheet,
     styled,
@@ -64,13 +63,15 @@ def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | No
     if not of_the_paper(experiment):
         return None
     sizes = sorted({line.settings["ugvs"] for line in found})
-    figure, axes = panel_sheet(
-        len(_MEASURES),
-        len(sizes),
+    figure, axes = sheet(
+        len(_MEASURES) * len(sizes),
         "Our runs beside the paper's table",
         "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's three runs",
+        high=2.4,
+        columns=len(sizes),
     )
-    for (ours, theirs, label, logarithmic), row in zip(_MEASURES, axes, strict=True):
+    for place, (ours, theirs, label, logarithmic) in enumerate(_MEASURES):
+        row = axes[place * len(sizes) : (place + 1) * len(sizes)]
         for size, one in zip(sizes, row, strict=True):
             team = [line for line in found if line.settings["ugvs"] == size]
             _draw_team(one, team, ours, theirs)
@@ -79,12 +80,11 @@ def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | No
             one.set_ylabel(label)
             if logarithmic:
                 _logarithmic(one)
-    for row in axes:
         low = min(one.get_ylim()[0] for one in row)
         high = max(one.get_ylim()[1] for one in row)
         for one in row:
             one.set_ylim(low, high)
-    handles, labels = axes[0][0].get_legend_handles_labels()
+    handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, labelcolor=INK)
     return figure
 
@@ -115,10 +115,8 @@ def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
 
 
 def _bars(one: Axes, across: Any, found: Sequence[Interval], style: dict[str, Any]) -> None:
-    value = np.array([estimate.value for estimate in found])
-    low = np.nan_to_num(value - np.array([estimate.low for estimate in found]))
-    high = np.nan_to_num(np.array([estimate.high for estimate in found]) - value)
-    reach = np.maximum(np.array([low, high]), 0)
+    value, low, high = np.array(found, dtype=np.float64).T
+    reach = np.maximum(np.nan_to_num([value - low, high - value]), 0)
     one.errorbar(across, value, yerr=reach, lw=1.6, elinewidth=1.1, capsize=2.5, zorder=3, **style)
 
 
@@ -127,9 +125,9 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     found = lines(experiment, records)
     if not 1 < len(found) <= _MOST_ROWS:
         return None
-    last = experiment.varied[0] if experiment.varied else ""
-    groups = list(dict.fromkeys(words({last: line.settings.get(last)}, [last]) for line in found))
-    names = [line.label for line in found]
+    first = experiment.varied[:1]
+    groups = [words(line.settings, first) for line in found]
+    order = list(dict.fromkeys(groups))
     figure, axes = sheet(
         len(_COMPARED),
         "The rows compared",
@@ -138,16 +136,13 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     )
     height = np.arange(len(found))[::-1]
     for one, (measure, label) in zip(axes, _COMPARED, strict=True):
-        for index, line in enumerate(found):
+        for line, group, up in zip(found, groups, height, strict=True):
             estimate = line.values[measure]
-            colour = COLOURS[
-                groups.index(words({last: line.settings.get(last)}, [last])) % len(COLOURS)
-            ]
+            colour = COLOURS[order.index(group) % len(COLOURS)]
             if not np.isnan(estimate.low):
-                ends = [estimate.low, estimate.high]
-                one.plot(ends, [height[index]] * 2, color=colour, lw=1.6)
-            one.plot(estimate.value, height[index], "o", color=colour, ms=5)
-        one.set_yticks(height, names, fontsize=7.5)
+                one.plot([estimate.low, estimate.high], [up, up], color=colour, lw=1.6)
+            one.plot(estimate.value, up, "o", color=colour, ms=5)
+        one.set_yticks(height, [line.label for line in found], fontsize=7.5)
         one.set_xlabel(label)
         one.set_ylim(-0.7, len(found) - 0.3)
         one.grid(visible=True, axis="x")

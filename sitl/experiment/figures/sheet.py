@@ -31,73 +31,11 @@ _MOST_EXAMPLES: Final = 4
 
 _STYLE: Final = Path(__file__).with_name("figures.mplstyle")
 
+PlotRow = Callable[[Axes, Sequence[Record], dict[str, Any]], None]
+"""Draws the runs of a row into a panel, as one line."""
 
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """Some rows of an experiment that are drawn into the same axes."""
-
-    title: str
-    rows: tuple[Row, ...]
-    labels: tuple[str, ...]
-
-
-def panels(experiment: Experiment, records: Sequence[Record]) -> list[Panel]:
-    """The rows that have runs, put into panels by their first settings, at most nine lines each."""
-    labels = {record["row"] for record in records}
-    rows = [row for row in experiment.rows if row.label in labels]
-    keys = list(experiment.varied)
-    outer: list[str] = []
-    while keys[:-1] and _largest(rows, outer) > _MOST_LINES:
-        outer.append(keys.pop(0))
-    if not outer and len(keys) > 2 and len(rows) > 4:
-        outer.append(keys.pop(0))
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(words(row.settings, outer), []).append(row)
-    return [
-        Panel(
-            title or experiment.title,
-            tuple(group),
-            tuple(words(row.settings, keys) or row.label for row in group),
-        )
-        for title, group in groups.items()
-    ]
-
-
-def _largest(rows: Sequence[Row], keys: Sequence[str]) -> int:
-    counts: dict[str, int] = {}
-    for row in rows:
-        key = words(row.settings, keys)
-        counts[key] = counts.get(key, 0) + 1
-    return max(counts.values(), default=0)
-
-
-def styles(rows: Sequence[Row], keys: Sequence[str]) -> list[dict[str, Any]]:
-    """A colour and a dash for each line: the last setting chooses the colour, others the dash."""
-    last = keys[-1] if keys else ""
-    colours = list(dict.fromkeys(str(row.settings.get(last)) for row in rows))
-    dashes = list(dict.fromkeys(words(row.settings, keys[:-1]) for row in rows))
-    if len(rows) != len(set(rows)) or len(colours) == 1:
-        return [{"color": COLOURS[i % len(COLOURS)], "linestyle": "-"} for i in range(len(rows))]
-    return [
-        {
-            "color": COLOURS[colours.index(str(row.settings.get(last))) % len(COLOURS)],
-            "linestyle": DASHES[dashes.index(words(row.settings, keys[:-1])) % len(DASHES)],
-        }
-        for row in rows
-    ]
-
-
-def examples(experiment: Experiment, records: Sequence[Record]) -> list[Record]:
-    """The first runs of a few rows that are spread over the experiment."""
-    first: dict[str, Record] = {}
-    for record in records:
-        first.setdefault(record["row"], record)
-    found = [first[row.label] for row in experiment.rows if row.label in first]
-    if len(found) <= _MOST_EXAMPLES:
-        return found
-    last, steps = len(found) - 1, _MOST_EXAMPLES - 1
-    return [found[round(i * last / steps)] for i in range(_MOST_EXAMPLES)]
+PlotExample = Callable[[Axes, Sequence[Record]], None]
+"""Draws the runs of a row, or the first of them, into a panel of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,42 +65,79 @@ class Chart:
             one.legend(loc=self.legend, fontsize=7.5, labelcolor=INK, handlelength=2.4)
 
 
-PlotRow = Callable[[Axes, Sequence[Record], dict[str, Any]], None]
-"""Draws the runs of a row into a panel, as one line."""
-
-PlotExample = Callable[[Axes, Sequence[Record]], None]
-"""Draws the runs of a row, or the first of them, into a panel of its own."""
-
-
 def panel_chart(
     chart: Chart, plot: PlotRow, experiment: Experiment, records: Sequence[Record]
 ) -> Figure:
     """A figure in which each panel has some rows, and each row a line."""
-    shown = panels(experiment, records)
+    shown, keys = _panels(experiment, records)
     subtitle = f"{experiment.title}; {chart.subtitle}"
     figure, axes = sheet(len(shown), chart.title, subtitle, high=chart.high)
-    for one, panel in zip(axes, shown, strict=True):
-        settings = [row.settings for row in panel.rows]
-        keys = [k for k in experiment.varied if len({str(own.get(k)) for own in settings}) > 1]
-        for row, label, style in zip(
-            panel.rows, panel.labels, styles(panel.rows, keys), strict=True
-        ):
+    before: list[str] = []
+    for one, (title, rows) in zip(axes, shown.items(), strict=True):
+        labels = [words(row.settings, keys) or row.label for row in rows]
+        for row, label, style in zip(rows, labels, _styles(rows, experiment), strict=True):
             plot(one, runs_of(row.label, records), {**style, "label": label})
-        one.set_title(panel.title, loc="left")
-        chart.dress(one, legend=panel is shown[0] or panel.labels != shown[0].labels)
+        one.set_title(title or experiment.title, loc="left")
+        chart.dress(one, legend=labels != before)
+        before = before or labels
     return figure
+
+
+def _panels(
+    experiment: Experiment, records: Sequence[Record]
+) -> tuple[dict[str, list[Row]], list[str]]:
+    """The rows that have runs by the panels that they share, and what tells them apart in one.
+
+    Panels go by the first settings, with at most nine lines each.
+    """
+    labels = {record["row"] for record in records}
+    rows = [row for row in experiment.rows if row.label in labels]
+    inner, outer = list(experiment.varied), list[str]()
+
+    def groups() -> dict[str, list[Row]]:
+        found: dict[str, list[Row]] = {}
+        for row in rows:
+            found.setdefault(words(row.settings, outer), []).append(row)
+        return found
+
+    while inner[:-1] and max(map(len, groups().values()), default=0) > _MOST_LINES:
+        outer.append(inner.pop(0))
+    if not outer and len(inner) > 2 and len(rows) > 4:
+        outer.append(inner.pop(0))
+    return groups(), inner
+
+
+def _styles(rows: Sequence[Row], experiment: Experiment) -> list[dict[str, Any]]:
+    """A colour and a dash for each line: the last setting chooses the colour, others the dash."""
+    keys = [k for k in experiment.varied if len({str(row.settings.get(k)) for row in rows}) > 1]
+    colours = [str(row.settings.get(keys[-1])) if keys else "" for row in rows]
+    dashes = [words(row.settings, keys[:-1]) for row in rows]
+    if len(set(colours)) == 1:
+        colours, dashes = [row.label for row in rows], [""] * len(rows)
+    order, kinds = (list(dict.fromkeys(own)) for own in (colours, dashes))
+    return [
+        {
+            "color": COLOURS[order.index(colour) % len(COLOURS)],
+            "linestyle": DASHES[kinds.index(dash) % len(DASHES)],
+        }
+        for colour, dash in zip(colours, dashes, strict=True)
+    ]
 
 
 def example_chart(
     chart: Chart, plot: PlotExample, experiment: Experiment, records: Sequence[Record]
 ) -> Figure:
-    """A figure with a panel for each of a few rows."""
-    chosen = examples(experiment, records)
+    """A figure with a panel for each of a few rows, which are spread over the experiment."""
+    labels = {record["row"] for record in records}
+    chosen = [row.label for row in experiment.rows if row.label in labels]
+    if len(chosen) > _MOST_EXAMPLES:
+        steps = _MOST_EXAMPLES - 1
+        chosen = [chosen[round(i * (len(chosen) - 1) / steps)] for i in range(_MOST_EXAMPLES)]
     subtitle = f"{experiment.title}; {chart.subtitle}"
     figure, axes = sheet(len(chosen), chart.title, subtitle, high=chart.high)
-    for one, example in zip(axes, chosen, strict=True):
-        one.set_title(example["row"], loc="left")
-        plot(one, runs_of(example["row"], records))
+    for one, label in zip(axes, chosen, strict=True):
+        one.set_title(label, loc="left")
+        plot(one, runs_of(label, records))
         chart.dress(one, legend=one is axes[0])
     return figure
 
@@ -172,27 +147,21 @@ def styled() -> AbstractContextManager[None]:
     return mpl.rc_context(fname=_STYLE)
 
 
-def sheet(count: int, title: str, subtitle: str, *, high: float = 2.7) -> tuple[Figure, list[Axes]]:
-    """A figure with panels in up to two columns, under one title."""
-    columns = 1 if count == 1 else 2
-    figure, grid = panel_sheet(-(-count // columns), columns, title, subtitle, high=high)
-    axes = [one for row in grid for one in row]
-    for empty in axes[count:]:
-        empty.set_visible(False)
-    return figure, axes[:count]
-
-
-def panel_sheet(
-    rows: int, columns: int, title: str, subtitle: str, *, high: float = 2.4
-) -> tuple[Figure, list[list[Axes]]]:
-    """A figure with panels in rows and columns, under one title."""
+def sheet(
+    count: int, title: str, subtitle: str, *, high: float = 2.7, columns: int = 2
+) -> tuple[Figure, list[Axes]]:
+    """A figure with panels, row by row, under one title; each so many inches high."""
+    columns = min(columns, count)
+    rows = -(-count // columns)
     tall = high * rows + 0.75
     layout = ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - 0.55 / tall))
     figure = Figure(figsize=({1: 6.4, 2: 9.6}.get(columns, 10.8), tall), layout=layout)
     figure.text(0.012, 1 - 0.08 / tall, title, va="top", fontsize=12, fontweight="bold")
     figure.text(0.012, 1 - 0.32 / tall, subtitle, va="top", fontsize=8.5, color=FAINT)
-    grid = figure.subplots(rows, columns, squeeze=False)
-    return figure, [list(row) for row in grid]
+    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for empty in axes[count:]:
+        empty.set_visible(False)
+    return figure, axes[:count]
 
 
 def runs_of(label: str, records: Sequence[Record]) -> list[Record]:
@@ -202,6 +171,7 @@ def runs_of(label: str, records: Sequence[Record]) -> list[Record]:
 
 def save(figure: Figure, *paths: Path) -> None:
     """Write a figure; the names' endings choose the formats. Raises PictureError."""
+    figure.set_dpi(_DPI)
     figure.draw_without_rendering()  # lays it out, once for all formats
     figure.set_layout_engine("none")
     for path in paths:
