@@ -82,33 +82,25 @@ class EventQueue:
 
 
 class EventLog:
-    """Writes the log of a run.
+    """The log of a run: only its digest is kept, which is of all lines.
 
     Args:
         queue: Tells the time.
-        keep: Keep the lines; otherwise only their digest.
 
     Attributes:
         actions: How many there were.
     """
 
-    def __init__(self, queue: EventQueue, *, keep: bool) -> None:
+    def __init__(self, queue: EventQueue) -> None:
         self.actions = 0
         self._queue = queue
-        self._keep = keep
-        self._lines: list[str] = []  # empty if they are not kept
         self._motions: list[Motion] = []  # all that were asked for: `of` is the place here
-        self._digest = hashlib.sha256()  # of all lines, kept or not
+        self._digest = hashlib.sha256()
 
     @property
     def digest(self) -> str:
         """SHA-256 of all lines so far, in hex."""
         return self._digest.hexdigest()
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """All lines so far, if they are kept."""
-        return tuple(self._lines)
 
     def event(self, uav: str, event: Event) -> None:
         """A controller is told."""
@@ -145,5 +137,3 @@ class EventLog:
         line = json.dumps({"t": self._queue.now_s, **fields}, separators=(",", ":"))
         self._digest.update(line.encode())
         self._digest.update(b"\n")
-        if self._keep:
-            self._lines.append(line)

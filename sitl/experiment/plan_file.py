@@ -55,7 +55,7 @@ def _kinds(made: type, *but: str) -> dict[str, Any]:
     return {key: hint for key, hint in hints.items() if key not in but}
 
 
-_SETTINGS: Final = _kinds(RunSettings, "keep_log") | {
+_SETTINGS: Final = _kinds(RunSettings) | {
     "town": str,
     "mission": str,
     "values": list[Positive],

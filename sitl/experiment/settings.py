@@ -199,7 +199,6 @@ class RunSettings:
         map_interval_s: A UAV publishes its map so often.
         telemetry_s: A UAV's controller hears of it so often.
         sample_s: How often positions, ages and the explored share are sampled.
-        keep_log: Keep the event log itself in the result, and not only its digest.
     """
 
     town: Path
@@ -231,7 +230,6 @@ class RunSettings:
     map_interval_s: Positive = 10.0
     telemetry_s: Positive = 0.5
     sample_s: Positive = 10.0
-    keep_log: bool = False
 
 
 _DEFAULTS: Final = {

@@ -63,7 +63,7 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
-class Course(Protocol):
+class FlightScript(Protocol):
     """What happens in a flight, and when."""
 
     @property
@@ -97,7 +97,9 @@ class Scenario:
         now_s: Simulated seconds since the vehicle started.
     """
 
-    def __init__(self, scene: Scene, path: Path, script_of: Callable[[Scenario], Course]) -> None:
+    def __init__(
+        self, scene: Scene, path: Path, script_of: Callable[[Scenario], FlightScript]
+    ) -> None:
         self.scene = scene
         self._path = path
         self.now_s = 0.0

@@ -78,7 +78,7 @@ class Run:
         self._seed = seed
         self.queue = EventQueue()
         self._scenery = self._as_seeded(scenery_of(settings))
-        self.log = EventLog(self.queue, keep=settings.keep_log)
+        self.log = EventLog(self.queue)
         self.fleet = fleet_of(
             settings.uavs,
             settings.ugvs,
@@ -143,7 +143,6 @@ class Run:
             states=tuple((uav.name, *state) for uav in self.uavs for state in uav.states),
             decisions=self.log.actions,
             digest=self.log.digest,
-            log=self.log.lines,
             wall_s=time.perf_counter() - wall_s,
             cpu_s=time.process_time() - cpu_s,
         )

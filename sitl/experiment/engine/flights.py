@@ -53,7 +53,7 @@ class Meter(EventLog):
     """Counts what a controller hears and decides, as it happens or from a flight's record."""
 
     def __init__(self, queue: EventQueue) -> None:
-        super().__init__(queue, keep=False)
+        super().__init__(queue)
         self._counts = dict.fromkeys(("searches", "found", "uav_contacts", "syncs"), 0)
         self._contact_s = 0.0
         self._since: dict[State, float] = {}  # when each state was entered last

@@ -70,7 +70,6 @@ class RunResult:
         states: (UAV, time, state) for every change of a UAV's mission.
         decisions: How many actions the controllers asked for.
         digest: SHA-256 of the event log, in hex: equal digests are equal runs.
-        log: The event log, one JSON object per line; empty unless the settings keep it.
         wall_s: What the run took.
         cpu_s: Processor time of it.
     """
@@ -96,7 +95,6 @@ class RunResult:
     states: tuple[tuple[str, float, str], ...]
     decisions: int
     digest: str
-    log: tuple[str, ...]
     wall_s: float
     cpu_s: float
 

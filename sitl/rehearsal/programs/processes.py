@@ -234,12 +234,16 @@ class Programs:
 
     def start_px4(self, *more: str) -> tuple[int, int]:
         """Start a real PX4; where it sends its API link and its truth."""
-        self._vehicle, ready = started(
+        self._vehicle, ready = self._started_px4(*more)
+        self._instance = int(ready["system_id"]) - 1
+        return port_of(ready["mavlink"]), port_of(ready["truth"])
+
+    def _started_px4(self, *more: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+        process, ready = started(
             *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
         )
-        self._instance = int(ready["system_id"]) - 1
         self._brakes.append(ProcessPause(ready["process_id"]))
-        return port_of(ready["mavlink"]), port_of(ready["truth"])
+        return process, ready
 
     def start_again(self) -> None:
         """The vehicle that has ended is started anew on the same link."""
@@ -259,10 +263,7 @@ class Programs:
                 f"--pace-from={self.pace_source}",
             )
             return
-        self._second, ready = started(
-            *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
-        )
-        self._brakes.append(ProcessPause(ready["process_id"]))
+        self._second, ready = self._started_px4()
         self.relay.listen(port_of(ready["mavlink"]))
 
     @property
@@ -289,14 +290,9 @@ class Programs:
     def team(self, folder: Path) -> Iterator[str]:
         """The ground robots, for scenes in COMM; the option by which a companion knows them."""
         process, ready = started(
-            *(
-                "team",
-                str(self._mission),
-                "--truth=udp://127.0.0.1:0",
-                f"--free-ports={folder / 'team'}",
-            ),
+            *("team", str(self._mission), "--truth=udp://127.0.0.1:0", f"--epoch={EPOCH}"),
+            *(f"--free-ports={folder / 'team'}", f"--camera=ipc://{folder / 'camera'}"),
             f"--pace-from={self.pace_source}",
-            *(f"--epoch={EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
         )
         try:
             self.relay.copy_truth_to = port_of(ready["truth"])

@@ -52,7 +52,6 @@ def made_up_result(settings: RunSettings, seed: int) -> RunResult:
         states=(("uav01", 0.0, "INIT"), ("uav01", 150.0, "SEARCH"), ("uav01", 190.0, "COMM")),
         decisions=99,
         digest=f"{seed:064x}",
-        log=(),
         wall_s=0.01 * team**2,
         cpu_s=0.01 * team**2,
     )

@@ -74,18 +74,6 @@ def test_poses_age_from_when_they_were_made():
     assert len(world.passed_on) == 5
 
 
-def test_a_map_ages_from_when_there_is_more_to_show():
-    world = World().at(3).become(1).at(4).say("a").at(6).hear("a")
-    # 3..6 s: 0 to 3; until 9 s the map is as it was; told at 12 s and heard at 14 s: 0 to 5; then 0
-    world.at(9).become(2).at(12).say("b").at(14).hear("b")
-    assert mean_age_s(world.held, 20.0) == pytest.approx((4.5 + 12.5) / 20)
-    assert peak_age_s(world.held, 20.0) == pytest.approx((3 + 5) / 2)
-    # what is not heard of ages to the end, and that is a peak
-    world.at(16).become(3)
-    assert mean_age_s(world.held, 20.0) == pytest.approx((4.5 + 12.5 + 8) / 20)
-    assert peak_age_s(world.held, 20.0) == pytest.approx((3 + 5 + 4) / 3)
-
-
 def test_who_never_hears_is_as_old_as_what_there_was_to_hear():
     world = World().at(3).become(1)
     assert mean_age_s(world.held, 13.0) == pytest.approx(50 / 13)

@@ -21,7 +21,7 @@ class Kept(EventLog):
     """A log that keeps what the controller was told and what it asked for."""
 
     def __init__(self, queue):
-        super().__init__(queue, keep=False)
+        super().__init__(queue)
         self.told = []
 
     def event(self, uav, event):
