@@ -125,6 +125,14 @@ def test_numbers_are_never_given_twice(shelter, tmp_path):
     assert (reached > ours) == (not restarted.database.remembers(node.database.epoch, reached))
 
 
+def test_numbers_go_on_far_beyond_those_on_disk_however_the_dice_fall(shelter, monkeypatch):
+    monkeypatch.setattr("secrets.randbits", lambda _: 0)
+    node = shelter()
+    node.write(*range(10))
+    node.storage.close()
+    assert shelter().database.sequence >= node.database.sequence + 2**32
+
+
 def test_a_restart_never_reuses_a_stamp(shelter, team):
     robot, topics = team.robot("titan"), team.topics_of("titan")
     topic = topics[0]
