@@ -22,7 +22,8 @@ from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.signature import Signer
-from mocha_link.store.storage import Storage, StorageError
+from mocha_link.store.storage import Storage
+from mocha_link.store.storage_file import StorageError
 from mocha_link.store.wire import Header
 from mocha_link.team.keys import peer_keys, secret_key
 from mocha_link.team.team import Priority, Robot, Team

@@ -29,21 +29,9 @@ from mocha_link.store.storage_file import (
     StorageFile,
     StorageForeignError,
     StorageFullError,
-    StorageLockedError,
     StorageUnreachableError,
     StorageVersionError,
 )
-
-__all__ = [
-    "Storage",
-    "StorageDamagedError",
-    "StorageError",
-    "StorageForeignError",
-    "StorageFullError",
-    "StorageLockedError",
-    "StorageUnreachableError",
-    "StorageVersionError",
-]
 
 LOG = logging.getLogger("mocha_link")
 

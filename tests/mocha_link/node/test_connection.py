@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 import pytest
 import zmq
 
+from mocha_link.node import connection as module
 from mocha_link.node import curve
 from mocha_link.node.connection import EAGER_S, Connection, CurveConnection, TcpConnection
 from mocha_link.node.curve import ZapHandler
@@ -176,6 +177,37 @@ def test_requests_that_came_together_with_the_handshake_are_sent_again(line, pee
     assert read(second, len(both)) == both
     second.sendall(b"\1\0\0\5reply")
     assert replies_of(line, 1) == [[b"reply"]]
+
+
+def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
+    """Another thread may get the number of the closed one; it must not be watched."""
+    poller = zmq.Poller()
+    line.watch(poller)
+    line.send(b"one")
+    line.turn(100.0)
+    line.turn(101.0)
+    first = peer.accept()
+    read(first, HELLO_BYTES + 7)
+    before = line._socket.fileno()
+    real, taken = socket.socket, []
+
+    def make(*args: object) -> socket.socket:
+        taken.append(os.dup(0))  # the number of the closed one is in use again
+        return real(*args)
+
+    monkeypatch.setattr(module.socket, "socket", make)
+    first.close()
+    limit_s = time.monotonic() + WAIT_S
+    while not taken:
+        assert time.monotonic() < limit_s, "hangs"
+        line.turn(102.0)
+    monkeypatch.undo()
+    assert taken == [before]
+    line.watch(poller)
+    assert [each for each, _ in poller.sockets] == [line._socket.fileno()]
+    line.forget(poller)
+    assert not poller.sockets
+    os.close(taken[0])
 
 
 @pytest.mark.parametrize("abruptly", [False, True])

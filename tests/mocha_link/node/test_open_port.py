@@ -23,7 +23,7 @@ from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import WAIT_S
-from tests.mocha_link.node.test_port import Clients, Shell, titan
+from tests.mocha_link.node.test_port import WAIT_MS, Clients, Shell, titan
 
 __all__ = ["titan"]  # a fixture
 
@@ -142,6 +142,18 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
         pass
 
 
+def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
+    """Many requests on one connection, and one of the largest size."""
+    client = clients.dial(titan)
+    for size in (*[17] * 200, MAX_REQUEST_BYTES):
+        client.send_multipart([b"", bytes(size)])
+        route, (request,) = shell.request()
+        assert len(request) == size
+        shell.port.reply(route, b"done")
+        assert client.recv_multipart() == [b"", b"done"]
+    assert shell.port.look(0.0) == []
+
+
 @pytest.mark.parametrize(
     "said",
     [
@@ -238,3 +250,19 @@ def test_who_says_nothing_at_all_does_not_stay(shell, titan):
         assert shell.port._inside
         shell.port.look(caller.began_s + HANDSHAKE_S + 1)
         assert not shell.port._inside
+
+
+@pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
+def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, kind):
+    before = len(shell.poller.sockets)
+    for _ in range(5):
+        client = clients.dial(titan, kind)
+        client.send_multipart([b"one"] if kind == zmq.REQ else [b"", b"one"])
+        route, _ = shell.request()
+        shell.port.reply(route, b"done")
+        assert client.poll(WAIT_MS)
+        client.recv_multipart()
+        client.close(0)
+    while shell.port._inside:
+        shell.turn(20)
+    assert len(shell.poller.sockets) == before

@@ -21,8 +21,8 @@ from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store import storage_file
 from mocha_link.store.database import Database
 from mocha_link.store.record import Knowledge, Record
-from mocha_link.store.storage import (
-    Storage,
+from mocha_link.store.storage import Storage
+from mocha_link.store.storage_file import (
     StorageDamagedError,
     StorageForeignError,
     StorageFullError,
@@ -153,6 +153,37 @@ def test_a_restart_never_reuses_a_stamp(shelter, team):
 # How it is written
 
 
+def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
+    node = shelter(depth=3)
+    for number in range(30):
+        node.database.insert(record(5 * number, topic_id=1), NOW_S)
+    node.storage.close()
+    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
+        stamps = file.execute("SELECT stamp_ms FROM record ORDER BY number").fetchall()
+    assert stamps == [(T_MS + 135,), (T_MS + 140,), (T_MS + 145,)]
+    again = shelter(depth=1)  # the team file says less now
+    assert numbers(again.database) == [145]
+    assert again.storage.wait(60)
+    again.storage.close()
+    assert numbers(shelter(depth=3).database) == [145]
+
+
+def test_the_file_stays_small(shelter, tmp_path):
+    node = shelter()
+    chance = random.Random(1)
+    for number in range(1000):
+        body = chance.randbytes(20_000)
+        node.database.insert(record(5 * number, topic_id=number % 20, body=body), NOW_S)
+        if number % 10 == 0:
+            assert node.storage.wait(60)
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert size < 12_000_000  # of 20 MB
+    for number in range(1000, 1020):
+        node.database.insert(record(5 * number, topic_id=number % 20), NOW_S)
+    node.storage.close()
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 2_000_000
+
+
 class Gate(sqlite3.Connection):
     """A disk whose commits wait for a permission, and are counted."""
 
@@ -216,6 +247,14 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(shelter, tmp_path, caplog):
 
 
 # What can be wrong with a disk
+
+
+def test_an_error_in_the_callback_is_logged(shelter, tmp_path, caplog):
+    node = shelter("none/messages.db", on_fault=lambda _: 1 / 0)
+    node.write(1)
+    assert "raised an error" in caplog.text
+    (tmp_path / "none").mkdir()
+    assert node.retry()
 
 
 def told(caplog):
