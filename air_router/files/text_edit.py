@@ -23,7 +23,15 @@ from air_router.files.text_parts import (
     parts_of,
     spliced,
 )
-from air_router.files.text_values import Digits, block, flow, flow_lines, like, word, yaml_flow
+from air_router.files.text_values import (
+    Digits,
+    block,
+    json_flow,
+    like,
+    quoted,
+    word,
+    yaml_flow,
+)
 from mocha_link.team.document import Document
 
 _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")
@@ -48,21 +56,6 @@ def rewritten(text: str, document: Document, data: Any) -> str:
     if root is not None:
         change.value(_Place(root), document.data, data)
     return spliced(text, change.splices)
-
-
-def with_section(text: str, document: Document, key: str, lines: str) -> str | None:
-    """A YAML text with whole lines in the place of a key and its value.
-
-    None if the file has no such key on lines of its own.
-    """
-    root = parts_of(text, document)
-    entries = [] if root is None or root.flow or not root.is_mapping else root.entries()
-    entry = next((entry for entry in entries if entry.key == key), None)
-    if entry is None:
-        return None
-    change = _Change(text, json=False)
-    start, end = change.line_start(entry.start), change.next_line(entry.part.end)
-    return spliced(text, [Splice(start, end, lines.replace("\n", change.newline))])
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +158,8 @@ class _Change(Lines):
             self._add(start, end, like(self.text[start:end], new))
         elif part.is_word and not isinstance(new, list | dict):
             gap = " " if self.text[start - 1 : start] == ":" else ""
-            quoted = self._json or part.quoted
-            self._add(start, end, gap + (flow(new) if quoted else yaml_flow(new)))
+            in_quotes = isinstance(new, str) and (self._json or part.quoted)
+            self._add(start, end, gap + (quoted(new) if in_quotes else yaml_flow(new)))
         elif self._json or part.is_word or part.flow:
             self._add(start, end, self._in_flow(new, start, (start, end)))
         else:
@@ -201,7 +194,7 @@ class _Change(Lines):
     def _entry_text(self, part: Part, key: str, value: Any) -> str:
         """A key and its value, as an entry of this mapping."""
         if part.flow:
-            return (flow if self._json else yaml_flow)({key: value})[1:-1]
+            return (json_flow if self._json else yaml_flow)({key: value})[1:-1]
         lines = block({key: value}, " " * part.column)
         return self.newline.join(lines).lstrip(" ")
 
@@ -328,8 +321,8 @@ class _Change(Lines):
         lines = "\n" in (self.text if sibling is None else self.text[slice(*sibling)])
         before = self.before(at)
         indent = before[: len(before) - len(before.lstrip())]
-        text = flow_lines(item, indent, self._unit) if lines else flow(item)
-        return text.replace("\n", self.newline)
+        text = json_flow(item, self._unit if lines else None)
+        return text.replace("\n", self.newline + indent)
 
     def _separator(self, part: Part, spans: list[Span]) -> str:
         """What stands between two entries, or would; comments left out."""

@@ -143,6 +143,21 @@ def parts_of(text: str, document: Document) -> Part | None:
     return None if node is None else yaml_part(text, node)
 
 
+def with_section(text: str, document: Document, key: str, lines: str) -> str | None:
+    """A YAML text with whole lines in the place of a key and its value.
+
+    None if the file has no such key on lines of its own.
+    """
+    root = parts_of(text, document)
+    entries = [] if root is None or root.flow or not root.is_mapping else root.entries()
+    entry = next((entry for entry in entries if entry.key == key), None)
+    if entry is None:
+        return None
+    places = Lines(text)
+    start, end = places.line_start(entry.start), places.next_line(entry.part.end)
+    return spliced(text, [Splice(start, end, lines.replace("\n", places.newline))])
+
+
 def json_part(document: JsonDocument, start: int | None = None) -> Part:
     """The value at a character of a JSON text; None: the whole."""
     at = document.start if start is None else start

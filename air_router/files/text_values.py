@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -65,39 +65,20 @@ def like(old: str, number: Digits) -> str:
     return f"{whole}.{fraction}" if fraction else whole
 
 
-def flow(value: Any, quoted: Callable[[Any], str] | None = None) -> str:
-    """A value on one line, in words that are both YAML and JSON, unless `quoted` writes others."""
-    write = quoted or _json_word
-    if isinstance(value, Digits):
-        return str(value)
-    if isinstance(value, Mapping):
-        inside = (f"{write(key)}: {flow(item, quoted)}" for key, item in value.items())
-        return "{" + ", ".join(inside) + "}"
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return "[" + ", ".join(flow(item, quoted) for item in value) + "]"
-    return write(value) if isinstance(value, str) else json.dumps(value)
+def json_flow(value: Any, indent: str | None = None) -> str:
+    """A value as JSON, on one line or with an indent over several; numbers as they are."""
+    return json.dumps(value, indent=indent, ensure_ascii=False)
 
 
 def yaml_flow(value: Any) -> str:
     """A value on one line of YAML, words without quotes where they need none."""
-    return flow(value, word)
-
-
-def flow_lines(value: Any, indent: str, unit: str) -> str:
-    """A value as JSON over several lines; the first one without its indent."""
-    if isinstance(value, Mapping) and value:
-        items = [
-            f"{json.dumps(key)}: {flow_lines(item, indent + unit, unit)}"
-            for key, item in value.items()
-        ]
-        left, right = "{}"
-    elif isinstance(value, Sequence) and not isinstance(value, str) and value:
-        items = [flow_lines(item, indent + unit, unit) for item in value]
-        left, right = "[]"
-    else:
-        return flow(value)
-    inside = f",\n{indent}{unit}".join(items)
-    return f"{left}\n{indent}{unit}{inside}\n{indent}{right}"
+    if isinstance(value, Digits):
+        return str(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{word(key)}: {yaml_flow(v)}" for key, v in value.items()) + "}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(map(yaml_flow, value)) + "]"
+    return word(value) if isinstance(value, str) else json.dumps(value)
 
 
 def block(value: Any, indent: str) -> list[str]:
@@ -144,6 +125,6 @@ def _escaped(letter: str) -> str:
     return letter if letter.isprintable() else f"\\U{ord(letter):08x}"
 
 
-def _json_word(text: str) -> str:
+def quoted(text: str) -> str:
     """In double quotes, as JSON and YAML both read them."""
     return json.dumps(text, ensure_ascii=not text.isprintable())

@@ -144,11 +144,6 @@ def test_the_shipped_missions_are_in_order(name):
             ),
         ),
         (
-            "- [50, 50]",
-            "- [99e3, 0]",
-            "9:5: waypoint 2 is 99 km from home; correct it",
-        ),
-        (
             "[20, 40], [-20, 40]]",
             "[20, 140], [-20, 140]]",
             (
@@ -156,27 +151,10 @@ def test_the_shipped_missions_are_in_order(name):
                 "or confirm that it is meant with 'crosses_fence: true'"
             ),
         ),
-        ("altitude_m: 30\n", "", "1:1: missing key 'altitude_m' (metres above home); add it"),
-        (
-            "no_fly_zones:\n",
-            "no_fly_zone:\n",
-            "12:1: unknown key 'no_fly_zone'; did you mean 'no_fly_zones'?",
-        ),
-        (
-            "altitude_m: 30",
-            'altitude_m: "30"',
-            "5:13: 'altitude_m' must be a number, found text '30'; write the value without quotes",
-        ),
-        (
-            "name: Test town",
-            "seek: freshst",
-            "1:7: 'seek.policy' cannot be text 'freshst'; did you mean 'freshest'?",
-        ),
     ],
 )
 def test_one_mistake_gives_one_clear_error(tmp_path, before, after, expected):
     found = problems(tmp_path, changed((before, after)))
-    found = [p for p in found if "missing key 'no_fly_zones'" not in p]
     assert len(found) == 1
     assert found[0].startswith(expected)
 

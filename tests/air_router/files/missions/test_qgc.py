@@ -308,11 +308,8 @@ def test_surveys_are_flown_by_their_embedded_items():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('{"fileType": "Plan", 1: 2}', "1:22: not valid JSON: Expecting property name"),
         ("[1, 2]", '1:1: not a QGroundControl plan: "fileType" is not "Plan"'),
         ('{"fileType": "Plan"}', "1:1: missing section 'mission'"),
-        ('{"a": 1, "a": 2}', "1:10: key 'a' is already on line 1"),
-        ("[" * 50_000, "1:61: nested more than 60 deep"),
         ('{"fileType": "Plan", "x": NaN}', "1:27: not valid JSON: NaN is no number"),
     ],
 )
