@@ -1,15 +1,17 @@
-"""A ground robot that patrols: where it is, where it heads, what it has seen.
+"""A ground robot that patrols: where it is, where it heads, what it has seen; patrols by default.
 
 Pure kinematics: constant speed along straight legs, turning on the spot in no time. A robot with
-one patrol point stands there.
+one patrol point stands there. Default patrols are legal, repeatable and far apart.
 """
 
 import bisect
 import itertools
 import math
-from collections.abc import Iterable
+import random
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from air_router.mission.mission import Mission
 from geo.frame import Point
 
 MAX_SPEED_M_S = 1.5
@@ -155,3 +157,54 @@ class GroundRobot:
         for index, vehicle in enumerate(self.vehicles):
             if index not in self._seen and math.dist(here, vehicle) <= SIGHT_M:
                 self._seen.append(index)
+
+
+_LARGEST_RADIUS_M = 15.0
+_SMALLEST_RADIUS_M = 1.0
+_CORNERS = 6
+_SPEEDS_M_S = (0.8, 1.5)
+_STAY_INSIDE_M = 0.5
+
+
+def default_patrols(
+    mission: Mission, robots: Sequence[str], seed: int, taken: Iterable[PatrolPlan] = ()
+) -> dict[str, PatrolPlan]:
+    """A small round for each robot, around waypoints that lie as far apart as they can.
+
+    Each round stays within the free space around its waypoint, so no robot drives into a building.
+    The seed chooses the first waypoint, the direction of the rounds and the speeds.
+
+    Args:
+        mission: Its waypoints are where robots may be.
+        robots: Whom to place; the order matters.
+        seed: Same seed, same patrols.
+        taken: Patrols of other robots, to stay away from.
+    """
+    chance = random.Random(f"{seed} {mission.name}")  # noqa: S311 - repeatable, not secret
+    ground = mission.climb_airspace.as_drawn()
+    places = [waypoint.position for waypoint in mission.waypoints] or [mission.home]
+    used = [plan.patrol.stops[0] for plan in taken]
+    plans: dict[str, PatrolPlan] = {}
+    for name in robots:
+        centre = _farthest(places, used) if used else chance.choice(places)
+        used.append(centre)
+        radius_m = min(_LARGEST_RADIUS_M, ground.distance_m(centre) - _STAY_INSIDE_M)
+        plans[name] = PatrolPlan(
+            _round(centre, radius_m, chance.uniform(0, math.tau), chance.choice((-1, 1))),
+            speed_m_s=round(chance.uniform(*_SPEEDS_M_S), 2),
+        )
+    return plans
+
+
+def _farthest(places: Sequence[Point], used: Sequence[Point]) -> Point:
+    return max(places, key=lambda place: min(math.dist(place, other) for other in used))
+
+
+def _round(centre: Point, radius_m: float, start: float, direction: int) -> Patrol:
+    if radius_m < _SMALLEST_RADIUS_M:
+        return Patrol([centre])
+    angles = [start + direction * math.tau * corner / _CORNERS for corner in range(_CORNERS)]
+    return Patrol(
+        Point(centre.east_m + radius_m * math.cos(a), centre.north_m + radius_m * math.sin(a))
+        for a in angles
+    )

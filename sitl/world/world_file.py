@@ -18,10 +18,9 @@ from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Ring, Shape, Zone, ZoneError, checked_ring
 from geo.frame import FrameError, Point
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.world.default_world import default_patrols
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Road, Scene
-from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan
+from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
 
 _RADIO, _CAMERA = RadioModel(), Camera()
 READING_INTERVAL_S = 0.5
