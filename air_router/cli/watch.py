@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from air_router.errors import ExitCode, UsageError
-from air_router.live.page import add_joint_web, joint_page
+from air_router.live.page import add_web, joint_page
 from air_router.live.page_address import PageAddress
 from air_router.web.serving import show, web_of
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="what `fly --web` prints there; HOST or HOST:PORT for a page without a token",
     )
-    add_joint_web(parser)
+    add_web(parser, always=True)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Collection, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from air_router.control.command_request import RequestHandler
 from air_router.controller.controller import Controller
@@ -52,27 +52,16 @@ class NoPage:
         return nullcontext()
 
 
-def add_web(parser: argparse.ArgumentParser) -> None:
-    """Add `--web` and what belongs to it."""
+def add_web(parser: argparse.ArgumentParser, *, always: bool = False) -> None:
+    """Add `--web` and what belongs to it; `always`: a page is what the command is for."""
+    asked: dict[str, Any] = {"nargs": "?", "const": DEFAULT_PORT}
     parser.add_argument(
         "--web",
         type=page_port,
-        nargs="?",
-        const=DEFAULT_PORT,
         metavar="PORT",
-        help=f"show the flight on a map page there (default port {DEFAULT_PORT}, 0: any free one)",
-    )
-    add_page_options(parser, "web-")
-
-
-def add_joint_web(parser: argparse.ArgumentParser) -> None:
-    """Add `--web` where it is what the command is for."""
-    parser.add_argument(
-        "--web",
-        type=page_port,
-        default=DEFAULT_PORT,
-        metavar="PORT",
-        help=f"serve the page there (default {DEFAULT_PORT}, 0: any free one)",
+        help=f"{'serve the page' if always else 'show the flight on a map page'} there "
+        f"(default port {DEFAULT_PORT}, 0: any free one)",
+        **({"default": DEFAULT_PORT} if always else asked),
     )
     add_page_options(parser, "web-")
 
