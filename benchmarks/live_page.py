@@ -85,7 +85,7 @@ class _Flight:
         self.page = LivePage(
             self.mission,
             self._controller,
-            CommandService(mission.frame, self._controller, lambda _: None),
+            CommandService(mission.frame, self._controller, lambda _: ()),
             lambda: links,
             mapper=Mapper(mission),
         )

@@ -81,7 +81,7 @@ class CommandRequest(BaseModel, extra="forbid", strict=True):
 
     def who(self, by: str) -> str:
         """Who asks, in letters that a terminal shows."""
-        return sanitize(self.by or "").strip() or by
+        return (sanitize(self.by).strip() if self.by else "") or by
 
 
 class _Resume(CommandRequest):

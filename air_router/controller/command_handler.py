@@ -36,6 +36,7 @@ from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator, Refused
 from air_router.controller.states.return_state import LandState
 from air_router.controller.states.search_state import SearchState
+from air_router.vehicle.input_limits import NO_FIX
 from geo.frame import Point
 
 NOT_HEARD_S: Final = 3.0
@@ -143,10 +144,11 @@ class CommandHandler:
     def _not_without_position(self) -> Refused | None:
         """It is known where it is: legs are checked from there."""
         context = self._context
-        missing = context.inputs.why_no_leg(context.telemetry)
+        if context.telemetry is not None and not context.telemetry.fix:
+            return Refused(Refusal.NO_FIX, NO_FIX)
+        missing = next(iter(context.inputs.stopped), None)
         if missing is not None:
-            lost_fix = context.telemetry is not None and not context.telemetry.fix
-            return Refused(Refusal.NO_FIX if lost_fix else Refusal.NOT_HEARD, missing)
+            return Refused(Refusal.NOT_HEARD, missing)
         return self._not_unheard()
 
     def _not_unheard(self) -> Refused | None:

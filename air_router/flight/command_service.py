@@ -9,12 +9,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from air_router.control.command_request import CommandRequest, CommandRequestError, View
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import CommandAck, Refusal
+from air_router.controller.model.actions import Action, CommandAck, Refusal
 from air_router.controller.model.events import OPERATOR, AnyRequest
 from air_router.flight.mission_reloader import ReloadReport
 from geo.frame import LocalFrame, Point
@@ -29,7 +29,7 @@ class CommandService:
     Args:
         frame: The mission's.
         controller: Who answers, for what is said about the flight.
-        deliver: Takes a request as it takes every event; the answer comes to `answered` meanwhile.
+        decide: Has a request decided as every event is; returns what was decided.
         reading: Tells what became of the latest reading of the mission file.
         view: Tells what a program asks that shows the flight, besides its situation.
     """
@@ -38,7 +38,7 @@ class CommandService:
         self,
         frame: LocalFrame,
         controller: Controller,
-        deliver: Callable[[AnyRequest], None],
+        decide: Callable[[AnyRequest], Iterable[Action]],
         reading: Callable[[], ReloadReport | None] = lambda: None,
         view: Callable[[View], dict[str, Any]] = lambda _: {},
     ) -> None:
@@ -46,22 +46,17 @@ class CommandService:
         self._reading = reading
         self._frame = frame
         self._controller = controller
-        self._deliver = deliver
+        self._decide = decide
         self._number = 0  # of the latest request without an id
-        self._answers: dict[str, CommandAck] = {}  # not fetched yet, by id
 
     def ask(self, request: AnyRequest) -> CommandAck:
         """Ask for something, in the mission's metres; the answer says whether it is done."""
         self._number += 1
         number = request.request_id or str(self._number)
-        self._answers.clear()
-        self._deliver(dataclasses.replace(request, request_id=number))
-        over = CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
-        return self._answers.pop(number, over)
-
-    def answered(self, answer: CommandAck) -> None:
-        """The controller has answered a request, of ours or of another program."""
-        self._answers[answer.request_id] = answer
+        for action in self._decide(dataclasses.replace(request, request_id=number)):
+            if isinstance(action, CommandAck) and action.request_id == number:
+                return action
+        return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
 
     def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
         """The operator has typed something; its answer is shown as every answer is."""
@@ -90,7 +85,7 @@ class CommandService:
             "accepted": answer.accepted,
             "why": answer.why,
             "code": answer.code,
-            "state": self._controller.state.name,
+            "state": self._controller.context.state.name,
         }
         if answer.points:
             reply["points"] = [self._pair(point) for point in answer.points]

@@ -12,6 +12,7 @@ import logging
 import math
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Final
@@ -135,7 +136,7 @@ class Flight:
         self.stats = FlightStats.of(mission, mapper, seek)  # what the flight result says
         view = FlightView(mission, self.controller, self.stats, gossip.links)
         self.commands = CommandService(
-            mission.frame, self.controller, self._on_event, lambda: self._reloader.latest, view.tell
+            mission.frame, self.controller, self._decide, lambda: self._reloader.latest, view.tell
         )
         self.page: Page = NoPage()  # told of every event; serves nothing by default
         self._control = None if control is None else ControlServer(control, self.commands.grant)
@@ -153,6 +154,8 @@ class Flight:
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._leaving = False  # it ends; what still comes is not decided on
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
+        # what happened, what was decided on it and when, to be noted and carried out in order
+        self._decided: deque[tuple[Event, list[Action], float]] = deque()
         self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
     async def run(self) -> FlightResult:
@@ -323,16 +326,30 @@ class Flight:
         return anew
 
     def _on_event(self, event: Event) -> None:
-        now_s = self._clock.boot_s()
-        self._recorder.event(event, now_s)
-        # Once the vehicle is let go nothing is decided any more.
-        actions = () if self._leaving else self.controller.handle(event, now_s)
-        # All of them are noted before any leads to another event.
-        self._recorder.actions(actions, now_s)
-        self.stats.step(event, actions, now_s)
-        self.page.step(event, actions, now_s)
-        for action in actions:
-            self._act(action, now_s)
+        try:
+            self._decide(event)
+        finally:
+            self._carry_out()
+
+    def _decide(self, event: Event) -> list[Action]:
+        """Decide on what happened; that is carried out in the loop's next turn, if not before."""
+        asyncio.get_running_loop().call_soon(self._carry_out)
+        now_s, actions = self._clock.boot_s(), list[Action]()
+        self._decided.append((event, actions, now_s))  # also what leads to a fault is recorded
+        if not self._leaving:  # once the vehicle is let go nothing is decided any more
+            actions += self.controller.handle(event, now_s)
+        return actions
+
+    def _carry_out(self) -> None:
+        """Note what was decided, and have it done; all of it before what follows from that."""
+        while self._decided:
+            event, actions, now_s = self._decided.popleft()
+            self._recorder.event(event, now_s)
+            self._recorder.actions(actions, now_s)
+            self.stats.step(event, actions, now_s)
+            self.page.step(event, actions, now_s)
+            for action in actions:
+                self._act(action, now_s)
 
     def _act(self, action: Action, now_s: float) -> None:
         match action:
@@ -347,7 +364,6 @@ class Flight:
             case Announce(text=text):
                 self._tell(text, now_s)
             case CommandAck(by=by, accepted=accepted, why=why):
-                self.commands.answered(action)
                 self._gossip.tell_answer(action)
                 word = "accepted" if accepted else "refused"
                 self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
@@ -411,6 +427,7 @@ class Flight:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        self._carry_out()
         ours = self._flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
         self._leaving = True
         self._recorder.note("LetGo", self._clock.boot_s(), {})

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import time
 from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final
@@ -87,8 +88,8 @@ class LivePage:
         self._begin(controller, mapper)
         self.steer: Steer | None = None
         self.record: dict[str, Any] = {}
-        self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)  # of all browsers
-        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)  # of requests that plan
+        self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE, time.monotonic)  # of all browsers
+        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE, time.monotonic)  # of requests that plan
         # all browsers
         self._browsers = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
         self._site = Site(web, "air_router.live", "live")

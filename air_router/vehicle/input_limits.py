@@ -20,7 +20,7 @@ BACK_S: Final = 3.0
 IN_AIR_S: Final = 5.0
 """A landed state older than this is not believed: see `Px4Telemetry.snapshot`."""
 
-_NO_FIX: Final = "GPS has no fix"
+NO_FIX: Final = "GPS has no fix"
 
 
 class Stop(Enum):
@@ -190,12 +190,6 @@ class InputWatch:
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
     _good_since_s: float | None = None  # since when the fix is good again
 
-    def why_no_leg(self, telemetry: Telemetry | None) -> str | None:
-        """Why the vehicle is sent nowhere; None if nothing is missing for that."""
-        if telemetry is not None and not telemetry.fix:
-            return _NO_FIX
-        return next(iter(self.stopped), None)
-
     def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
         waits = not telemetry.fix or self.stopped or self._told
@@ -205,8 +199,8 @@ class InputWatch:
         news: list[InputNews] = []
         home_why = None
         if not telemetry.fix:
-            missing[_NO_FIX] = Stop.HOLD
-            if _NO_FIX not in self.stopped:
+            missing[NO_FIX] = Stop.HOLD
+            if NO_FIX not in self.stopped:
                 news.append(InputNews("GPS has lost its fix", Stop.HOLD.value))
         stopped = tuple(self.stopped)
         for limit in LIMITS:
@@ -222,7 +216,7 @@ class InputWatch:
             news += self._told_of(limit, age_s, telemetry.told_s)
         back = self._back(missing, telemetry.told_s) and bool(stopped)
         if back and home_why is None:
-            fix = "GPS has its fix again" if _NO_FIX in stopped else "all of it is heard again"
+            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is heard again"
             news.append(InputNews(fix, "going on"))
         stops = self.stopped.values()
         stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE

@@ -12,9 +12,10 @@ present leg.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import permutations
+from types import MappingProxyType
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
@@ -40,6 +41,16 @@ BRAKING_M_S2: Final = 2.0
 REACTION_S: Final = 0.6
 """Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
 half a second to build its deceleration up, and the link its time."""
+
+MODES: Final[Mapping[type[Motion], FlightMode]] = MappingProxyType(
+    {
+        FlyToNode: FlightMode.MISSION,
+        FlyToPoint: FlightMode.HOLD,
+        HoldHere: FlightMode.HOLD,
+        LandHere: FlightMode.LAND,
+    }
+)
+"""The flight mode in which a motion is flown."""
 
 _FAR_M: Final = 5.0
 """The target that it reports counts from here on: nearer, its stopping distance covers it,
@@ -161,6 +172,7 @@ class CommandGate:
         modes: The flight modes that our commands explain.
         refused_jumps: How many jumps within the plan it did not follow, one after the other.
         by_points: Nodes are flown to as any other point, because it does not fly its plan.
+        waits_why: The reason to hover where no way is clear, as announced last.
         climb_first: Takes the leg of a vehicle that is low; the climb before it, or None to wait.
     """
 
@@ -174,7 +186,7 @@ class CommandGate:
     refused_jumps: int = 0
     by_points: bool = False
     climb_first: Callable[[Motion], Motion | None] = lambda motion: motion
-    _waits_why: str | None = None  # reason announced last
+    waits_why: str | None = None
     _wait_told_s: float = -math.inf  # when, vehicle's clock
 
     def __post_init__(self) -> None:
@@ -221,7 +233,7 @@ class CommandGate:
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way
         self.pending = self.last = motion
-        self.modes |= {mode_of(motion)}
+        self.modes |= {MODES[type(motion)]}
         self.setpoints.sent(motion)
         self._context.actions.append(motion)
 
@@ -256,15 +268,11 @@ class CommandGate:
     def wait_here(self, why: str) -> None:
         """Hover where no way is clear, say so once, and look again in a moment."""
         now_s = self._context.now_s
-        if why != self._waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
-            self._waits_why, self._wait_told_s = why, now_s
+        if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
+            self.waits_why, self._wait_told_s = why, now_s
             self._context.say(f"holding: {why}")
         self.hold(why)
         self._context.retry_in(RETRY_S)
-
-    def goes_on(self) -> None:
-        """A way was found: the next reason to wait is news."""
-        self._waits_why = None
 
     # What became of them.
 
@@ -277,7 +285,7 @@ class CommandGate:
         """The vehicle follows; an older command's late confirmation changes no mode."""
         motion = event.action
         if motion is self.pending:
-            self.assume(mode_of(motion))
+            self.assume(MODES[type(motion)])
             if isinstance(motion, FlyToNode):
                 self.refused_jumps = 0
         self.setpoints.confirmed(motion)
@@ -300,14 +308,3 @@ class CommandGate:
         self.setpoints.forget()
         self.pending = self.last = None
         self.modes = frozenset()
-
-
-def mode_of(motion: Motion) -> FlightMode:
-    """The flight mode in which a motion is flown."""
-    match motion:
-        case FlyToNode():
-            return FlightMode.MISSION
-        case LandHere():
-            return FlightMode.LAND
-        case _:
-            return FlightMode.HOLD

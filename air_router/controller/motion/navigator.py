@@ -76,7 +76,8 @@ class Navigator:
 
     def fly_to(self, goal: Goal) -> None:
         """Set out for a goal."""
-        self.advance(self.plan_to(goal))
+        self._context.way = Way(goal)
+        self.advance(self._plan())
 
     def fly_again(self) -> None:
         """Set out for the same goal once more."""
@@ -87,7 +88,7 @@ class Navigator:
         if motion is not None:
             self._gate.command(motion)
             if not isinstance(motion, HoldHere):
-                self._gate.goes_on()
+                self._gate.waits_why = None  # a way was found: the next reason to wait is news
         progress = self._context.way.progress
         if progress is Progress.ARRIVED:
             self._context.handler.arrived()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import PublishMap
+from air_router.controller.model.actions import Announce, PublishMap
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.mission_context import (
     Goal,
@@ -216,8 +216,8 @@ class CommState(StateHandler):
         """Have the newest map ready, and go over the robot."""
         self._began.clear()
         self._synced.clear()
-        self._context.actions.append(PublishMap())
-        self._context.say(f"COMM {self._context.robot}: found")
+        context = self._context
+        context.actions += (PublishMap(), Announce(f"COMM {context.robot}: found"))
         self._search_state.follow(force=True)
 
     def no_route(self, refusal: str) -> None:

@@ -66,7 +66,6 @@ class Served:
             self._deliver,
             lambda: self.readings.pop(0) if self.readings else None,
         )
-        self._commands = command_service
         self.server = server = ControlServer(self.endpoint, command_service.grant)
         server.open()
         self.endpoint = server.endpoint
@@ -84,9 +83,7 @@ class Served:
         self.deeds.append(request)
         before = len(self.flight.actions)
         self.flight.give(request)
-        for action in self.flight.actions[before:]:
-            if hasattr(action, "request_id"):
-                self._commands.answered(action)
+        return self.flight.actions[before:]
 
     def __enter__(self):
         self._thread.start()

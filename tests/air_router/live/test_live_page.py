@@ -52,8 +52,10 @@ class Shown:
         return {name: LinkMetrics(name, rssi_dbm=-60.0) for name in ROBOTS}
 
     def deliver(self, request):
+        before = len(self.flight.actions)
         self.flight.give(request)
         self.tell()
+        return self.flight.actions[before:]
 
     def tell(self):
         flight = self.flight
@@ -61,9 +63,6 @@ class Shown:
             self.page.step(event, (), now_s)
         decided = flight.actions[self._told[1] :]
         self.page.step(None, decided, flight.now_s)
-        for action in decided:
-            if isinstance(action, CommandAck):
-                self.commands.answered(action)
         self._told = [len(flight.events), len(flight.actions)]
 
     def fly(self, steps=1):
