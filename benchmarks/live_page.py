@@ -28,7 +28,7 @@ from playwright.sync_api import sync_playwright
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.events import RobotPose
-from air_router.flight.command_service import CommandService
+from air_router.flight.flight_loop import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.joint import JointPage
 from air_router.live.page_address import PageAddress

@@ -12,32 +12,18 @@ import logging
 import math
 import os
 import signal
-from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
 from air_router.control.control_server import ControlServer
 from air_router.controller.controller import FlightSetup
-from air_router.controller.model.actions import (
-    Action,
-    Announce,
-    CommandAck,
-    Finish,
-    Motion,
-    PublishMap,
-    ReadAgain,
-    RenewPlan,
-    Seeking,
-    StateChanged,
-)
-from air_router.controller.model.events import Event, GoOn
+from air_router.controller.model.events import GoOn
 from air_router.controller.model.states import State
-from air_router.controller.motion.command_gate import REACTION_S
 from air_router.controller.motion.initial_climb import why_not_started
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
-from air_router.flight.command_service import CommandService
-from air_router.flight.flight_stats import FlightResult, FlightStats, ending_of
+from air_router.flight.flight_loop import CommandService, FlightLoop
+from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.flight.mission_reloader import MissionReloader
 from air_router.flight.motions import MotionSender
@@ -65,9 +51,6 @@ from air_router.vehicle.vehicle import (
 
 _log = logging.getLogger(__name__)
 
-COMMAND_S: Final = 0.12
-"""Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
-
 RESTART_S: Final = 5.0
 """A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""
 
@@ -75,7 +58,7 @@ LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
 
 
-class Flight:
+class Flight(FlightLoop):
     """Flies a mission once.
 
     Args:
@@ -111,6 +94,7 @@ class Flight:
         survey: Callable[[Router], PreflightSurvey] | None = None,
         resume: bool = False,
     ) -> None:
+        super().__init__()
         self._mission = mission
         self._vehicle = vehicle
         self._clock = clock
@@ -141,7 +125,6 @@ class Flight:
         self.page: Page = NoPage()  # told of every event; serves nothing by default
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
-        self._finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
         self._motions = MotionSender(
@@ -154,9 +137,6 @@ class Flight:
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._leaving = False  # it ends; what still comes is not decided on
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
-        # what happened, what was decided on it and when, to be noted and carried out in order
-        self._decided: deque[tuple[Event, list[Action], float]] = deque()
-        self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
     async def run(self) -> FlightResult:
         """Fly.
@@ -200,12 +180,6 @@ class Flight:
             self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
             self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
-
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something beside the flight; an error in it ends the flight."""
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._on_task_done)
 
     async def _prepare(self) -> None:
         info = await self._vehicle.connect()
@@ -325,85 +299,11 @@ class Flight:
         self._vehicle_s = math.inf if anew else telemetry.time_s
         return anew
 
-    def _on_event(self, event: Event) -> None:
-        try:
-            self._decide(event)
-        finally:
-            self._carry_out()
-
-    def _decide(self, event: Event) -> list[Action]:
-        """Decide on what happened; that is carried out in the loop's next turn, if not before."""
-        asyncio.get_running_loop().call_soon(self._carry_out)
-        now_s, actions = self._clock.boot_s(), list[Action]()
-        self._decided.append((event, actions, now_s))  # also what leads to a fault is recorded
-        if not self._leaving:  # once the vehicle is let go nothing is decided any more
-            actions += self.controller.handle(event, now_s)
-        return actions
-
-    def _carry_out(self) -> None:
-        """Note what was decided, and have it done; all of it before what follows from that."""
-        while self._decided:
-            event, actions, now_s = self._decided.popleft()
-            self._recorder.event(event, now_s)
-            self._recorder.actions(actions, now_s)
-            self.stats.step(event, actions, now_s)
-            self.page.step(event, actions, now_s)
-            for action in actions:
-                self._act(action, now_s)
-
-    def _act(self, action: Action, now_s: float) -> None:
-        match action:
-            case _ if isinstance(action, Motion):
-                self._motions.give(action)
-            case PublishMap():
-                self._gossip.publish_map(now_s)
-            case Seeking(robot=robot):
-                self._gossip.tell_sought(robot, now_s)
-            case ReadAgain() | RenewPlan():
-                self._start(self._reloader.work(action))
-            case Announce(text=text):
-                self._tell(text, now_s)
-            case CommandAck(by=by, accepted=accepted, why=why):
-                self._gossip.tell_answer(action)
-                word = "accepted" if accepted else "refused"
-                self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
-            case StateChanged():
-                self._on_state(action, now_s)
-            case Finish():
-                self._end(*ending_of(action))
-
-    def _on_state(self, change: StateChanged, now_s: float) -> None:
-        self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
-        if change.target is State.PASSIVE:
-            self._motions.call_off()
-        if change.source is State.READY:
-            self._reckon_with_delays(now_s)
-
-    def _reckon_with_delays(self, now_s: float) -> None:
-        """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
-        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
-        self.controller.gate.reaction_s = reaction_s
-        self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
-
     def _paint(self, patch: bytes) -> None:
         if self._mapper.paint(patch):
             self._recorder.patch(patch, self._clock.boot_s())
 
-    def _tell(self, text: str, now_s: float) -> None:
-        self._status.say(f"{now_s:8.1f} s  {text}")
-        self._start(self._vehicle.announce(f"air_router: {text}"))
-
     # Ends.
-
-    def _end(self, outcome: str, exit_code: ExitCode) -> None:
-        if not self._finish.done():
-            self._finish.set_result((outcome, exit_code))
-
-    def _on_task_done(self, task: asyncio.Task[None]) -> None:
-        self._tasks.discard(task)
-        error = None if task.cancelled() else task.exception()
-        if error is not None and not self._finish.done():
-            self._finish.set_exception(error)
 
     def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """An error in a callback, and so in a decision, ends the flight as one in a task does."""

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
+import math
 import zlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from air_router.control.command_request import View
 from air_router.controller.controller import Controller
 from air_router.flight.flight_stats import FlightStats
+from air_router.flight.mission_reloader import ReloadReport
 from air_router.live.scene import scenery
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
 from air_router.web.outlines import degrees
+from geo.frame import LocalFrame, Point
 from mocha_link.links.metrics import LinkMetrics
+
+DIGITS: Final = 8
+"""Of a degree: a millimetre."""
 
 
 class FlightView:
@@ -112,3 +119,49 @@ class FlightView:
             packed = zlib.compress(self._stats.mapper.grid.encode(), level=1)
             self._map = base64.b64encode(packed).decode("ascii")
         return self._map
+
+
+def situation(
+    frame: LocalFrame, controller: Controller, reading: ReloadReport | None
+) -> dict[str, Any]:
+    """What the flight is doing now.
+
+    `reading`: what became of the latest reading of the mission file.
+    """
+    telemetry = controller.telemetry
+    goal, goto_task = controller.context.way.goal, controller.goto_task
+    left_s = controller.time_left_s
+    about: dict[str, Any] = {
+        "state": controller.state.name,
+        "robot": controller.robot,
+        "robots": list(controller.search.targets.names),
+        "time_left_s": None if left_s is None else round(left_s, 1),
+        "goal": None if goal is None else _pair(frame, goal.position),
+        "points_left": 0,
+        "waypoints_left": controller.exploration.remaining,
+        "walled_in": controller.no_way_home,
+        "reload": None if reading is None else dataclasses.asdict(reading),
+    }
+    if controller.state.name == "GOTO" and goto_task is not None:
+        about["points_left"] = len(goto_task.stops) - goto_task.done
+    if telemetry is None:
+        return {**about, "position": None}
+    return {
+        **about,
+        "position": _pair(frame, telemetry.position),
+        "altitude_m": round(telemetry.altitude_m, 2),
+        "speed_m_s": round(math.hypot(*telemetry.velocity_m_s), 2),
+        "heading_deg": telemetry.heading_deg,
+        "wind_m_s": telemetry.wind_m_s,
+        "home_moved_m": telemetry.home_moved,
+        "battery": telemetry.battery,
+        "mode": telemetry.mode.value,
+        "armed": telemetry.armed,
+        "in_air": telemetry.in_air,
+        "in_charge": controller.in_charge,
+        "time_s": telemetry.time_s,
+    }
+
+
+def _pair(frame: LocalFrame, point: Point) -> list[float]:
+    return [round(degrees, DIGITS) for degrees in frame.to_geodetic(point)]

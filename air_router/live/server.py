@@ -229,7 +229,7 @@ class LivePage:
 
     def _respond(self, outbox: PageOutbox, text: str) -> None:
         answer = self._answer(text)
-        outbox.post(f"answer {answer['id']}", as_json(answer))
+        outbox.post(f"answer {answer['id']}", json.dumps(answer, separators=(",", ":")))
 
     def _answer(self, text: str) -> dict[str, Any]:
         number: object = None

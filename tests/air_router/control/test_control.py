@@ -37,7 +37,7 @@ from air_router.control.control import (
 from air_router.control.control_server import ControlServer, endpoint_of
 from air_router.controller.model.events import GoTo, HoldNow
 from air_router.errors import ExitCode
-from air_router.flight.command_service import CommandService
+from air_router.flight.flight_loop import CommandService
 from air_router.flight.mission_reloader import ReloadReport
 from air_router.sim import sim
 from air_router.sim.sim_world import SimVehicle

@@ -13,7 +13,7 @@ from air_router.controller.model.actions import CommandAck
 from air_router.controller.model.events import AirspaceChanged, HoldNow
 from air_router.controller.model.states import State
 from air_router.errors import UsageError
-from air_router.flight.command_service import CommandService
+from air_router.flight.flight_loop import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.map_feed import MapFeed
 from air_router.live.page import add_web

@@ -29,7 +29,7 @@ from air_router.control.control import ControlClient, ControlError, ControlUnrea
 from air_router.control.control_server import ControlServer
 from air_router.controller.model.events import ExploreNow
 from air_router.controller.model.states import State
-from air_router.flight.command_service import CommandService
+from air_router.flight.flight_loop import CommandService
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.gossip.mapper import Mapper

@@ -1,0 +1,233 @@
+"""What happens in a flight is decided on, noted and done; requests are handed in here as well.
+
+Requests come from the terminal, from programs and from the map page. All come this way, so all are
+recorded, looked at and answered alike. Only the flight's own event loop may use it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+from collections import deque
+from collections.abc import Callable, Coroutine, Iterable
+from typing import Any, Final
+
+from air_router.control.command_request import CommandRequest, CommandRequestError, View
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import (
+    Action,
+    Announce,
+    CommandAck,
+    Finish,
+    Motion,
+    PublishMap,
+    ReadAgain,
+    Refusal,
+    RenewPlan,
+    Seeking,
+    StateChanged,
+)
+from air_router.controller.model.events import OPERATOR, AnyRequest, Event
+from air_router.controller.model.states import State
+from air_router.controller.motion.command_gate import REACTION_S
+from air_router.errors import ExitCode
+from air_router.flight.flight_stats import FlightStats, ending_of
+from air_router.flight.flight_view import DIGITS, situation
+from air_router.flight.mission_reloader import MissionReloader, ReloadReport
+from air_router.flight.motions import MotionSender
+from air_router.flight.terminal import StatusLine
+from air_router.gossip.gossip import Gossip
+from air_router.live.page import Page
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import Vehicle
+from geo.frame import LocalFrame
+
+COMMAND_S: Final = 0.12
+"""Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
+
+
+class CommandService:
+    """Hands requests to the flight, and its answers back.
+
+    Args:
+        frame: The mission's.
+        controller: Who answers, for what is said about the flight.
+        decide: Has a request decided as every event is; returns what was decided.
+        reading: Tells what became of the latest reading of the mission file.
+        view: Tells what a program asks that shows the flight, besides its situation.
+    """
+
+    def __init__(
+        self,
+        frame: LocalFrame,
+        controller: Controller,
+        decide: Callable[[AnyRequest], Iterable[Action]],
+        reading: Callable[[], ReloadReport | None] = lambda: None,
+        view: Callable[[View], dict[str, Any]] = lambda _: {},
+    ) -> None:
+        self._view = view
+        self._reading = reading
+        self._frame = frame
+        self._controller = controller
+        self._decide = decide
+        self._number = 0  # of the latest request without an id
+
+    def ask(self, request: AnyRequest) -> CommandAck:
+        """Ask for something, in the mission's metres; the answer says whether it is done."""
+        self._number += 1
+        number = request.request_id or str(self._number)
+        for action in self._decide(dataclasses.replace(request, request_id=number)):
+            if isinstance(action, CommandAck) and action.request_id == number:
+                return action
+        return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
+
+    def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:
+        """The operator has typed something; its answer is shown as every answer is."""
+        try:
+            reply = self.grant(command, OPERATOR)
+        except CommandRequestError as error:
+            say(str(error))
+        else:
+            if "accepted" not in reply:
+                say(json.dumps(reply))
+
+    def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
+        """Ask for something, in degrees; returns what a program is answered, in JSON's values.
+
+        Raises:
+            CommandRequestError: a place cannot be told in the mission's frame.
+        """
+        request = command.asked(self._frame, by)
+        if request is None:
+            more = self._view(command) if isinstance(command, View) else {}
+            return {
+                "ok": True,
+                "id": command.id,
+                **situation(self._frame, self._controller, self._reading()),
+                **more,
+            }
+        answer = self.ask(request)
+        reply: dict[str, Any] = {
+            "ok": True,
+            "id": command.id,
+            "accepted": answer.accepted,
+            "why": answer.why,
+            "code": answer.code,
+            "state": self._controller.context.state.name,
+        }
+        if answer.points:
+            reply["points"] = [
+                [round(degrees, DIGITS) for degrees in self._frame.to_geodetic(point)]
+                for point in answer.points
+            ]
+        return reply
+
+
+class FlightLoop:
+    """Events in, actions out; its parts, which `Flight` puts together.
+
+    Attributes:
+        controller: Decides.
+        stats: What the flight result says.
+        page: Told of every event.
+    """
+
+    controller: Controller
+    stats: FlightStats
+    page: Page
+    _clock: VehicleClock
+    _vehicle: Vehicle
+    _gossip: Gossip
+    _recorder: Recorder
+    _status: StatusLine
+    _motions: MotionSender
+    _reloader: MissionReloader
+    _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends
+    _leaving: bool  # it ends; what still comes is not decided on
+
+    def __init__(self) -> None:
+        # what happened, what was decided on it and when, to be noted and carried out in order
+        self._decided: deque[tuple[Event, list[Action], float]] = deque()
+        self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
+
+    def _on_event(self, event: Event) -> None:
+        try:
+            self._decide(event)
+        finally:
+            self._carry_out()
+
+    def _decide(self, event: Event) -> list[Action]:
+        """Decide on what happened; that is carried out in the loop's next turn, if not before."""
+        asyncio.get_running_loop().call_soon(self._carry_out)
+        now_s, actions = self._clock.boot_s(), list[Action]()
+        self._decided.append((event, actions, now_s))  # also what leads to a fault is recorded
+        if not self._leaving:  # once the vehicle is let go nothing is decided any more
+            actions += self.controller.handle(event, now_s)
+        return actions
+
+    def _carry_out(self) -> None:
+        """Note what was decided, and have it done; all of it before what follows from that."""
+        while self._decided:
+            event, actions, now_s = self._decided.popleft()
+            self._recorder.event(event, now_s)
+            self._recorder.actions(actions, now_s)
+            self.stats.step(event, actions, now_s)
+            self.page.step(event, actions, now_s)
+            for action in actions:
+                self._act(action, now_s)
+
+    def _act(self, action: Action, now_s: float) -> None:
+        match action:
+            case _ if isinstance(action, Motion):
+                self._motions.give(action)
+            case PublishMap():
+                self._gossip.publish_map(now_s)
+            case Seeking(robot=robot):
+                self._gossip.tell_sought(robot, now_s)
+            case ReadAgain() | RenewPlan():
+                self._start(self._reloader.work(action))
+            case Announce(text=text):
+                self._tell(text, now_s)
+            case CommandAck(by=by, accepted=accepted, why=why):
+                self._gossip.tell_answer(action)
+                word = "accepted" if accepted else "refused"
+                self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
+            case StateChanged():
+                self._on_state(action, now_s)
+            case Finish():
+                self._end(*ending_of(action))
+
+    def _on_state(self, change: StateChanged, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
+        if change.target is State.PASSIVE:
+            self._motions.call_off()
+        if change.source is State.READY:
+            self._reckon_with_delays(now_s)
+
+    def _reckon_with_delays(self, now_s: float) -> None:
+        """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
+        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
+        self.controller.gate.reaction_s = reaction_s
+        self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
+
+    def _tell(self, text: str, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {text}")
+        self._start(self._vehicle.announce(f"air_router: {text}"))
+
+    def _end(self, outcome: str, exit_code: ExitCode) -> None:
+        if not self._finish.done():
+            self._finish.set_result((outcome, exit_code))
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside the flight; an error in it ends the flight."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._on_task_done)
+
+    def _on_task_done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and not self._finish.done():
+            self._finish.set_exception(error)
