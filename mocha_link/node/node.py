@@ -15,9 +15,10 @@ from mocha_link.links.reading import Reading
 from mocha_link.node.broadcast import Broadcast, EventStream
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.node.lifetime import Startable
+from mocha_link.node.publisher import BatchError, unpack_batch
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
-from mocha_link.store import batch, wire
+from mocha_link.store import wire
 from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
@@ -379,6 +380,6 @@ class Node(Startable):
 
 def _parts(data: bytes) -> tuple[bytes, ...]:
     try:
-        return batch.unpack(data)
-    except batch.BatchError:  # of a peer whose team file says something else
+        return unpack_batch(data)
+    except BatchError:  # of a peer whose team file says something else
         return ()

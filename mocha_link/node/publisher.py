@@ -1,13 +1,19 @@
-"""What the robot itself has to say: stamps, and how often a topic may enter the database."""
+"""What the robot itself has to say: stamps, and how often a topic may enter the database.
+
+Several small messages go in one where the topic says `aggregate`: each is its length (u32, big
+endian) and its bytes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from math import inf
 
-from mocha_link.store import batch, wire
+from mocha_link.errors import MochaLinkError
+from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
@@ -16,6 +22,33 @@ from mocha_link.team.team import Robot, Topic
 Sign = Callable[[bytes], bytes]
 
 LEAP_MS = 600_000
+FULL_BYTES = 64 * 1024  # a batch of so much goes at once
+
+_LENGTH = struct.Struct(">I")
+
+
+class BatchError(MochaLinkError):
+    """Bytes that are no batch of messages."""
+
+
+def pack_batch(parts: Iterable[bytes]) -> bytes:
+    """The batch of some messages, in their order."""
+    return b"".join(piece for part in parts for piece in (_LENGTH.pack(len(part)), part))
+
+
+def unpack_batch(data: bytes) -> tuple[bytes, ...]:
+    """The messages of a batch. Raises BatchError."""
+    parts = []
+    position = 0
+    while position < len(data):
+        start = position + _LENGTH.size
+        if start > len(data):
+            raise BatchError("ends within a length")
+        position = start + _LENGTH.unpack_from(data, start - _LENGTH.size)[0]
+        if position > len(data):
+            raise BatchError("ends within a message")
+        parts.append(data[start:position])
+    return tuple(parts)
 
 
 @dataclass(slots=True)
@@ -78,7 +111,7 @@ class Publisher:
         wire.check_size(data)
         stored = []
         draft = self._held.get(topic.name)
-        if draft and topic.aggregate and draft.size + len(data) > batch.FULL_BYTES:
+        if draft and topic.aggregate and draft.size + len(data) > FULL_BYTES:
             stored.append(self._flush(topic, now_s))
             draft = None
         last_ms = self._last_ms.get(topic.name)
@@ -149,7 +182,7 @@ class Publisher:
         body = wire.pack(
             topic.dtype,
             topic.priority,
-            batch.pack(draft.parts) if topic.aggregate else draft.parts[0],
+            pack_batch(draft.parts) if topic.aggregate else draft.parts[0],
             stamp_ms=draft.stamp_ms,
             ids=(self._robot.robot_id, topic.topic_id),
             sign=self._signs.get(topic.name),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from mocha_link.node import publisher as publishing
 from mocha_link.node.publisher import LEAP_MS, Publisher
-from mocha_link.store import batch, wire
+from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header, PayloadError
@@ -168,7 +169,7 @@ def gatherer(team, database, gathered) -> Publisher:
 
 
 def parts(database, topic) -> tuple[bytes, ...]:
-    return batch.unpack(stored(database, topic))
+    return publishing.unpack_batch(stored(database, topic))
 
 
 def test_early_messages_wait_together(gatherer, database, gathered):
@@ -190,7 +191,7 @@ def test_early_messages_wait_together(gatherer, database, gathered):
 
 
 def test_a_full_batch_does_not_wait(gatherer, database, gathered):
-    half = bytes(batch.FULL_BYTES // 2)
+    half = bytes(publishing.FULL_BYTES // 2)
     gatherer.publish(gathered, b"first", T, at_once=False)
     gatherer.publish(gathered, half, T + 1, at_once=False)
     gatherer.publish(gathered, half, T + 1, at_once=False)

@@ -1,9 +1,9 @@
-"""20 hours in the life of a team: wraps, reboots, clocks that jump. All robots get the newest.
+"""Hours in the life of a team: a wrap, reboots, clocks that jump. All robots get the newest.
 
-Engines without sockets: the hours pass in a second; to explore, 72. Again and again something
-happens to one of the robots; then all robots meet twice, and all have to hold the newest
-message of every topic of every robot. Between such rounds they meet now and then, often for too
-short a time.
+Engines without sockets: the seven hours around a wrap pass in a second; to explore, 72 hours. Again
+and again something happens to one of the robots; then all robots meet twice, and all have to hold
+the newest message of every topic of every robot. Between such rounds they meet now and then, often
+for too short a time.
 
 What is asked of a team with original nodes is less, because of what their protocol cannot say
 (docs/compatibility.md, "Faults").
@@ -58,7 +58,8 @@ TEAM = Team.from_document(
 )
 HOUR_S = 3600.0
 DAYS_S = (72 if EXPLORE else 20) * HOUR_S
-WRAPS = int((T + DAYS_S) // WRAP_S - T // WRAP_S)
+BEGIN_S = 0.0 if EXPLORE else 13 * HOUR_S
+WRAPS = int((T + DAYS_S) // WRAP_S - (T + BEGIN_S) // WRAP_S)
 JUMPS_S = [sign * each for sign in (-1, 1) for each in (3, 100, 3600, 10_000, 18_000, 72_000, 3e5)]
 CUTS = (None, None, 1, 2, 5, 20)  # after how many frames a meeting ends
 OLD_CLOCKS_S = 1.4 * HOUR_S  # so far clocks may be off where the original protocol is all there is
@@ -81,6 +82,7 @@ class Days(NetworkSim):
     ) -> None:
         team = TEAM.with_robots({name: {"original": True} for name in original})
         super().__init__(team, names=NAMES)
+        self.time_s = BEGIN_S
         self.random = random.Random(seed)
         self.stand_in = stand_in
         self.shown_only = False
