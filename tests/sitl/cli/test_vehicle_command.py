@@ -1,7 +1,6 @@
 """`sitl vehicle` as a process, and its sockets."""
 
 import json
-import select
 import signal
 import socket
 import subprocess
@@ -12,7 +11,6 @@ import pytest
 
 from sitl.cli.cli import main
 from sitl.mavlink.codec import frames
-from sitl.process.udp_link import PortInUseError, UdpLink
 from sitl.process.vehicle import px4_ports
 from sitl.team.truth import TruthReceiver
 
@@ -96,38 +94,6 @@ def test_a_mission_that_does_not_load_is_an_invalid_file(capsys, tmp_path):
     broken.write_text("name: [", encoding="utf-8")
     assert main(["vehicle", str(broken)]) == 3
     assert str(broken) in capsys.readouterr().err
-
-
-def test_the_first_talker_becomes_the_partner_for_good():
-    with udp_socket() as expected, udp_socket() as first, udp_socket() as second:
-        link = UdpLink(("127.0.0.1", 0), expected.getsockname(), "API link")
-        link.send([b"one"])
-        assert expected.recv(100) == b"one"
-        for client in (first, second):
-            client.sendto(b"hello", ("127.0.0.1", link.port))
-            assert select.select([link], [], [], LIMIT_S)[0]
-            assert link.receive() == [b"hello"]  # every sender is heard
-            link.send([b"two"])
-            assert first.recv(100) == b"two"  # one is answered
-        link.close()
-
-
-def test_frames_travel_together_but_never_in_pieces():
-    with udp_socket() as client:
-        link = UdpLink(("127.0.0.1", 0), client.getsockname(), "API link")
-        frames = [bytes([number]) * 200 for number in range(20)]
-        link.send(frames)
-        datagrams = [client.recv(65535) for _ in range(3)]
-        link.close()
-    assert b"".join(datagrams) == b"".join(frames)
-    assert all(len(datagram) % 200 == 0 for datagram in datagrams)
-
-
-def test_a_free_port_is_taken_once():
-    link = UdpLink(("127.0.0.1", 0), ("127.0.0.1", 9), "API link")
-    with pytest.raises(PortInUseError, match="API link"):
-        UdpLink(("127.0.0.1", link.port), ("127.0.0.1", 9), "API link")
-    link.close()
 
 
 def test_the_ports_are_px4s():

@@ -5,7 +5,6 @@ import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.team.truth import SimClock
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Raster, Scene
 from sitl.world.ugv import GroundRobot, Patrol
@@ -174,28 +173,6 @@ def test_intervals_do_not_drift_and_missed_turns_are_not_made_up():
     assert every.due(500.0)
     assert not every.due(500.5)
     assert every.due(501.0)
-
-
-def test_the_clock_follows_the_vehicle_and_never_runs_backwards():
-    clock = SimClock(UNIX_S)
-    assert clock.now_s() == UNIX_S
-    clock.advance(10.0)
-    clock.advance(9.9)
-    assert clock.now_s() == UNIX_S + 10
-    clock.advance(0.5)  # the vehicle was started anew
-    assert clock.now_s() == UNIX_S + 10
-    clock.advance(2.5)
-    assert clock.now_s() == UNIX_S + 12
-    assert clock.elapsed_s == 12
-
-
-def test_without_an_epoch_the_clock_starts_at_the_wall_time_of_the_first_packet():
-    wall = iter((1000.0, 1060.0))
-    clock = SimClock(None, wall_s=lambda: next(wall))
-    assert clock.epoch_s is None
-    clock.advance(45.0)
-    assert clock.epoch_s == 1015.0
-    assert clock.now_s() == 1060.0
 
 
 def two_vehicles() -> World:

@@ -1,23 +1,14 @@
+"""The truth stream of a vehicle, and the clock that follows it."""
+
 import socket
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from mocha_link.team.team import Team
-from sitl.team.free_ports import NoFreePortsError, derive_team
-from sitl.team.nodes import RadioReadings
-from sitl.team.relay import relayed_pairs
-from sitl.team.truth import TruthError, TruthParser, TruthReceiver
-from sitl.world.world import Reading
+from sitl.team.truth import SimClock, TruthError, TruthParser, TruthReceiver
 
-TEAM = Path(__file__).parents[3] / "missions" / "pennovation" / "team.yaml"
 WAIT_S = 60.0
-
-
-@pytest.fixture
-def team():
-    return Team.load(TEAM)
+UNIX_S = 1_800_000_000.0
 
 
 def packet(time_s: float, quaternion=(1.0, 0.0, 0.0, 0.0), latitude_deg=40.0) -> bytes:
@@ -30,48 +21,6 @@ def packet(time_s: float, quaternion=(1.0, 0.0, 0.0, 0.0), latitude_deg=40.0) ->
         *(0, 0, 0, 0, 0, 0, 0, 0),
     )
     return message.pack(packer)
-
-
-def test_a_derived_team_has_the_same_ids_and_places_of_its_own(team, tmp_path):
-    derived = derive_team(team, tmp_path / "new")
-    assert derived.path == tmp_path / "new" / "team.yaml"
-    assert Team.load(derived.path).robots == derived.robots
-    assert derived.kinds == team.kinds
-    places = set()
-    for name, robot in team.robots.items():
-        other = derived.robot(name)
-        assert (other.robot_id, other.clients) == (robot.robot_id, robot.clients)
-        assert other.address != other.listen
-        places |= {(other.address, other.base_port), (other.listen, other.base_port), other.radio}
-    assert len(places) == 12
-    assert derive_team(team, tmp_path).robots != derived.robots
-
-
-def test_every_ordered_pair_of_a_team_is_relayed_where_the_client_dials(team):
-    pairs = relayed_pairs(team)
-    assert len(pairs) == 12
-    pair = next(p for p in pairs if (p.client, p.server) == ("io", "titan"))
-    assert pair.dialled == ("127.0.1.4", 24402)
-    assert pair.served == ("127.0.0.4", 24402)
-
-
-def test_when_nothing_is_free_it_says_so(team, tmp_path, monkeypatch):
-    monkeypatch.setattr("sitl.team.free_ports._free", lambda *_: False)
-    with pytest.raises(NoFreePortsError, match=r"127\.0\.0\.0/8"):
-        derive_team(team, tmp_path)
-
-
-def test_readings_go_to_the_robots_radio(team):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
-        radio.bind(("127.0.0.1", 0))
-        radio.settimeout(WAIT_S)
-        url = f"udp://127.0.0.1:{radio.getsockname()[1]}"
-        changed = team.with_robots({"io": {"radio": url}, "europa": {"radio": None}})
-        with RadioReadings(changed) as readings:
-            readings.tell([Reading("europa", "io", -70.0), Reading("io", "titan", -61.5)])
-            readings.tell([Reading("io", "europa", None)])
-        assert radio.recv(1000) == b'{"peer": "titan", "rssi_dbm": -61.5}'
-        assert radio.recv(1000) == b'{"peer": "europa", "rssi_dbm": null}'
 
 
 def test_the_parser_reads_position_time_and_heading():
@@ -126,3 +75,25 @@ def test_the_receiver_takes_the_newest_of_what_waits():
 def test_a_place_for_the_truth_must_be_a_udp_url(url):
     with pytest.raises(TruthError, match="udp://HOST:PORT"):
         TruthReceiver(url)
+
+
+def test_the_clock_follows_the_vehicle_and_never_runs_backwards():
+    clock = SimClock(UNIX_S)
+    assert clock.now_s() == UNIX_S
+    clock.advance(10.0)
+    clock.advance(9.9)
+    assert clock.now_s() == UNIX_S + 10
+    clock.advance(0.5)  # the vehicle was started anew
+    assert clock.now_s() == UNIX_S + 10
+    clock.advance(2.5)
+    assert clock.now_s() == UNIX_S + 12
+    assert clock.elapsed_s == 12
+
+
+def test_without_an_epoch_the_clock_starts_at_the_wall_time_of_the_first_packet():
+    wall = iter((1000.0, 1060.0))
+    clock = SimClock(None, wall_s=lambda: next(wall))
+    assert clock.epoch_s is None
+    clock.advance(45.0)
+    assert clock.epoch_s == 1015.0
+    assert clock.now_s() == 1060.0
