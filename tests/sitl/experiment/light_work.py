@@ -11,13 +11,8 @@ def answer(task):
 
 
 def sometimes_deadly(task):
-    """Number 1 kills its first worker, number 2 every one; number 3 meets a fault of the model.
-
-    Number 4 lacks a file, which is no worker's fault.
-    """
-    mark = Path(task.folder) / f"tried-{task.number}"
-    if task.number == 2 or (task.number == 1 and not mark.exists()):
-        mark.touch()
+    """Number 2 kills its worker; number 3 meets a fault of the model; number 4 lacks a file."""
+    if task.number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     if task.number == 3:
         raise ZeroDivisionError("the model's own fault")
