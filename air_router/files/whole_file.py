@@ -17,13 +17,13 @@ class FileThereError(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class PlacedSource:
-    """A file that problems are told of; keys are line and column, counted from 1."""
+    """A file that problems are told of; keys begin with line and column, counted from 1."""
 
     path: Path
 
     def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
         """A problem at a line and column; without them at the file's begin."""
-        line, column = (int(key) for key in keys) if len(keys) == 2 else (1, 1)
+        line, column = (int(key) for key in keys[:2]) if len(keys) > 1 else (1, 1)
         return Problem(self.path, line, column, message, code)
 
 

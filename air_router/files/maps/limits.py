@@ -87,8 +87,9 @@ def terms_of(
         terms = TermsForm.model_validate_json(json.dumps(known), strict=True).terms()
     except ValidationError as error:
         for detail in error.errors(include_url=False):
-            name = str(detail["loc"][0])
-            reading.report(place(name), error_text(detail, TermsForm), code_of(detail))
+            name, *inner = detail["loc"]
+            keys = (*place(str(name)), *inner)
+            reading.report(keys, error_text(detail, TermsForm), code_of(detail))
         return ZoneTerms()
     if not any(name.startswith(("lower", "upper")) for name in known):
         return replace(terms, altitudes=limits_in_properties(properties, note))

@@ -135,12 +135,12 @@ MALFORMED = {
         ),
         (zone('{"active": §"always"}'), "wrong-type", "'active' must be a list"),
         (
-            zone('{"active": §[{"from": "2026-11-20"}]}'),
+            zone('{"active": [{"from": §"2026-11-20"}]}'),
             "not-a-time",
             "not a time with its",
         ),
-        (zone('{"active": §[{"days": ["noday"]}]}'), "not-a-day", "not a day of the week"),
-        (zone('{"active": §[{"between": ["8", "9"]}]}'), "not-a-time", "not a time of day"),
+        (zone('{"active": [{"days": [§"noday"]}]}'), "not-a-day", "not a day of the week"),
+        (zone('{"active": [{"between": [§"8", "9"]}]}'), "not-a-time", "not a time of day"),
         (
             '{"crs": §{"properties": {"name": "EPSG:3857"}},"type": "Feature"}',
             "other-coordinates",

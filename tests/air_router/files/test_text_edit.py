@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.files.json_document import json_from_text
@@ -155,7 +155,6 @@ def changed(data, pick, way):
 
 
 @pytest.mark.parametrize("way", ["number", "insert", "remove", "key"])
-@settings(max_examples=40)
 @given(data=missions, draw=st.data(), pick=st.randoms(use_true_random=False))
 def test_yaml_says_what_was_asked_for_and_keeps_its_remarks(way, data, draw, pick):
     text = Writer(draw.draw).text(data)
@@ -178,7 +177,6 @@ def test_yaml_says_what_was_asked_for_and_keeps_its_remarks(way, data, draw, pic
 
 
 @pytest.mark.parametrize("way", ["number", "insert", "remove", "key"])
-@settings(max_examples=20)
 @given(
     data=missions,
     indent=st.sampled_from([None, 2, 4, "\t"]),

@@ -138,7 +138,6 @@ def as_polygon(outline):
     return shapely.Polygon(rings[0], rings[1:])
 
 
-@settings(max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_geojson(zones):
     features = FeatureSet("any", zones=zones)
@@ -146,7 +145,6 @@ def test_zones_come_back_from_geojson(zones):
     assert_same(zones, from_geojson(features))
 
 
-@settings(max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_kml(zones):
     features = FeatureSet("any", home_altitude_amsl_m=100.0, zones=zones)
