@@ -213,6 +213,8 @@ class TcpRadio(_ListeningRadio):
         try:
             async for line in self.lines(stream):
                 self._accept(line)
+        except asyncio.CancelledError:
+            return  # the radio ends, which asyncio would log
         finally:
             self._programs -= 1
             program.close()

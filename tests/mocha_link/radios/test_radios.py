@@ -319,7 +319,7 @@ def test_datagrams(heard):
             UdpRadio(f"udp://127.0.0.1:{radio.port}").start(heard)
 
 
-def test_lines_over_tcp(heard):
+def test_lines_over_tcp(heard, caplog):
     radio = TcpRadio("tcp://127.0.0.1:0")
     radio.start(heard)
     place = ("127.0.0.1", radio.port)
@@ -341,6 +341,8 @@ def test_lines_over_tcp(heard):
         assert heard.next() == ("io", dbm(-52.0, "tcp"))
         with pytest.raises(RadioError, match="cannot listen"):
             TcpRadio(f"tcp://127.0.0.1:{radio.port}").start(heard)
+        radio.close()  # while programs are connected
+    assert "Traceback" not in caplog.text
 
 
 def test_lines_on_standard_input(heard):
