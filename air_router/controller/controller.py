@@ -10,7 +10,6 @@ leads to, and in which order, in `mission_loop`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
@@ -20,15 +19,22 @@ from air_router.controller.mission_loop import MissionLoop
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import (
     AirspaceChanged,
-    AnyRequest,
+    ComeHome,
     CommandConfirmed,
     CommandFailed,
+    ExploreNow,
     FlownBefore,
+    GoOn,
+    GoTo,
+    HoldNow,
+    LandNow,
     PeerFault,
     PlanRenewed,
+    Reload,
     RobotPath,
     RobotPose,
     RobotSought,
+    SeekNow,
 )
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import State
@@ -47,6 +53,7 @@ from air_router.controller.states.return_state import (
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import CommState, SearchState
 from air_router.controller.states.table import STATES, transitions
+from air_router.controller.vehicle_requests import VehicleRequests
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
@@ -131,16 +138,18 @@ class Controller(MissionLoop):
         self._returns = ReturnMonitor(context, reachability)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
+        returns = self._returns
         commands = self._commands = CommandHandler(
             context,
+            returns,
+            authority,
             GotoValidator(context, navigator),
             to_explore,
             search,
             goto,
-            land,
-            self._returns,
-            authority,
-            self.airspace_update,
+        )
+        vehicle_requests = VehicleRequests(
+            context, returns, authority, commands, land, self.airspace_update
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions = {
@@ -162,7 +171,8 @@ class Controller(MissionLoop):
             PeerFault: lambda event: context.say(event.words),
             PlanReplaced: authority.plan_replaced,
             PlanCompared: authority.plan_compared,
-            **dict.fromkeys(get_args(AnyRequest), commands.asked),
+            **dict.fromkeys((HoldNow, SeekNow, ExploreNow, GoTo), commands.asked),
+            **dict.fromkeys((GoOn, ComeHome, LandNow, Reload), vehicle_requests.asked),
         }
 
     # What others ask, and read.

@@ -26,13 +26,13 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.safety_monitor import HomeWatch, Response
+from air_router.controller.safety_monitor import DOUBT_M, Deviation, HomeWatch, Response
 from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
@@ -67,10 +67,6 @@ NOISE_M: Final = 0.25
 _NEARER_STILL_M: Final = 1.0
 """A clearance that was lost is told again when so much more of it is."""
 
-DOUBT_M: Final = 3.5
-DOUBT_HOME_M: Final = 6.0
-"""The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
-
 FASTER_M_S: Final = 0.5
 FASTER: Final = 1.1
 FAST_S: Final = 2.0
@@ -89,13 +85,6 @@ WITHIN_S: Final = 180.0
 """What has happened so often in that time will happen again."""
 
 
-class Deviation(NamedTuple):
-    """What to say, and what to do about it."""
-
-    response: Response
-    words: str  # announced
-
-
 @dataclass(slots=True, eq=False)
 class Deviations:
     """Looks at every telemetry of a vehicle that flies its mission by our commands.
@@ -110,7 +99,6 @@ class Deviations:
     _gate: CommandGate
     _home: HomeWatch
     _before: tuple[float, float] | None = None  # time, altitude above sea level
-    _receiver_told_m: float = 0.0  # the greatest limit announced
     _out_m: float = 0.0  # the least that it was off its altitudes lately
     _out_since_s: float | None = None  # since when it came no nearer
     _off_since_s: float | None = None  # when it was announced
@@ -136,7 +124,7 @@ class Deviations:
         in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
         found = (
             self._height(telemetry),
-            self._in_doubt(telemetry) if in_doubt else None,
+            self._home.doubt(telemetry) if in_doubt else None,
             self._clearance(telemetry),
             self._speed(telemetry),
         )
@@ -296,18 +284,6 @@ class Deviations:
         commanded_m_s = self._context.mission.speed_m_s
         words = f"it flies only {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s"
         return Deviation(Response.TELL, words)
-
-    def _in_doubt(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether the satellites' altitude has left the autopilot's."""
-        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
-            if abs(self._home.receiver_off_m) >= limit_m > self._receiver_told_m:
-                self._receiver_told_m = limit_m
-                words = (
-                    f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
-                    f"{telemetry.altitude_m + self._home.receiver_off_m:.0f} m by the satellites"
-                )
-                return Deviation(response, words)
-        return None
 
     def _again(self, now_s: float, words: str) -> Deviation:
         self._times.append(now_s)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
@@ -36,6 +36,10 @@ REST_S: Final = 2.0
 
 HOME_AGAIN_M: Final = 2.0
 """A home that was told to be moved is told again when it is so much elsewhere."""
+
+DOUBT_M: Final = 3.5
+DOUBT_HOME_M: Final = 6.0
+"""The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
 
 _AVERAGE_S: Final = 4.0
 
@@ -190,6 +194,13 @@ class Response(Enum):
     HOME = "it comes home"
 
 
+class Deviation(NamedTuple):
+    """What to say, and what to do about it."""
+
+    response: Response
+    words: str  # announced
+
+
 @dataclass(slots=True, eq=False)
 class HomeWatch:
     """Looks where the autopilot's home is, and how high a receiver beside it says that it flies.
@@ -203,6 +214,7 @@ class HomeWatch:
     receiver_off_m: float = 0.0
     _receiver_began_m: float | None = None
     _receiver_at_s: float = 0.0  # of the telemetry before
+    _receiver_told_m: float = 0.0  # the greatest limit announced
     _told: HomeMove | None = None  # where home was moved to, as announced
 
     def look(self, telemetry: Telemetry) -> Response | None:
@@ -236,6 +248,18 @@ class HomeWatch:
             return Response.TELL
         say(f"{words}; heights count from the take-off as before")
         return Response.HOLD
+
+    def doubt(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether the satellites' altitude has left the autopilot's, by more than was told."""
+        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
+            if abs(self.receiver_off_m) >= limit_m > self._receiver_told_m:
+                self._receiver_told_m = limit_m
+                words = (
+                    f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
+                    f"{telemetry.altitude_m + self.receiver_off_m:.0f} m by the satellites"
+                )
+                return Deviation(response, words)
+        return None
 
 
 @dataclass(slots=True, eq=False)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, Refusal
 from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
-from air_router.controller.model.states import Signal
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.controller.motion.navigator import STANDING_M_S, Navigator
 from air_router.messages import FARTHEST_M
@@ -61,6 +61,13 @@ class Refused:
 
     code: Refusal  # see docs/errors.md
     why: str  # in words
+
+
+class Accepted(NamedTuple):
+    """What is done."""
+
+    what: str  # in words, for the answer
+    points: tuple[Point, ...] = ()  # where it flies, of a go-to
 
 
 @dataclass(slots=True, eq=False)
@@ -210,6 +217,25 @@ class GotoState(StateHandler):
             self._there_since_s = now_s
         stands = telemetry is not None and math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
         return stands or now_s - self._there_since_s >= SETTLING_S
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What the vehicle did before it was told to hold.
+
+    Attributes:
+        state: The state of the mission.
+        explores: It flew the waypoints in order.
+        robot: Who was sought or hovered over; None in other states.
+        goto_task: The points that were left.
+        left_s: What the state's timer had left; None if it did not run.
+    """
+
+    state: State
+    explores: bool
+    robot: str | None
+    goto_task: GotoTask | None
+    left_s: float | None
 
 
 @dataclass(slots=True, eq=False)

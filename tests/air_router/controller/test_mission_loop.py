@@ -251,3 +251,13 @@ def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_me
     assert flight.controller.state is State.COMM  # the pause before the next try was the state's
     flight.deaf = False
     flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 5.0)
+
+
+def test_a_climb_that_does_not_go_on_ends_and_a_pilot_s_climb_is_not_watched(pretend):
+    for mode, state in ((FlightMode.MISSION, State.HOME), (FlightMode.POSITION, State.READY)):
+        flight = pretend(pilot_arms=True)
+        flight.take_off_halfway(mode)
+        flight.fly_for(19.0)
+        assert flight.controller.state is State.READY
+        flight.fly_for(3.0)
+        assert flight.controller.state is state
