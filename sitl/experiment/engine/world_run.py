@@ -31,7 +31,7 @@ from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.node import Node
 from sitl.experiment.robots.uav import MapPainter, Uav
 from sitl.experiment.settings import RunSettings
-from sitl.team.team import make_world, roles_of
+from sitl.team.roles import make_world, roles_of
 from sitl.world.world import STEP_S, Step, Truth
 from sitl.world.world_file import load_world
 

@@ -13,7 +13,7 @@ from geo.grid import GridPatch, Terrain
 from geo.validity import Validity
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
-from sitl.team.team import make_world, roles_of
+from sitl.team.roles import make_world, roles_of
 from sitl.world.ugv import GroundRobot
 from sitl.world.world_file import load_world
 
