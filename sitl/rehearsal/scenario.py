@@ -276,22 +276,20 @@ class Scenario:
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def _tick(self) -> None:
-        for phase in phases(self.autopilot, self.companion):
+        companion, autopilot = self.companion, self.autopilot
+        for phase in phases(autopilot, companion):
             self._script.enter(phase, self.now_s)
         self._script.step(self.now_s)
-        if self.companion is not None:
-            node, place = self.companion.node, self.place
-            if not self.now_s < self._stalled_until_s < math.inf:
-                self.call(lambda: self.robots.step(node, place, self.now_s))
+        if companion is not None and not self.now_s < self._stalled_until_s < math.inf:
+            node, place = companion.node, self.place
+            self.call(lambda: self.robots.step(node, place, self.now_s))
         self._look_at_the_estimate()
-        companion, autopilot = self.companion, self.autopilot
         if autopilot.armed and not self._ending.flown:
             self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
             self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
         in_charge = None if companion is None else companion.in_charge
-        if self._ending.has_come(
-            self.now_s, in_charge, armed=autopilot.armed, done=self._script.done
-        ):
+        armed, done = autopilot.armed, self._script.done
+        if self._ending.has_come(self.now_s, in_charge, armed=armed, done=done):
             raise SceneOverError
 
     # What happens

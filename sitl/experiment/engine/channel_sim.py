@@ -66,8 +66,7 @@ class ChannelSim:
 
     def lasting(self) -> list[ContactRow]:
         """Contacts that have not ended."""
-        now_s = self._queue.now_s
-        return [(began_s, now_s, *pair) for pair, began_s in self._contacts.items()]
+        return [(began_s, self._queue.now_s, *pair) for pair, began_s in self._contacts.items()]
 
     def look(self, places: Places) -> None:
         """Robots have moved: contacts begin and end."""
