@@ -35,12 +35,18 @@ STATUS = Path("/proc/self/status")
 
 NODE = """
 import sys
+import time
 from pathlib import Path
 from mocha_link import Node, Team
 with Node(Team.load(Path(sys.argv[1])), "titan") as node:
     print("ready", flush=True)
     sys.stdin.readline()
-    print(sum(link.refused for link in node.links().values()))
+    until_s = time.monotonic() + 10
+    while (refused := sum(link.refused for link in node.links().values())) < int(sys.argv[2]):
+        if time.monotonic() > until_s:
+            break
+        time.sleep(0.05)  # connections are looked at a few times a second
+    print(refused)
 """
 
 
@@ -86,7 +92,7 @@ def test_several_floods_together_take_no_memory(field, tmp_path):
     team_file.write_text(field.team.dump())
     robot = field.team.robot("titan")
     with subprocess.Popen(
-        [sys.executable, "-c", NODE, str(team_file)],
+        [sys.executable, "-c", NODE, str(team_file), str(FLOODS)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
