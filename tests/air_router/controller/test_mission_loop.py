@@ -254,7 +254,7 @@ def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_me
 
 
 def test_a_climb_that_does_not_go_on_ends_and_a_pilot_s_climb_is_not_watched(pretend):
-    for mode, state in ((FlightMode.MISSION, State.HOME), (FlightMode.POSITION, State.READY)):
+    for mode, state in ((FlightMode.MISSION, State.LAND), (FlightMode.POSITION, State.READY)):
         flight = pretend(pilot_arms=True)
         flight.take_off_halfway(mode)
         flight.fly_for(19.0)
