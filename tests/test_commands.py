@@ -205,12 +205,7 @@ EXTRAS = {"aiohttp", "foxglove", "matplotlib", "rerun", "rosbags", "scipy", "sht
     ("module", "needed", "unneeded"),
     [
         ("air_router.cli.check", {"shapely"}, EXTRAS | VEHICLE | {"networkx", "zmq", "mcap"}),
-        pytest.param(
-            "air_router.cli.ask",
-            {"zmq"},
-            EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"},
-            marks=pytest.mark.xfail(reason="requests lie beside events, which need zones"),
-        ),
+        ("air_router.cli.ask", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"}),
         ("air_router.cli.fly", {"mavsdk"}, EXTRAS | {"pymavlink", "networkx"}),
         ("mocha_link.cli.node_command", {"zmq"}, EXTRAS | VEHICLE | {"shapely", "pyproj"}),
         ("sitl.cli.experiment_command", set(), EXTRAS | VEHICLE | {"zmq", "mcap"}),

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Protocol
 
 from pydantic import BaseModel, Field, ValidationError
 
-from air_router.controller.model.events import (
+from air_router.controller.model.requests import (
     OPERATOR,
     AnyRequest,
     ComeHome,

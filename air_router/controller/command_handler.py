@@ -13,7 +13,10 @@ from typing import Any, ClassVar, Final
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import ReturnMonitor
 from air_router.controller.model.actions import Announce, CommandAck, Refusal
-from air_router.controller.model.events import (
+from air_router.controller.model.mission_context import (
+    MissionContext,
+)
+from air_router.controller.model.requests import (
     AnyRequest,
     ComeHome,
     ExploreNow,
@@ -21,9 +24,6 @@ from air_router.controller.model.events import (
     GoTo,
     HoldNow,
     SeekNow,
-)
-from air_router.controller.model.mission_context import (
-    MissionContext,
 )
 from air_router.controller.model.states import Requests, Signal, State
 from air_router.controller.states.explore_state import Exploration

@@ -19,24 +19,26 @@ from air_router.controller.mission_loop import MissionLoop
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import (
     AirspaceChanged,
-    ComeHome,
     CommandConfirmed,
     CommandFailed,
-    ExploreNow,
     FlownBefore,
+    PeerFault,
+    PlanRenewed,
+    RobotPath,
+    RobotPose,
+    RobotSought,
+)
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.requests import (
+    ComeHome,
+    ExploreNow,
     GoOn,
     GoTo,
     HoldNow,
     LandNow,
-    PeerFault,
-    PlanRenewed,
     Reload,
-    RobotPath,
-    RobotPose,
-    RobotSought,
     SeekNow,
 )
-from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import ClimbWatch, InitialClimb

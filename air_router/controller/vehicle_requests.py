@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler, RequestHandler
 from air_router.controller.model.actions import ReadAgain, Refusal
-from air_router.controller.model.events import ComeHome, GoOn, LandNow, Reload
 from air_router.controller.model.mission_context import Ending, OnBoard, ZoneChange
+from air_router.controller.model.requests import ComeHome, GoOn, LandNow, Reload
 from air_router.controller.model.states import Signal, State
 from air_router.controller.states.goto_state import Accepted, Refused
 from air_router.controller.states.return_state import LandState

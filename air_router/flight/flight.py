@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from air_router.control.control_server import ControlServer
 from air_router.controller.controller import FlightSetup
-from air_router.controller.model.events import GoOn
+from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
 from air_router.controller.motion.initial_climb import why_not_started
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError

@@ -28,7 +28,8 @@ from air_router.controller.model.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.controller.model.events import OPERATOR, AnyRequest, Event
+from air_router.controller.model.events import Event
+from air_router.controller.model.requests import OPERATOR, AnyRequest
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import REACTION_S
 from air_router.errors import ExitCode

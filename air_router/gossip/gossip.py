@@ -11,7 +11,8 @@ from typing import Final
 
 from air_router.control.command_request import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.events import Event, GoTo, PeerFault
+from air_router.controller.model.events import Event, PeerFault
+from air_router.controller.model.requests import GoTo
 from air_router.gossip.mapper import Mapper
 from air_router.gossip.ros_messages import OCCUPANCY, occupancy_writer, readers_of
 from air_router.gossip.team_messages import TeamMessageDecoder

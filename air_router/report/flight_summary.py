@@ -11,13 +11,8 @@ from typing import Any, Final
 
 from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
-from air_router.controller.model.events import (
-    Asked,
-    CommandFailed,
-    GoTo,
-    RobotPose,
-    SeekNow,
-)
+from air_router.controller.model.events import CommandFailed, RobotPose
+from air_router.controller.model.requests import Asked, GoTo, SeekNow
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
 from air_router.flight.flight_stats import FlownTrack

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from air_router.controller.model.events import GoTo, HoldNow
+from air_router.controller.model.requests import GoTo, HoldNow
 from geo.frame import Point
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
 from sitl.rehearsal.operator import Operator

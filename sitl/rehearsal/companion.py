@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
-from air_router.controller.model.events import AnyRequest
+from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
 from air_router.flight.flight import Flight
 from air_router.flight.terminal import StatusLine

@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable
 from typing import Final
 
-from air_router.controller.model.events import (
+from air_router.controller.model.requests import (
     AnyRequest,
     ComeHome,
     ExploreNow,

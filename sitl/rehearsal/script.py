@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.controller.model.events import ComeHome, ExploreNow, GoOn
+from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode

@@ -15,7 +15,7 @@ import pytest
 
 from air_router.control.control import ControlClient
 from air_router.controller.model.actions import CommandAck, Seeking, StateChanged
-from air_router.controller.model.events import SeekNow
+from air_router.controller.model.requests import SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Log

@@ -1,15 +1,11 @@
-"""Everything that reaches the controller beside the vehicle's and the links' own events.
-
-Every request of the pilot, the operator or a program is answered with `actions.CommandAck`:
-accepted, or refused and why.
-"""
+"""Everything that reaches the controller beside the vehicle's and the links' own events."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 from air_router.controller.model.actions import Motion
+from air_router.controller.model.requests import AnyRequest
 from air_router.vehicle.vehicle import VehicleEvent
 from geo.airspace.zone import Shape, Zone
 from geo.frame import Point
@@ -119,86 +115,6 @@ class FlownBefore:
     visited: int = 0
     left_out: tuple[int, ...] = ()
 
-
-# What the operator, other programs and a base station can ask of a mission in flight.
-
-
-OPERATOR: Final = "the operator"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """A request of the pilot, the operator or a program.
-
-    Attributes:
-        request_id: By which the asking program knows the answer.
-        by: Who asks, in words.
-    """
-
-    request_id: str = ""
-    by: str = OPERATOR
-
-
-@dataclass(frozen=True, slots=True)
-class HoldNow(Asked):
-    """Stop and hover here until something else is asked for, or it has to come home."""
-
-
-@dataclass(frozen=True, slots=True)
-class GoOn(Asked):
-    """Go on with what was held, or with a flight that was given away.
-
-    Attributes:
-        upload: Another plan may be on board: put ours there first.
-    """
-
-    upload: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class SeekNow(Asked):
-    """Seek this robot next, at once."""
-
-    robot: str
-
-
-@dataclass(frozen=True, slots=True)
-class ExploreNow(Asked):
-    """Explore on where exploration stopped."""
-
-
-@dataclass(frozen=True, slots=True)
-class ComeHome(Asked):
-    """End the mission: home along the graph, and land."""
-
-
-@dataclass(frozen=True, slots=True)
-class LandNow(Asked):
-    """End the mission: land where it hovers, on whatever is below."""
-
-
-@dataclass(frozen=True, slots=True)
-class GoTo(Asked):
-    """Fly to points, one after the other, and hover at the last.
-
-    Attributes:
-        points: Metres east/north, in order; at least one.
-        hold_s: How long to hover at the last; None: as the mission says.
-        waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
-            refused: no operator is there to ask again.
-    """
-
-    points: tuple[Point, ...]
-    hold_s: float | None = None
-    waits: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Reload(Asked):
-    """Read the mission file again: its zones and fences have changed."""
-
-
-AnyRequest = HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | LandNow | GoTo | Reload
 
 Event = (
     VehicleEvent

@@ -35,7 +35,7 @@ from air_router.control.control import (
     ControlUnreachableError,
 )
 from air_router.control.control_server import ControlServer, endpoint_of
-from air_router.controller.model.events import GoTo, HoldNow
+from air_router.controller.model.requests import GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.flight_loop import CommandService
 from air_router.flight.mission_reloader import ReloadReport

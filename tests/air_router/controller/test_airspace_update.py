@@ -14,17 +14,9 @@ from air_router.controller.model.actions import (
     ReadAgain,
     RenewPlan,
 )
-from air_router.controller.model.events import (
-    AirspaceChanged,
-    GoOn,
-    HoldNow,
-    PlanRenewed,
-    Reload,
-    RobotPose,
-    RobotSought,
-    SeekNow,
-)
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
 from air_router.controller.model.mission_context import ZoneChange
+from air_router.controller.model.requests import GoOn, HoldNow, Reload, SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph

@@ -17,17 +17,12 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import (
     AirspaceChanged,
-    ComeHome,
     CommandFailed,
-    ExploreNow,
-    GoOn,
-    GoTo,
-    HoldNow,
     PlanRenewed,
     RobotPose,
     RobotSought,
-    SeekNow,
 )
+from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
 from air_router.controller.safety_monitor import FOREIGN_TARGET_M
 from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent

@@ -6,7 +6,8 @@ import pytest
 
 from air_router.controller.control_authority import COMPARED_S, SilenceReminder
 from air_router.controller.model.actions import ControlHolder, FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.events import ComeHome, GoOn, HoldNow, RobotPose
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced

@@ -12,7 +12,8 @@ from air_router.controller.model.actions import (
     HoldHere,
     PublishMap,
 )
-from air_router.controller.model.events import ComeHome, PeerFault, RobotPose
+from air_router.controller.model.events import PeerFault, RobotPose
+from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint

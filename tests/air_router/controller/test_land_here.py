@@ -5,7 +5,8 @@ import math
 import pytest
 
 from air_router.controller.model.actions import CommandAck, LandHere, Refusal
-from air_router.controller.model.events import AirspaceChanged, ComeHome, GoOn, HoldNow, LandNow
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point

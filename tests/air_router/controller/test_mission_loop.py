@@ -4,7 +4,8 @@ import itertools
 import math
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.events import ComeHome, CommandConfirmed, CommandFailed, RobotPose
+from air_router.controller.model.events import CommandConfirmed, CommandFailed, RobotPose
+from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point

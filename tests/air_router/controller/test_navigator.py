@@ -5,8 +5,9 @@ import random
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.controller.model.events import CommandConfirmed, CommandFailed, ExploreNow, GoTo
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import Goal, MissionContext
+from air_router.controller.model.requests import ExploreNow, GoTo
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
-from air_router.controller.model.events import ExploreNow, GoTo, HoldNow, SeekNow
 from air_router.controller.model.mission_context import Ending
+from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.states.table import STATES, transitions
 from geo.frame import Point

@@ -9,14 +9,8 @@ import re
 import pytest
 
 from air_router.controller.model.actions import CommandAck, FlyToNode, RenewPlan
-from air_router.controller.model.events import (
-    AirspaceChanged,
-    ComeHome,
-    GoOn,
-    GoTo,
-    HoldNow,
-    PlanRenewed,
-)
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.airspace.zone import Band, Circle, Zone

@@ -13,7 +13,8 @@ import pytest
 from air_router.control.command_request import View
 from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import FlyToNode, StateChanged
-from air_router.controller.model.events import CommandConfirmed, HoldNow
+from air_router.controller.model.events import CommandConfirmed
+from air_router.controller.model.requests import HoldNow
 from air_router.errors import (
     ArmingRefusedError,
     ExitCode,

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import ReadAgain
-from air_router.controller.model.events import AirspaceChanged, Reload
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import Reload
 from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
 from air_router.flight.flight import Flight

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, Seeking
-from air_router.controller.model.events import ComeHome, GoOn, RobotPose, RobotSought
+from air_router.controller.model.events import RobotPose, RobotSought
+from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
 from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, TargetList
 from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip

@@ -12,7 +12,8 @@ from shapely import Point as ShapelyPoint
 
 from air_router.control.command_request import COSTLY_PER_S, Budget
 from air_router.controller.model.actions import CommandAck, Refusal
-from air_router.controller.model.events import ComeHome, GoTo, PeerFault, RobotPath, RobotPose
+from air_router.controller.model.events import PeerFault, RobotPath, RobotPose
+from air_router.controller.model.requests import ComeHome, GoTo
 from air_router.flight.flight import Flight
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip

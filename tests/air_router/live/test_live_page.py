@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.events import AirspaceChanged, HoldNow
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
 from air_router.errors import UsageError
 from air_router.flight.flight_loop import CommandService

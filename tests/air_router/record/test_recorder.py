@@ -22,7 +22,8 @@ from mcap.writer import Writer
 
 from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
-from air_router.controller.model.events import ComeHome, RobotPose
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import Signal, State
 from air_router.gossip.mapper import Mapper
 from air_router.record import record_file

@@ -16,13 +16,8 @@ import pytest
 from air_router.cli.cli import main
 from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
-from air_router.controller.model.events import (
-    AirspaceChanged,
-    ComeHome,
-    CommandConfirmed,
-    GoOn,
-    PlanRenewed,
-)
+from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
+from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
 from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.recorder import Recorder

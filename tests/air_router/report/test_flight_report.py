@@ -22,14 +22,11 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import (
     AirspaceChanged,
-    ComeHome,
     CommandFailed,
-    GoTo,
-    HoldNow,
     PlanRenewed,
     RobotPose,
-    SeekNow,
 )
+from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import Signal, State
 from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder

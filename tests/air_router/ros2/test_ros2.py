@@ -27,7 +27,7 @@ from cyclonedds.util import duration
 from air_router.control.command_request import CommandRequestError, command_request_of
 from air_router.control.control import ControlClient, ControlError, ControlUnreachableError
 from air_router.control.control_server import ControlServer
-from air_router.controller.model.events import ExploreNow
+from air_router.controller.model.requests import ExploreNow
 from air_router.controller.model.states import State
 from air_router.flight.flight_loop import CommandService
 from air_router.flight.flight_stats import FlightStats

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import HoldHere
-from air_router.controller.model.events import ComeHome
+from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.vehicle.input_limits import LIMITS
 from air_router.vehicle.vehicle import Ages, FlightMode
