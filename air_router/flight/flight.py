@@ -14,7 +14,7 @@ import os
 import signal
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 from air_router.control.control_server import ControlServer
 from air_router.controller.controller import FlightSetup
@@ -41,7 +41,6 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import (
-    FlightMode,
     LinkSilent,
     Telemetry,
     Vehicle,
@@ -305,14 +304,6 @@ class Flight(FlightLoop):
 
     # Ends.
 
-    def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """An error in a callback, and so in a decision, ends the flight as one in a task does."""
-        error = context.get("exception")
-        if isinstance(error, Exception) and "handle" in context and not self._finish.done():
-            self._finish.set_exception(error)
-        else:
-            loop.default_exception_handler(context)
-
     def _on_interrupt(self) -> None:
         """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
         if self._interrupted:
@@ -343,14 +334,6 @@ class Flight(FlightLoop):
             if self._control is not None:
                 self._control.close()
             await self._vehicle.close()
-
-    def _flies_by_us(self) -> bool:
-        controller, telemetry = self.controller, self.controller.telemetry
-        if telemetry is None or telemetry.in_air:
-            return telemetry is not None and controller.in_charge
-        # Armed in Mission mode on the ground it is about to take off, with no companion.
-        about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
-        return about_to and controller.state in {State.READY, State.DONE}
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         stamps_s = self._gossip.newest_stamps()

@@ -42,7 +42,7 @@ from air_router.gossip.gossip import Gossip
 from air_router.live.page import Page
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.vehicle import Vehicle
+from air_router.vehicle.vehicle import FlightMode, Vehicle
 from geo.frame import LocalFrame
 
 COMMAND_S: Final = 0.12
@@ -232,3 +232,19 @@ class FlightLoop:
         error = None if task.cancelled() else task.exception()
         if error is not None and not self._finish.done():
             self._finish.set_exception(error)
+
+    def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error in a callback, and so in a decision, ends the flight as one in a task does."""
+        error = context.get("exception")
+        if isinstance(error, Exception) and "handle" in context and not self._finish.done():
+            self._finish.set_exception(error)
+        else:
+            loop.default_exception_handler(context)
+
+    def _flies_by_us(self) -> bool:
+        controller, telemetry = self.controller, self.controller.telemetry
+        if telemetry is None or telemetry.in_air:
+            return telemetry is not None and controller.in_charge
+        # Armed in Mission mode on the ground it is about to take off, with no companion.
+        about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
+        return about_to and controller.state in {State.READY, State.DONE}
