@@ -22,11 +22,13 @@ PATIENT = {"test_px4_commands.py", "test_px4_acknowledgements.py"}
 """Waits nearly all of its time."""
 
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
-FLIGHTS = {
-    *("test_fly.py", "test_hostile_flight.py", "test_preflight.py", "test_px4.py"),
-    *("test_rovers.py", "test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
-}
-"""Of tests/system: vehicles fly in real time or faster, and must not wait for each other."""
+LANES = (
+    {"test_fly.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"},
+    {"test_hostile_flight.py", "test_rovers.py", "test_several.py", "test_whole_flight.py"},
+)
+"""Of tests/system: vehicles fly in real time or faster, two at a time and no more."""
+
+FLIGHTS = set.union(*LANES)
 
 
 def _flies(file):
@@ -58,15 +60,17 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Every file stays on one core, as with `--dist loadfile`, and all flights on the same."""
+    """Every file stays on one core, as with `--dist loadfile`, and the flights on two."""
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
 
-    class OneFlightAtATime(LoadFileScheduling):
+    class TwoFlightsAtATime(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
-            return "flights" if _flies(Path(file)) else file
+            if not _flies(Path(file)):
+                return file
+            return next(f"lane {n}" for n, lane in enumerate(LANES) if Path(file).name in lane)
 
-    return OneFlightAtATime(config, log)
+    return TwoFlightsAtATime(config, log)
 
 
 @pytest.fixture

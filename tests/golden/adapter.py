@@ -19,7 +19,7 @@ from unittest.mock import patch
 import yaml
 
 from air_router.controller.controller import Controller, FlightSetup
-from air_router.controller.model import actions, events
+from air_router.controller.model import actions, events, requests
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
@@ -78,14 +78,14 @@ EVENTS = {
     "flown_before": (events.FlownBefore, "airborne_s visited skipped=left_out"),
     "command_confirmed": (events.CommandConfirmed, "motion=action"),
     "command_failed": (events.CommandFailed, "motion=action reason"),
-    "ask_hold": (events.HoldNow, "request_id by"),
-    "ask_resume": (events.GoOn, "request_id by upload"),
-    "ask_seek": (events.SeekNow, "request_id by robot"),
-    "ask_explore": (events.ExploreNow, "request_id by"),
-    "ask_home": (events.ComeHome, "request_id by"),
-    "ask_land": (events.LandNow, "request_id by"),
-    "ask_goto": (events.GoTo, "request_id by points_m=points hold_s waits"),
-    "ask_reload": (events.Reload, "request_id by"),
+    "ask_hold": (requests.HoldNow, "request_id by"),
+    "ask_resume": (requests.GoOn, "request_id by upload"),
+    "ask_seek": (requests.SeekNow, "request_id by robot"),
+    "ask_explore": (requests.ExploreNow, "request_id by"),
+    "ask_home": (requests.ComeHome, "request_id by"),
+    "ask_land": (requests.LandNow, "request_id by"),
+    "ask_goto": (requests.GoTo, "request_id by points_m=points hold_s waits"),
+    "ask_reload": (requests.Reload, "request_id by"),
 }
 MOTIONS = {
     "fly_to_node": (actions.FlyToNode, "node position_m=position"),
