@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from math import inf
 
-from mocha_link.links.link_events import ContactBegan, ContactEnded
+from mocha_link.links.link_events import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
 
@@ -59,7 +59,7 @@ class SyncTrigger:
         self._settings = settings
         self._by_timer = by_timer
         self._links = {peer: _Link() for peer in peers}  # by peer
-        self._news: list[ContactBegan | ContactEnded] = []  # to be fetched
+        self._news: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
 
     def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
         """Take in a report of the radio; says whether contact begins with it.
@@ -67,50 +67,38 @@ class SyncTrigger:
         None: the peer is not heard, by no source. A bare number is in dBm; RadioError if it
         cannot be.
         """
-        link = self._links[peer]
+        link, before = self._links[peer], self.reading(peer)
         reading = as_reading(reading)
         if reading is None:
             link.signals.clear()
-            return self._judge(peer, link, now_s, NOT_HEARD)
-        key = reading.source, reading.unit
-        before = link.signals.pop(key, None)
-        if before is None and len(link.signals) >= MAX_SOURCES:
-            del link.signals[next(iter(link.signals))]
-        limit = threshold(self._settings, reading.unit)
-        if before and before.in_contact:
-            limit -= self._settings.hysteresis_db
-        link.signals[key] = _Signal(reading, now_s, reading.value >= limit)
-        return self._judge(peer, link, now_s, TOO_WEAK)
+        else:
+            self._note(link, reading, now_s)
+        if self.reading(peer) != before:
+            self._tell_signal(peer, now_s)
+        return self._judge(peer, link, now_s, NOT_HEARD if reading is None else TOO_WEAK)
 
     def reading(self, peer: str) -> Reading | None:
         """The newest reading of a peer that still stands."""
         signals = self._links[peer].signals
         return next(reversed(signals.values())).reading if signals else None
 
-    def rssi_dbm(self, peer: str) -> float | None:
-        """The newest reading of a peer, if it is in dBm."""
-        reading = self.reading(peer)
-        return reading.value if reading and reading.unit is Unit.DBM else None
-
     def in_contact(self, peer: str) -> bool:
         """Whether the radio hears a peer well enough."""
         return self._links[peer].contact_began_s is not None
 
-    def silenced(self, now_s: float) -> list[str]:
-        """The peers about whom the radio has been silent for too long: not heard any more."""
-        silent = []
+    def look(self, now_s: float) -> None:
+        """Note of which peers the radio has been silent for too long: not heard any more."""
         limit_s = SILENT_INTERVALS * self._settings.interval_s
-        for peer, link in self._links.items():
-            heard = bool(link.signals)
+        heard = [(peer, link) for peer, link in self._links.items() if link.signals]
+        for peer, link in heard:
             for key, signal in list(link.signals.items()):
                 signal.reported_s = min(signal.reported_s, now_s)  # the clock may be set back
                 if now_s - signal.reported_s > limit_s:
                     del link.signals[key]
-            if heard:
-                self._judge(peer, link, now_s, SILENT)
-                if not link.signals:
-                    silent.append(peer)
-        return silent
+            if not link.signals:
+                self._tell_signal(peer, now_s)
+        for peer, link in heard:
+            self._judge(peer, link, now_s, SILENT)
 
     def due(self, now_s: float, followed: Collection[str] = ()) -> list[str]:
         """The peers to pull from now; each counts as pulled from by this answer.
@@ -129,7 +117,7 @@ class SyncTrigger:
         return due
 
     def due_s(self, followed: Collection[str] = ()) -> float:
-        """When, in Unix seconds, `due` or `silenced` has something to say; inf: not by time."""
+        """When, in Unix seconds, `due` or `look` has something to say; inf: not by time."""
         times = []
         silent_s = SILENT_INTERVALS * self._settings.interval_s
         for peer, link in self._links.items():
@@ -144,10 +132,26 @@ class SyncTrigger:
         interval_s = self._settings.interval_s
         return max(interval_s, len(followed) / FOLLOWED_PULLS_S) if peer in followed else interval_s
 
-    def news(self) -> list[ContactBegan | ContactEnded]:
-        """The contacts that began and ended since the last call, in order."""
+    def news(self) -> list[RssiChanged | ContactBegan | ContactEnded]:
+        """The signals that changed, the contacts that began and ended since the last call."""
         news, self._news = self._news, []
         return news
+
+    def _note(self, link: _Link, reading: Reading, now_s: float) -> None:
+        """Keep what a source says of a peer."""
+        key = reading.source, reading.unit
+        before = link.signals.pop(key, None)
+        if before is None and len(link.signals) >= MAX_SOURCES:
+            del link.signals[next(iter(link.signals))]
+        limit = threshold(self._settings, reading.unit)
+        if before and before.in_contact:
+            limit -= self._settings.hysteresis_db
+        link.signals[key] = _Signal(reading, now_s, reading.value >= limit)
+
+    def _tell_signal(self, peer: str, now_s: float) -> None:
+        reading = self.reading(peer)
+        rssi_dbm = reading.value if reading and reading.unit is Unit.DBM else None
+        self._news.append(RssiChanged(peer, now_s, rssi_dbm, reading))
 
     def _judge(self, peer: str, link: _Link, now_s: float, why: str) -> bool:
         """Begin or end the contact, as the signals say; True if it begins."""

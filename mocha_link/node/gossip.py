@@ -6,66 +6,35 @@ thread-safe: a program that shares one between threads brings a lock.
 
 from __future__ import annotations
 
-import logging
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import (
-    ContactEnded,
-    LinkEvent,
-    MessageStored,
-    RssiChanged,
-    StorageFailed,
-    StorageRecovered,
-)
-from mocha_link.links.metrics import QUIET_S, LinkMetrics, LinkTable
+from mocha_link.links.link_events import ContactEnded, LinkEvent, MessageStored
+from mocha_link.links.link_table import QUIET_S, LinkTable
+from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
+from mocha_link.node.peer_link import PeerLink, peer_links
 from mocha_link.node.publisher import Publisher
-from mocha_link.store.config_hash import config_hash_of, difference
+from mocha_link.store.config_hash import config_hash_of
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
-from mocha_link.store.signature import Signer, Verifier
+from mocha_link.store.signature import Signer
 from mocha_link.store.wire import Header
-from mocha_link.sync.peer import NodeContext, Peer
 from mocha_link.sync.protocol import (
-    ID_BYTES,
     Action,
     Connect,
     Disconnect,
     Frame,
+    NodeContext,
     Reply,
     ReplyDatagram,
     Route,
+    random_id,
 )
-from mocha_link.sync.puller import Puller
-from mocha_link.sync.server import Server
-from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
+from mocha_link.team.team import Team, Topic, UnknownRobotError
 
 TIMEOUT_S = 5.0
-BOOT_ID_BYTES = 8
-REMIND_S = 600.0  # so often the log repeats that a peer has another team file
-
-LOG = logging.getLogger("mocha_link")
-
-
-def _random_id() -> bytes:
-    return os.urandom(ID_BYTES)
-
-
-@dataclass(slots=True)
-class _Link:
-    """What belongs to one peer."""
-
-    peer: Peer
-    puller: Puller
-    server: Server
-    differs: bool = False  # its team file is another one, as was told
-    warned_s: float | None = None  # when that was logged last
-    refused: bool = False  # something was, and the first was logged
 
 
 class Gossip:
@@ -93,50 +62,31 @@ class Gossip:
         *,
         by_timer: bool,
         timeout_s: float = TIMEOUT_S,
-        new_id: Callable[[], bytes] = _random_id,
+        new_id: Callable[[], bytes] = random_id,
         database: Database | None = None,
         signer: Signer | None = None,
         datagrams: bool = True,
         follow: bool = True,
-        protected: Iterable[str] = (),
+        protected: Collection[str] = (),
     ) -> None:
         self.me = team.robot(name)
         self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
-        self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s)
-        for peer in protected:
-            self._link_table.measure(peer, protected=True)
+        self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s, protected=protected)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
-        self._publisher = Publisher(
-            self.me, team.topics_of(name), self.database, signer.of if signer else None
-        )
+        self._publisher = Publisher(self.me, team.topics_of(name), self.database, signer)
         self._context = NodeContext(
             name=name,
             team=team,
             database=self.database,
             new_id=new_id,
-            boot_id=int.from_bytes(os.urandom(BOOT_ID_BYTES), "big"),
             config_hash=config_hash_of(team),
             timeout_s=timeout_s,
             follow=follow,
         )
-        verifier = Verifier(team)
-        keyless = not any(robot.key for robot in team.robots.values())
-        verifies = team.trust is Trust.SIGNED or not keyless
-        self._links: dict[str, _Link] = {}  # by peer
-        for each in self.me.peers:
-            known = Peer(
-                each,
-                self._context,
-                verify=partial(verifier.verify, handed_by=each) if verifies else None,
-                original=team.robot(each).original,
-                datagrams=datagrams,
-                budget_bytes=team.trigger.budget_bytes or 0,
-                pushed=team.pushed(self.me, each),
-            )
-            self._links[each] = _Link(known, Puller(known, self._link_table), Server(known))
+        self._links = peer_links(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
         self._counted = 0  # of these the link table has had so many
         self._sequence = -1  # of the database, when peers were last pushed what is new
@@ -169,10 +119,7 @@ class Gossip:
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
         link = self._link(peer)
-        before = self._trigger.reading(peer)
         begins = self._trigger.heard(peer, reading, now.unix_s)
-        if self._trigger.reading(peer) != before:
-            self._tell_signal(peer, now)
         self._tell_contacts(now)
         if begins:
             link.puller.renew_budget()
@@ -255,21 +202,17 @@ class Gossip:
 
     def refused(self, peer: str, reason: str) -> None:
         """A connection was not let in at the port for a peer, or sent what is no message."""
-        self._refuse(self._links[peer], reason)
+        self._link_table.refuse(peer, reason)
 
-    def storage(self, reason: str | None, now: Instant) -> None:
-        """Messages are not written to disk any more (why), or are again (None)."""
-        if reason is None:
-            self._events.append(StorageRecovered(self.me.name, now.unix_s))
-        else:
-            self._events.append(StorageFailed(self.me.name, now.unix_s, reason))
+    def tell(self, event: LinkEvent) -> None:
+        """Have listeners told of what the program has noticed."""
+        self._events.append(event)
 
     # --- what the time brings
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often, and at `wake_s`."""
-        for peer in self._trigger.silenced(now.unix_s):
-            self._tell_signal(peer, now)
+        self._trigger.look(now.unix_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
@@ -286,9 +229,8 @@ class Gossip:
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
-        times = [link.puller.wake_s for link in self._links.values()]
-        times += [link.server.wake_s for link in self._links.values()]
-        return min((each for each in times if each is not None), default=None)
+        sides = (side for link in self._links.values() for side in (link.puller, link.server))
+        return min((side.wake_s for side in sides if side.wake_s is not None), default=None)
 
     @property
     def pulling(self) -> list[str]:
@@ -324,18 +266,19 @@ class Gossip:
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
         """The ages of the newest messages by peer and topic; any thread may ask at any time."""
-        return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
+        newest = self.database.newest
+        return {
+            peer: {
+                topic.name: now.unix_s - record.stamp_s
+                for topic in self._team.topics_of(peer)
+                if (record := newest(self._team.robot(peer).robot_id, topic.topic_id))
+            }
+            for peer in self.me.peers
+        }
 
     def held(self, peer: str) -> dict[int, int]:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
         return self._link(peer).peer.newest
-
-    def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
-        robot_id = self._team.robot(peer).robot_id
-        for topic in self._team.topics_of(peer):
-            record = self.database.newest(robot_id, topic.topic_id)
-            if record:
-                yield topic.name, now.unix_s - record.stamp_s
 
     def _count(self) -> None:
         """Bring the link table up to date."""
@@ -355,21 +298,22 @@ class Gossip:
         """The peers that push what they store."""
         return {peer for peer, link in self._links.items() if link.puller.followed}
 
-    def _serve(self, link: _Link, now: Instant) -> None:
+    def _serve(self, link: PeerLink, now: Instant) -> None:
         """Send a peer what its pull is to get by datagrams, and tell what has become of it."""
         for packet in link.server.transmit(now):
             self._link_table.count(link.peer.name, bytes_out=len(packet))
             self._context.actions.append(ReplyDatagram(link.peer.name, packet))
         self._tell(link, now)
 
-    def _tell(self, link: _Link, now: Instant) -> None:
+    def _tell(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
         peer = link.peer
         for reason in peer.refusals:
-            self._refuse(link, reason)
+            self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
         if peer.config_mismatch or link.differs:
-            self._tell_mismatch(link, now)
+            link.differs = peer.config_mismatch
+            self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
             self._events.append(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
@@ -377,33 +321,12 @@ class Gossip:
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
         peer.events.clear()
 
-    def _tell_mismatch(self, link: _Link, now: Instant) -> None:
-        """Say it when a peer turns out to have another team file, and at times once more."""
-        peer = link.peer
-        if peer.config_mismatch != link.differs:
-            link.differs = peer.config_mismatch
-            self._link_table.measure(peer.name, team_differs=link.differs)
-        recently = link.warned_s is not None and now.steady_s - link.warned_s <= REMIND_S
-        if link.differs and not recently:
-            link.warned_s = now.steady_s
-            LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer.name))
-
-    def _refuse(self, link: _Link, reason: str) -> None:
-        self._link_table.count(link.peer.name, refused=1)
-        level = logging.DEBUG if link.refused else logging.WARNING
-        link.refused = True
-        LOG.log(level, "refused from %s: %s", link.peer.name, reason)
-
     def _tell_own(self, record: Record | None, now: Instant) -> None:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
         if record and known:
             name, topic = self.me.name, known[1].name
             stored = MessageStored(name, now.unix_s, name, topic, record.header, len(record.body))
             self._events.append(stored)
-
-    def _tell_signal(self, peer: str, now: Instant) -> None:
-        rssi_dbm, reading = self._trigger.rssi_dbm(peer), self._trigger.reading(peer)
-        self._events.append(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
 
     def _tell_contacts(self, now: Instant) -> None:
         for event in self._trigger.news():
@@ -413,7 +336,7 @@ class Gossip:
                 link.puller.unfollow()
                 self._tell(link, now)
 
-    def _link(self, peer: str) -> _Link:
+    def _link(self, peer: str) -> PeerLink:
         """What belongs to a peer. Raises UnknownRobotError."""
         if peer not in self._links:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")

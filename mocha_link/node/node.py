@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mocha_link.clock import Clock, Instant, SystemClock
 from mocha_link.errors import MochaLinkError
-from mocha_link.links.metrics import LinkEvent, LinkMetrics
+from mocha_link.links.metrics import LinkEvent, LinkMetrics, StorageFailed, StorageRecovered
 from mocha_link.links.reading import Reading
 from mocha_link.node.broadcast import Broadcast, EventStream
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
@@ -362,8 +362,13 @@ class Node(Startable):
     def _fault(self, fault: StorageError | None) -> None:
         if self._settling:
             return
+        at_s = self.clock.now_s()
         with self._lock:
-            self._gossip.storage(str(fault) if fault else None, self._now())
+            self._gossip.tell(
+                StorageFailed(self.name, at_s, str(fault))
+                if fault
+                else StorageRecovered(self.name, at_s)
+            )
         self._wake()
 
     def _now(self) -> Instant:

@@ -7,7 +7,7 @@ endian) and its bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from math import inf
@@ -16,10 +16,9 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
+from mocha_link.store.signature import Signer
 from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
 from mocha_link.team.team import Robot, Topic
-
-Sign = Callable[[bytes], bytes]
 
 LEAP_MS = 600_000
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
@@ -70,7 +69,7 @@ class Publisher:
     """Makes records of the robot's own messages and holds those that come too early.
 
     Args:
-        sign: gives what signs the messages of a topic; None: they are not signed.
+        signer: signs the messages; None: they are not signed.
     """
 
     def __init__(
@@ -78,13 +77,13 @@ class Publisher:
         robot: Robot,
         topics: tuple[Topic, ...],
         database: Database,
-        sign: Callable[[Topic], Sign] | None = None,
+        signer: Signer | None = None,
     ) -> None:
         self._robot = robot
         self._topics = {topic.name: topic for topic in topics}  # by name
         self._database = database
         # of signed topics
-        self._signs = {topic.name: sign(topic) for topic in topics} if sign else {}
+        self._signs = {topic.name: signer.of(topic) for topic in topics} if signer else {}
         self._last_ms: dict[str, int] = {}  # stamp promised last
         self._stored_s: dict[str, float] = {}  # Unix time of the last one
         self._held: dict[str, _Draft] = {}  # by topic, for its interval

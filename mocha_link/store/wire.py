@@ -213,8 +213,7 @@ def unpack(body: Body, limit: int = MAX_BYTES) -> bytes:
 
     Only reads: what came from outside goes through `check` once, before it is kept.
     """
-    pieces = _decompressed(body, _frame(body), limit)
-    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+    return b"".join(_decompressed(body, _frame(body), limit))
 
 
 def check(
@@ -344,8 +343,3 @@ def _decompressed(
     if at != frame.end or (size is not None and done != size):
         raise PayloadError("not an LZ4 frame: its size is another one than it states")
     return pieces
-
-
-def is_body(message_id: int, total: int) -> bool:
-    """Whether a message of that message id and size is possible."""
-    return 0 < total <= MAX_BODY_BYTES and message_id & STAMP_MASK < STAMPS_MS

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from mocha_link.errors import MochaLinkError
 from mocha_link.store.reassembly_buffer import Fragment
 from mocha_link.store.record import Record
+from mocha_link.store.wire import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS
 from mocha_link.sync.protocol import Frame
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW = range(1, 10)  # kinds of frames
@@ -46,6 +47,11 @@ def message_id_of(robot_id: int, topic_id: int, stamp_ms: int) -> int:
 def record_id(record: Record) -> int:
     """The message id of a record."""
     return message_id_of(record.header.robot_id, record.header.topic_id, record.stamp_ms)
+
+
+def is_body(message_id: int, total: int) -> bool:
+    """Whether a message of that message id and size is possible."""
+    return 0 < total <= MAX_BODY_BYTES and message_id & STAMP_MASK < STAMPS_MS
 
 
 class SyncMessage(NamedTuple):

@@ -10,17 +10,22 @@ import secrets
 import struct
 from collections import deque
 from collections.abc import Callable, Container, Iterable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.clock import Instant
+from mocha_link.links.link_events import (
+    Direction,
+    LinkEvent,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
 from mocha_link.store import wire
-from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Record
 from mocha_link.store.wire import WRAP_MS, Header, PayloadError, Trailer
-from mocha_link.sync.protocol import NEAR_S, Action, Frame, Send
-from mocha_link.team.team import Robot, Team, Topic
+from mocha_link.sync.protocol import NEAR_S, Frame, NodeContext, Send
+from mocha_link.team.team import Robot, Topic
 
 Verify = Callable[[Header, Frame, Trailer | None], None]
 """Raises PayloadError for a message that a peer may not hand us."""
@@ -42,35 +47,6 @@ _GROWTH = 1.5  # so much more than the rate so far, as it may rise
 _CHUNKS = 32  # in a window: what a cut leaves of one is lost
 _GRANTS = 4  # per window
 _MEMORY_S = 0.5  # a rate counts over the last one to two of these: bytes come in bursts
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeContext:
-    """What the syncs of a node have in common, whatever peer they are with.
-
-    Attributes:
-        name: the node's robot.
-        team: whose robots and topics are accepted.
-        database: where messages go, and what there is to give.
-        reassembly: where parts of messages wait for the rest; one for all peers.
-        new_id: makes the 6 random bytes that name a request.
-        boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
-        config_hash: what ids mean to us, as one number (`config_hash_of`).
-        timeout_s: seconds without a byte after which a pull breaks off.
-        follow: take in at once what a peer stores between two pulls.
-        actions: what is to be done at the sockets, in order.
-    """
-
-    name: str
-    team: Team
-    database: Database
-    reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
-    new_id: Callable[[], bytes]
-    boot_id: int
-    config_hash: int = 0
-    timeout_s: float = 5.0
-    follow: bool = True
-    actions: deque[Action] = field(default_factory=deque)
 
 
 class Peer:
@@ -139,12 +115,7 @@ class Peer:
         """Have a request sent on the connection to the peer."""
         self.node.actions.append(Send(self.name, frame))
 
-    def take_in(
-        self,
-        known: tuple[Robot, Topic],
-        record: Record,
-        trailer: Trailer | None,
-    ) -> bool:
+    def take_in(self, known: tuple[Robot, Topic], record: Record, trailer: Trailer | None) -> bool:
         """Store an intact message that the peer handed us; whether it was new.
 
         Raises:
@@ -161,6 +132,32 @@ class Peer:
             MessageStored(self.name, now_s, robot.name, topic.name, header, len(body))
         )
         return True
+
+    # --- what its syncs tell
+
+    def tell_start(self, direction: Direction, now: Instant) -> None:
+        """A sync begins."""
+        self.events.append(SyncStarted(self.name, now.unix_s, direction))
+
+    def tell_end(  # noqa: PLR0913 - what there is to say of it
+        self,
+        direction: Direction,
+        now: Instant,
+        *,
+        began_s: float,
+        messages: int,
+        size: int,
+        complete: bool = True,
+    ) -> None:
+        """A sync that began at that steady time has come to its end with so many bytes."""
+        taken_s = now.steady_s - began_s
+        self.events.append(
+            SyncEnded(self.name, now.unix_s, direction, messages, size, taken_s, complete)
+        )
+
+    def tell_timeout(self, direction: Direction, reason: str, now: Instant) -> None:
+        """A sync has broken off, or was turned away."""
+        self.events.append(SyncTimedOut(self.name, now.unix_s, direction, reason))
 
     # --- the way to it
 

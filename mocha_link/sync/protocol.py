@@ -1,14 +1,22 @@
-"""What every part of a sync speaks of: requests on a connection, and actions at the node's sockets.
+"""What every part of a sync shares: the node's context, requests, and actions at its sockets.
 
 A request is ID (6 bytes, any) + CODE (5 letters) + argument; the reply repeats the ID.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from mocha_link.store.database import Database
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
+from mocha_link.team.team import Team
 
 ID_BYTES = 6
 CODE_BYTES = 5
+BOOT_ID_BYTES = 8
 GHEAD, GDATA, DENDT = b"GHEAD", b"GDATA", b"DENDT"  # the list of headers, a message, the end
 # Between new nodes: open a sync, a later frame of it, more credit. Original nodes refuse them.
 SYNC1, SYNCF, SYNCC = b"SYNC1", b"SYNCF", b"SYNCC"
@@ -24,6 +32,15 @@ LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks agai
 Frame = bytes | memoryview
 Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
+
+
+def random_id() -> bytes:
+    """What names a request, if a test says nothing else."""
+    return os.urandom(ID_BYTES)
+
+
+def _random_boot_id() -> int:
+    return int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
 
 
 def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
@@ -83,3 +100,32 @@ class ReplyDatagram:
 
 
 Action = Connect | Send | Disconnect | Reply | SendDatagram | ReplyDatagram
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeContext:
+    """What the syncs of a node have in common, whatever peer they are with.
+
+    Attributes:
+        name: the node's robot.
+        team: whose robots and topics are accepted.
+        database: where messages go, and what there is to give.
+        reassembly: where parts of messages wait for the rest; one for all peers.
+        new_id: makes the 6 random bytes that name a request.
+        boot_id: a random u64 of our process. Peers forget what they know of us when it changes.
+        config_hash: what ids mean to us, as one number (`config_hash_of`).
+        timeout_s: seconds without a byte after which a pull breaks off.
+        follow: take in at once what a peer stores between two pulls.
+        actions: what is to be done at the sockets, in order.
+    """
+
+    name: str
+    team: Team
+    database: Database
+    reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
+    new_id: Callable[[], bytes] = random_id
+    boot_id: int = field(default_factory=_random_boot_id)
+    config_hash: int = 0
+    timeout_s: float = 5.0
+    follow: bool = True
+    actions: deque[Action] = field(default_factory=deque)

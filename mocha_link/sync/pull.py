@@ -14,9 +14,9 @@ from typing import Literal
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_events import Direction, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.links.metrics import throughput_bytes_s
-from mocha_link.sync.original import ClientSession
+from mocha_link.links.link_events import Direction
+from mocha_link.links.link_table import throughput_bytes_s
+from mocha_link.sync.original_client import ClientSession
 from mocha_link.sync.peer import Credit, Peer
 from mocha_link.sync.protocol import (
     ID_BYTES,
@@ -79,8 +79,7 @@ class Pull:
         """Begin on a fresh connection or the one that stands; `again`: that is no news."""
         self._began_s = self.alive_s = now.steady_s
         if not again:
-            started = SyncStarted(self._peer.name, now.unix_s, Direction.IN)
-            self._peer.events.append(started)
+            self._peer.tell_start(Direction.IN, now)
         headers_request = self._session.start(now)
         if self.path == "original":
             self._peer.send(headers_request)
@@ -189,8 +188,7 @@ class Pull:
         """Break off for a reason that is known outside, e.g. a closed connection."""
         if not self.over:
             self.abandon()
-            timed_out = SyncTimedOut(self._peer.name, now.unix_s, Direction.IN, reason)
-            self._peer.events.append(timed_out)
+            self._peer.tell_timeout(Direction.IN, reason, now)
 
     def abandon(self) -> None:
         """Break off, and say nothing of it."""
@@ -269,12 +267,17 @@ class Pull:
         self.alive_s = session.alive_s
         if session.over and not self.over:
             self.over, self.broken = True, session.failure is not None
-            name, at_s = self._peer.name, now.unix_s
             if session.failure is not None:
-                ended = SyncTimedOut(name, at_s, Direction.IN, session.failure)
-                self._peer.events.append(ended)
-            else:
-                self._tell_end(session.messages, session.bytes_in, not session.cut_short, now)
+                self._peer.tell_timeout(Direction.IN, session.failure, now)
+                return
+            self._peer.tell_end(
+                Direction.IN,
+                now,
+                began_s=self._began_s,
+                messages=session.messages,
+                size=session.bytes_in,
+                complete=not session.cut_short,
+            )
 
     def _take(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
         """Take in a frame of a sync; what to say to it."""
@@ -288,21 +291,15 @@ class Pull:
         elif receiver.over and not self.over:
             self.over = True
             self._learn()
-            self._tell_end(receiver.messages, receiver.bytes, receiver.complete, now)
-        return frames
-
-    def _tell_end(self, messages: int, size: int, complete: bool, now: Instant) -> None:
-        self._peer.events.append(
-            SyncEnded(
-                self._peer.name,
-                now.unix_s,
+            self._peer.tell_end(
                 Direction.IN,
-                messages=messages,
-                bytes=size,
-                duration_s=now.steady_s - self._began_s,
-                complete=complete,
+                now,
+                began_s=self._began_s,
+                messages=receiver.messages,
+                size=receiver.bytes,
+                complete=receiver.complete,
             )
-        )
+        return frames
 
     def _send_frames(self, frames: Sequence[bytes]) -> None:
         for frame in frames:

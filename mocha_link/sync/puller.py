@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.metrics import LinkTable
+from mocha_link.links.link_table import LinkTable
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     FOLLOW_S,

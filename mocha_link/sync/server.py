@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_events import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.links.link_events import Direction
 from mocha_link.store.config_hash import difference
-from mocha_link.sync.frames import HELLO, OPEN, SyncFrameError, message_frame
-from mocha_link.sync.original import ServerSession
-from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK, Peer
+from mocha_link.sync.frames import HELLO, message_frame
+from mocha_link.sync.original_server import ServerSession
+from mocha_link.sync.peer import GRANT, Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,
     FOLLOW_S,
@@ -31,8 +31,8 @@ from mocha_link.sync.protocol import (
     Frame,
     Route,
 )
+from mocha_link.sync.served_sync import ServedSync
 from mocha_link.sync.sync_messages import Hello, Reception
-from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
@@ -49,39 +49,13 @@ def _random_number() -> int:
     return int.from_bytes(os.urandom(4), "big") >> 2
 
 
-class _Sync:
-    """A pull of a new node."""
-
-    def __init__(self, request_id: bytes, sender: SyncSender, now: Instant) -> None:
-        self.id = request_id  # that its frames begin with
-        self.sender = sender
-        self.began_s = now.steady_s  # steady clock, as the next
-        self.heard_s = now.steady_s  # of the newest frame
-        self.by_datagram = False  # frames came by datagrams
-        self.follows = False  # the pull is over, and what is stored later leaves at once
-        self.all_cast = False  # everything that was given out went by datagrams
-        self.route: Route | None = None  # the peer's connection
-        self.routed_s = 0.0  # when it came to that
-        self.again: deque[bytes] = deque()  # frames that datagrams may not have brought
-        self.sent = 0  # bytes on that connection
-        self.allowed = 0  # bytes granted on it
-        self.chunk = MIN_CHUNK  # bytes of a reply
-
-    def grant(self, raw: bytes) -> None:
-        """Take in what may be sent on the connection."""
-        if len(raw) == GRANT.size:
-            allowed, chunk = GRANT.unpack(raw)
-            self.allowed = max(self.allowed, allowed)
-            self.chunk = min(max(chunk, MIN_CHUNK), MAX_CHUNK)
-
-
 class Server:
     """Answers one peer, whatever it sends, and tells when its pulls start and end."""
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._session = ServerSession(peer)
-        self._sync: _Sync | None = None  # under way, or followed
+        self._sync: ServedSync | None = None  # under way, or followed
         self._flow: Flow | None = None  # of datagrams, of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0  # of the last sync
@@ -154,20 +128,10 @@ class Server:
         sync = self._sync
         if sync is None or sync.route is None or self._datagrams_carry(sync):
             return None
-        if sync.again:
-            frame = sync.id + sync.again.popleft()
-            sync.sent += len(frame)
-            return sync.route, [frame]
-        room = sync.allowed - sync.sent
-        if room <= 0:
-            return None
-        parts = sync.sender.next_parts(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
-        if parts is None:
-            return None
-        sync.sent += sum(map(len, parts))
-        return sync.route, parts
+        parts = sync.supply()
+        return (sync.route, parts) if parts else None
 
-    def _datagrams_carry(self, sync: _Sync) -> bool:
+    def _datagrams_carry(self, sync: ServedSync) -> bool:
         """Whether they carry what there is; to a near or fast peer its connection does from now on.
 
         One that follows by datagrams has closed its connection.
@@ -197,7 +161,7 @@ class Server:
         if sync and now.steady_s - sync.heard_s > (FOLLOW_S if sync.follows else PATIENCE_S):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
-    def _doubt_datagrams(self, sync: _Sync, now: Instant) -> None:
+    def _doubt_datagrams(self, sync: ServedSync, now: Instant) -> None:
         """Where ours do not get back to the peer, the connection serves.
 
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
@@ -207,9 +171,7 @@ class Server:
         if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
             return
         if now.steady_s - sync.routed_s > 2 * (sync.routed_s - sync.began_s) + UNHEARD_S:
-            sync.by_datagram = False
-            sync.all_cast = sync.sender.done
-            sync.again.extend(flow.reclaim())
+            sync.leave_datagrams(flow.reclaim())
 
     def _answer_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
@@ -221,9 +183,9 @@ class Server:
             self._opened.append((request_id, route))
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = _Sync(request_id, SyncSender(self._peer), now)
+            sync = ServedSync(request_id, self._peer, now)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
-            if not self._opens(sync, argument):
+            if not sync.open(argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
                 self._rejected = (request_id, Reception.UNREADABLE)
                 return self._rejection(request_id)
@@ -233,18 +195,16 @@ class Server:
             return self._rejection(request_id)
         sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
-            # Its first connection broke, with all that was sent on it.
-            sync.sender = SyncSender(self._peer)
-            sync.allowed = 0
+            sync.start_over()  # its first connection broke, with all that was sent on it
         if sync.route is None or code == SYNC1:
-            sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
+            sync.carry_on(route, now)
             self._opened.append((request_id, route))
         if code == SYNC1:
             sync.grant(argument[: GRANT.size])
             argument = argument[GRANT.size :]
         if code == SYNCC:
             sync.grant(argument)
-        elif not self._takes(sync, argument):
+        elif not sync.take(argument):
             return request_id + SERRM
         self._look(now)
         return self._rejection(request_id)
@@ -265,17 +225,17 @@ class Server:
         heeds = sync and not sync.follows and now.steady_s - sync.heard_s < REPLACED_S
         if sync and sync.id != token and heeds:
             return False  # a copy of an old opening must not end what goes well
-        sync = _Sync(token, SyncSender(self._peer), now)
+        sync = ServedSync(token, self._peer, now)
         flow = Flow(
             token,
-            lambda room: self._next_for_datagram(sync, room),
+            sync.next_for_datagram,
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
             first_number=_random_number(),
             proven=False,
         )
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
-        if not frames or not all(self._opens(sync, frame) for frame in frames):
+        if not frames or not all(sync.open(frame) for frame in frames):
             return False
         flow.proven = sync.sender.admitted
         sync.by_datagram = sync.all_cast = True
@@ -287,32 +247,16 @@ class Server:
             self._deaf_until_s = now.steady_s + DEAF_S
         return True
 
-    @staticmethod
-    def _next_for_datagram(sync: _Sync, room: int) -> bytes | None:
-        fits = room >= MIN_ROOM or sync.sender.is_brief(room)
-        return sync.sender.next(room) if sync.by_datagram and fits else None
-
     def _feed_frame(self, frame: bytes, now: Instant) -> None:
         if self._sync and self._flow and self._sync.id == self._flow.token:
-            self._takes(self._sync, frame)
+            self._sync.take(frame)
             self._look(now)
 
-    def _opens(self, sync: _Sync, frame: bytes) -> bool:
-        return frame[:1] == bytes((OPEN,)) and self._takes(sync, frame)
-
-    @staticmethod
-    def _takes(sync: _Sync, frame: bytes) -> bool:
-        try:
-            sync.sender.receive(frame)
-        except SyncFrameError:
-            return False
-        return True
-
-    def _begin(self, sync: _Sync, now: Instant) -> None:
+    def _begin(self, sync: ServedSync, now: Instant) -> None:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
-        self._peer.events.append(SyncStarted(self._peer.name, now.unix_s, Direction.OUT))
+        self._peer.tell_start(Direction.OUT, now)
         self._look(now)
 
     def _look(self, now: Instant) -> None:
@@ -323,7 +267,7 @@ class Server:
         elif self._sync and self._sync.sender.rejection is not None:
             self._turn_away(self._sync, self._sync.sender.rejection, now)
 
-    def _turn_away(self, sync: _Sync, why: Reception, now: Instant) -> None:
+    def _turn_away(self, sync: ServedSync, why: Reception, now: Instant) -> None:
         """A flow stays until it has said so."""
         self._sync = None
         self._past.append(sync.id)
@@ -334,27 +278,24 @@ class Server:
             reason = (
                 f"{self._peer.name} speaks another version of the sync; install the same release"
             )
-        self._peer.events.append(SyncTimedOut(self._peer.name, now.unix_s, Direction.OUT, reason))
+        self._peer.tell_timeout(Direction.OUT, reason, now)
 
-    def _end(self, sync: _Sync, now: Instant) -> None:
+    def _end(self, sync: ServedSync, now: Instant) -> None:
         sync.follows = sync.sender.follows
         if not sync.follows:
             self._sync = None
             self._past.append(sync.id)
             self._ended_s = now.steady_s
-        self._peer.events.append(
-            SyncEnded(
-                self._peer.name,
-                now.unix_s,
-                Direction.OUT,
-                messages=sync.sender.messages,
-                bytes=sync.sender.bytes,
-                duration_s=now.steady_s - sync.began_s,
-                complete=not sync.sender.cut_short,
-            )
+        self._peer.tell_end(
+            Direction.OUT,
+            now,
+            began_s=sync.began_s,
+            messages=sync.sender.messages,
+            size=sync.sender.bytes,
+            complete=not sync.sender.cut_short,
         )
 
-    def _break_off(self, sync: _Sync, reason: str, now: Instant) -> None:
+    def _break_off(self, sync: ServedSync, reason: str, now: Instant) -> None:
         settled = sync.sender.done and sync.all_cast and self._flow and self._flow.settled
         if settled and not sync.follows:
             self._end(sync, now)  # all has arrived, only the peer's END has not
@@ -363,11 +304,7 @@ class Server:
         self._past.append(sync.id)
         self._close_flow()
         if not sync.follows:  # otherwise it has ended well, and was told
-            self._tell_timeout(reason, now)
-
-    def _tell_timeout(self, reason: str, now: Instant) -> None:
-        timed_out = SyncTimedOut(self._peer.name, now.unix_s, Direction.OUT, reason)
-        self._peer.events.append(timed_out)
+            self._peer.tell_timeout(Direction.OUT, reason, now)
 
     def _close_flow(self) -> None:
         flow, self._flow = self._flow, None

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
-from mocha_link.store.wire import STAMP_MASK, STAMPS_MS, is_body
-from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, message_id_of
+from mocha_link.store.wire import STAMP_MASK, STAMPS_MS
+from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
 
 VERSION = 3
 MAX_FRAGMENTS = 64

@@ -15,14 +15,13 @@ from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, Header, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import SyncFrameError, record_id
+from mocha_link.sync.frames import SyncFrameError
+from mocha_link.sync.holdings import Holdings
 from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import Frame
-from mocha_link.sync.sync_messages import Digest, FragmentRequest, Have, Reception, Since
+from mocha_link.sync.sync_messages import Digest, Have, Reception, Since
 
 ROOM = 65_536
-MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
-SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 _REPAIRS = 2  # rounds that only ask again for what was damaged
 _SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
 _MAX_AHEAD = 65_536
@@ -57,7 +56,7 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
     wholes = list(sync.WHOLE.iter_unpack(view[sync.CHUNKS_BYTES : middle]))
     pieces = list(sync.PIECE.iter_unpack(view[middle:end]))
     for message_id, total, offset, length in pieces:
-        if offset + length > total or not length or not wire.is_body(message_id, total):
+        if offset + length > total or not length or not sync.is_body(message_id, total):
             raise SyncFrameError(f"a piece of {length} bytes at {offset} of {total}")
     sizes = list(map(itemgetter(-1), chain(wholes, pieces)))
     if 0 in sizes:
@@ -124,6 +123,7 @@ class SyncReceiver:
         self._peer = peer
         self._database = peer.node.database
         self._reassembly = peer.node.reassembly
+        self._holdings = Holdings(peer)
         self._topics = peer.node.team.topics_by_key
         self._budget = budget
         self._room = room
@@ -146,7 +146,7 @@ class SyncReceiver:
     def open(self, now: Instant) -> list[bytes]:
         """Begin: the frames that say what we have."""
         self._now_s = now.unix_s
-        return self._opening(self._knowledge())
+        return self._opening(self._holdings.knowledge())
 
     def receive(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
         """Take in a frame of the peer, `more` if it has further parts; what to say to it.
@@ -188,7 +188,7 @@ class SyncReceiver:
             node.boot_id,
             self._budget,
             knowledge,
-            self._requests(),
+            self._holdings.requests(self._now_s),
             node.config_hash,
             self._peer.address_token,
         )
@@ -196,38 +196,6 @@ class SyncReceiver:
 
     def _frames(self, kind: int, content: bytes) -> list[bytes]:
         return sync.message_frames(kind, self._round, content, self._room)
-
-    def _knowledge(self) -> Since | Have | Digest:
-        known = self._database.knowledge(self._peer.name)
-        if known is None:
-            return self._all()
-        stored = self._database.since(known.own_sequence)
-        if len(stored) > MAX_LISTED:
-            stored.sort(key=lambda record: len(record.body), reverse=True)
-            if sum(len(record.body) for record in stored[MAX_LISTED:]) > SPARE_BYTES:
-                return self._all()
-        message_ids = [record_id(record) for record in stored[:MAX_LISTED]]
-        return Since(known.epoch, known.sequence, message_ids)
-
-    def _all(self) -> Have | Digest:
-        kept = self._database.kept()
-        if len(kept) <= MAX_LISTED:
-            return Have([record_id(record) for record in kept])
-        return Digest(self._database.digests())
-
-    def _requests(self) -> list[FragmentRequest]:
-        requests: list[FragmentRequest] = []
-        for message_id, fragment in list(self._reassembly):
-            if not self._wants(message_id):
-                self._reassembly.drop(message_id)
-            elif len(requests) < sync_messages.MAX_FRAGMENTS:
-                requests.append(FragmentRequest(message_id, fragment.total, fragment.missing()))
-        return requests
-
-    def _wants(self, message_id: int) -> bool:
-        return self._database.wants_stamp(
-            message_id >> 56, message_id >> 48 & 0xFF, message_id & wire.STAMP_MASK, self._now_s
-        )
 
     def _on_message(self, frame: Frame) -> None:
         message = self._assembler.take(frame)
@@ -237,7 +205,7 @@ class SyncReceiver:
             self._on_hello(sync_messages.Hello.decode(message.content))
         elif message.kind == sync.GROUPS:
             groups = sync_messages.decode_groups(message.content)
-            answers = [self._answer(*each) for each in groups.items()]
+            answers = [self._holdings.answer(*each) for each in groups.items()]
             self._say += self._frames(sync.ANSWER, sync_messages.encode_answers(answers))
         else:
             self._done = sync_messages.Done.decode(message.content)
@@ -255,16 +223,7 @@ class SyncReceiver:
         elif not peer.agrees(hello.config_hash):
             self.rejection = difference(peer.name)
         elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
-            self._begin_round(self._all())
-
-    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> sync_messages.Answer:
-        groups = 0
-        message_ids = []
-        for group, ours in enumerate(self._database.group_digests(robot_id)):
-            if ours != digests[group]:
-                groups |= 1 << group
-                message_ids += [record_id(r) for r in self._database.headers_in(robot_id, group)]
-        return sync_messages.Answer(robot_id, groups, message_ids)
+            self._begin_round(self._holdings.all())
 
     def _take_chunks(self, chunks: Chunks) -> None:
         if chunks.round == self._round and not self._count(chunks.number):
@@ -345,13 +304,16 @@ class SyncReceiver:
         self._reassembly.drop(message_id)
         return True
 
+    def _wants(self, message_id: int) -> bool:
+        return self._holdings.wants(message_id, self._now_s)
+
     def _finish(self, done: sync_messages.Done) -> None:
         missing = [message_id for message_id in self._begun if self._wants(message_id)]
         flawed = self._flawed or bool(missing)
         final = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
         if flawed and not (done.cut_short or self._hopeless or final):
             self._repairs += 1
-            self._begin_round(self._knowledge())
+            self._begin_round(self._holdings.knowledge())
             return
         self.over = True
         self.complete = not (flawed or done.cut_short)

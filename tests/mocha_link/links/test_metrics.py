@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from mocha_link.links.link_table import LinkTable, throughput_bytes_s
 from mocha_link.links.metrics import (
     Contact,
     ContactBegan,
     ContactEnded,
     Direction,
     LinkState,
-    LinkTable,
     MessageStored,
     RssiChanged,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
-    throughput_bytes_s,
 )
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
@@ -81,7 +80,8 @@ def test_states_of_both_directions():
 
 def test_counters_and_measures():
     link_table = LinkTable(("io",))
-    link_table.count("io", bytes_in=5, bytes_out=7, refused=1)
+    link_table.count("io", bytes_in=5, bytes_out=7)
+    link_table.refuse("io", "no header")
     link_table.count("io", bytes_in=5)
     link_table.measure("io", rtt_s=0.1, bandwidth_bytes_s=None)
     link_table.measure("io", rtt_s=0.9, bandwidth_bytes_s=1000.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.links.metrics import ContactBegan, ContactEnded
+from mocha_link.links.metrics import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.links.trigger import MAX_SOURCES, SyncTrigger
 from mocha_link.team.team import Trigger
@@ -54,11 +54,16 @@ def test_hysteresis_holds_the_contact():
 def test_a_silent_radio_hears_no_peer():
     it = trigger()
     it.heard("io", -70, 0)
-    assert it.silenced(6) == []
-    assert it.silenced(6.1) == ["io"]
-    assert it.rssi_dbm("io") is None
-    assert it.silenced(20) == []
+    it.look(6)
+    assert it.reading("io")
+    it.look(6.1)
+    assert it.reading("io") is None
+    it.look(20)
     assert it.due(20) == []
+    assert [event for event in it.news() if isinstance(event, RssiChanged)] == [
+        RssiChanged("io", 0, -70, Reading(-70, Unit.DBM, "radio")),
+        RssiChanged("io", 6.1, None),
+    ]
 
 
 def test_a_crowd_that_pushes_is_asked_less_often():
@@ -82,7 +87,7 @@ def test_it_says_when_something_is_due():
     assert it.due_s(["io"] * 30) == 16  # silent, before the crowd is asked
     it.heard("io", -80, 13)
     assert it.due_s() == 19
-    assert it.silenced(19.1) == ["io"]
+    it.look(19.1)
     assert it.due_s() == inf
 
 
@@ -90,9 +95,12 @@ def test_a_clock_set_back_stops_nothing():
     it = trigger()
     it.heard("io", -70, 1000)
     assert it.due(1000) == ["io"]
-    assert it.silenced(10) == []
+    it.look(10)
     assert it.due(10) == ["io"]
-    assert it.silenced(16.1) == ["io"]
+    it.look(16)
+    assert it.reading("io")
+    it.look(16.1)
+    assert it.reading("io") is None
 
 
 @pytest.mark.parametrize("unit", list(Unit))
@@ -105,7 +113,7 @@ def test_each_unit_has_its_threshold(unit):
     it.heard("io", Reading(threshold - 3.1, unit, "x"), 3)
     assert not it.in_contact("io")
     assert it.reading("io") == Reading(threshold - 3.1, unit, "x")
-    assert it.rssi_dbm("io") == (pytest.approx(-78.1) if unit is Unit.DBM else None)
+    assert it.news()[-2].rssi_dbm == (pytest.approx(-78.1) if unit is Unit.DBM else None)
 
 
 def test_sources_are_not_compared():
@@ -124,10 +132,11 @@ def test_a_source_that_falls_silent_leaves_the_others():
     it = trigger()
     it.heard("io", Reading(40, Unit.DEVICE, "rajant"), 0)
     it.heard("io", Reading(-70, Unit.DBM, "wifi"), 4)
-    assert it.silenced(7) == []
+    it.look(7)
     assert it.in_contact("io")
     assert it.reading("io") == Reading(-70, Unit.DBM, "wifi")
-    assert it.silenced(10.1) == ["io"]
+    it.look(10.1)
+    assert it.reading("io") is None
     assert not it.in_contact("io")
 
 
@@ -147,8 +156,8 @@ def test_contacts_are_news():
     it.heard("io", -70, 4)
     it.heard("io", None, 5)
     it.heard("io", -70, 6)
-    it.silenced(20)
-    assert it.news() == [
+    it.look(20)
+    assert [event for event in it.news() if not isinstance(event, RssiChanged)] == [
         ContactBegan("io", 1, strong),
         ContactEnded("io", 3, 2, "too weak"),
         ContactBegan("io", 4, strong),
@@ -178,10 +187,12 @@ def test_contacts_begin_and_end_in_turn(reports):
     it, now_s, expected = trigger(), 0.0, ContactBegan
     for reading, later_s in reports:
         now_s += later_s
-        it.silenced(now_s)
+        it.look(now_s)
         began = it.heard("io", reading, now_s)
         news = it.news()
         for event in news:
+            if isinstance(event, RssiChanged):
+                continue
             assert type(event) is expected
             expected = ContactEnded if expected is ContactBegan else ContactBegan
         assert began == (bool(news) and type(news[-1]) is ContactBegan)

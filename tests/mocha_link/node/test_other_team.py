@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mocha_link.links.link_table import REMIND_S
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
-from mocha_link.node import gossip
 from mocha_link.store.config_hash import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync.protocol import Send
@@ -149,7 +149,7 @@ def test_the_log_says_it_once_in_a_while(field, caplog):
         exchange(field)
         field.wait(2)
     assert warnings() == 2  # each its own
-    field.wait(gossip.REMIND_S)
+    field.wait(REMIND_S)
     exchange(field)
     assert warnings() == 4
 

@@ -141,14 +141,16 @@ def test_too_large_a_message_is_refused_before_anything(publisher, database, slo
 def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, database, often):
     signed: list[bytes] = []
 
-    def of(topic):
-        def sign(covered: bytes) -> bytes:
-            signed.append(topic.name.encode() + covered)
-            return bytes([topic.topic_id]) * 64
+    class NotedSigner:
+        def of(self, topic):
+            def sign(covered: bytes) -> bytes:
+                signed.append(topic.name.encode() + covered)
+                return bytes([topic.topic_id]) * 64
 
-        return sign
+            return sign
 
-    publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database, of)
+    titan = team.robot("titan")
+    publisher = Publisher(titan, team.topics_of("titan"), database, NotedSigner())
     _, (record,) = publisher.publish(often, b"grid", T, at_once=False)
     assert wire.check(record.body, ids_of(record)).signature == bytes(64)
     assert len(signed) == 1

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.sync.original import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.original_client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import pair_of

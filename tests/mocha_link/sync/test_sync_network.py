@@ -9,7 +9,7 @@ from unittest import mock
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.sync import sync_receiver as receiver
+from mocha_link.sync import holdings
 from mocha_link.sync.frames import record_id
 from tests.mocha_link.network import START_MS, TEAM, Node, Pull
 
@@ -100,7 +100,7 @@ def test_every_node_ends_with_the_newest_and_gets_no_byte_twice(seed, nodes, ord
     listed=st.sampled_from((0, 2, 512)),
 )
 def test_pulls_at_once_and_restarts_lose_nothing(seed, nodes, ordered, listed):
-    with mock.patch.multiple(receiver, MAX_LISTED=listed, SPARE_BYTES=listed * 64):
+    with mock.patch.multiple(holdings, MAX_LISTED=listed, SPARE_BYTES=listed * 64):
         world = World(seed, nodes)
         rng = world.random
         pulls: dict[tuple[str, str], Pull] = {}
