@@ -25,7 +25,6 @@ from mocha_link.links.reading import Reading as Reading
 from mocha_link.links.reading import Unit as Unit
 from mocha_link.node.broadcast import EventStream as EventStream
 from mocha_link.node.curve import CurveUnavailableError as CurveUnavailableError
-from mocha_link.node.node import Message as Message
 from mocha_link.node.node import Node as Node
 from mocha_link.node.node import NodeClosedError as NodeClosedError
 from mocha_link.radios import ManualRadio as ManualRadio
@@ -36,6 +35,7 @@ from mocha_link.service.prometheus import PrometheusError as PrometheusError
 from mocha_link.service.prometheus import PrometheusServer as PrometheusServer
 from mocha_link.service.server import MetricsServer as MetricsServer
 from mocha_link.service.service_client import MetricsError as MetricsError
+from mocha_link.store.message import Message as Message
 from mocha_link.store.wire import Header as Header
 from mocha_link.store.wire import HeaderError as HeaderError
 from mocha_link.store.wire import PayloadError as PayloadError

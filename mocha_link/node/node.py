@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from mocha_link.clock import Clock, Instant, SystemClock
@@ -15,19 +14,18 @@ from mocha_link.links.reading import Reading
 from mocha_link.node.broadcast import Broadcast, EventStream
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.node.lifetime import Startable
-from mocha_link.node.publisher import BatchError, unpack_batch
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
 from mocha_link.store import wire
 from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
-from mocha_link.store.record import Record
+from mocha_link.store.message import Message, message_of
 from mocha_link.store.signature import Signer
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import StorageError
 from mocha_link.store.wire import Header
 from mocha_link.team.keys import peer_keys, secret_key
-from mocha_link.team.team import Priority, Robot, Team
+from mocha_link.team.team import Robot, Team
 
 CLOSE_S = 0.95  # of the second, for all parts together
 LEAST_CLOSE_S = 0.05
@@ -36,24 +34,6 @@ LARGE_BYTES = 64 * 1024  # takes long to compress
 
 class NodeClosedError(MochaLinkError):
     """A node was used after its end, or started twice."""
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """The newest message of a topic of a robot.
-
-    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds. `parts`
-    are the messages in it, more than one if the topic says `aggregate`, none if it is damaged.
-    """
-
-    robot: str
-    topic: str
-    header: Header
-    priority: Priority
-    data: bytes = field(repr=False)
-    stamp_s: float
-    received_s: float
-    parts: tuple[bytes, ...] = field(default=(), repr=False)
 
 
 class Node(Startable):
@@ -242,11 +222,12 @@ class Node(Startable):
         known = self.team.topic(robot, topic)
         robot_id = self.team.robot(robot).robot_id
         record = self._gossip.database.newest(robot_id, known.topic_id)
-        return self._message(record) if record else None
+        return message_of(record, self.team) if record else None
 
     def messages(self) -> list[Message]:
         """The newest message of every topic of every robot, most urgent first."""
-        return [self._message(r) for r in self._gossip.database.records() if self._is_ours(r)]
+        found = (message_of(record, self.team) for record in self._gossip.database.records())
+        return [message for message in found if message]
 
     def history(self, robot: str, topic: str) -> list[Message]:
         """The messages of a topic that are kept, newest first (`history` in the team file).
@@ -258,7 +239,8 @@ class Node(Startable):
         known = self.team.topic(robot, topic)
         robot_id = self.team.robot(robot).robot_id
         records = self._gossip.database.history(robot_id, known.topic_id)
-        return [self._message(record) for record in records]
+        found = (message_of(record, self.team) for record in records)
+        return [message for message in found if message]
 
     @property
     def epoch(self) -> int:
@@ -273,7 +255,8 @@ class Node(Startable):
         """
         while True:
             found = self._gossip.database.numbered_since(sequence, limit)
-            ours = [(number, self._message(r)) for number, r in found if self._is_ours(r)]
+            messages = ((number, message_of(record, self.team)) for number, record in found)
+            ours = [(number, message) for number, message in messages if message]
             if ours or not found:
                 return ours
             sequence = found[-1][0]
@@ -337,28 +320,6 @@ class Node(Startable):
             self._gossip.heard(peer, reading, self._now())
         self._wake()
 
-    def _is_ours(self, record: Record) -> bool:
-        """Whether the team knows what it is; a storage may have more, of another team file."""
-        header = record.header
-        return self.team.by_ids(header.robot_id, header.topic_id) is not None
-
-    def _message(self, record: Record) -> Message:
-        known = self.team.by_ids(record.header.robot_id, record.header.topic_id)
-        if known is None:
-            raise MochaLinkError(f"{record.header} is not of this team")
-        robot, topic = known
-        data = wire.unpack(record.body)
-        return Message(
-            robot=robot.name,
-            topic=topic.name,
-            header=record.header,
-            priority=topic.priority,
-            data=data,
-            stamp_s=record.stamp_s,
-            received_s=record.received_s,
-            parts=_parts(data) if topic.aggregate else (data,),
-        )
-
     def _fault(self, fault: StorageError | None) -> None:
         if self._settling:
             return
@@ -381,10 +342,3 @@ class Node(Startable):
     def _check_open(self) -> None:
         if self._closed:
             raise NodeClosedError(f"the node of {self.name} is closed; make a new one")
-
-
-def _parts(data: bytes) -> tuple[bytes, ...]:
-    try:
-        return unpack_batch(data)
-    except BatchError:  # of a peer whose team file says something else
-        return ()

@@ -1,20 +1,14 @@
-"""What the robot itself has to say: stamps, and how often a topic may enter the database.
-
-Several small messages go in one where the topic says `aggregate`: each is its length (u32, big
-endian) and its bytes.
-"""
+"""What the robot itself has to say: stamps, and how often a topic may enter the database."""
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from math import inf
 
-from mocha_link.errors import MochaLinkError
 from mocha_link.store import wire
 from mocha_link.store.database import Database
+from mocha_link.store.message import pack_batch
 from mocha_link.store.record import Record
 from mocha_link.store.signature import Signer
 from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
@@ -22,32 +16,6 @@ from mocha_link.team.team import Robot, Topic
 
 LEAP_MS = 600_000
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
-
-_LENGTH = struct.Struct(">I")
-
-
-class BatchError(MochaLinkError):
-    """Bytes that are no batch of messages."""
-
-
-def pack_batch(parts: Iterable[bytes]) -> bytes:
-    """The batch of some messages, in their order."""
-    return b"".join(piece for part in parts for piece in (_LENGTH.pack(len(part)), part))
-
-
-def unpack_batch(data: bytes) -> tuple[bytes, ...]:
-    """The messages of a batch. Raises BatchError."""
-    parts = []
-    position = 0
-    while position < len(data):
-        start = position + _LENGTH.size
-        if start > len(data):
-            raise BatchError("ends within a length")
-        position = start + _LENGTH.unpack_from(data, start - _LENGTH.size)[0]
-        if position > len(data):
-            raise BatchError("ends within a message")
-        parts.append(data[start:position])
-    return tuple(parts)
 
 
 @dataclass(slots=True)

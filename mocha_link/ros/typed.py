@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from mocha_link.errors import MissingExtraError, MochaLinkError
-from mocha_link.node.node import Message
+from mocha_link.store.message import Message
 from mocha_link.team.team import Robot, Ros, Team, Topic
 
 JSON_PACKAGE = "json/"

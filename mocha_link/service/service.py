@@ -23,11 +23,12 @@ from pydantic import Field
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.links.link_events import LinkEvent, MessageStored
-from mocha_link.node.node import Message, Node, NodeClosedError
+from mocha_link.node.node import Node, NodeClosedError
 from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
 from mocha_link.service.server import EndpointServer
+from mocha_link.store.message import Message
 from mocha_link.store.wire import MAX_BYTES
 from mocha_link.team.team import Ros
 

@@ -34,9 +34,10 @@ from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock
 from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.node.lifetime import Closeable
-from mocha_link.node.node import Message, Node
+from mocha_link.node.node import Node
 from mocha_link.ros.typed import Types
 from mocha_link.service.service import ServiceServer
+from mocha_link.store.message import Message
 from mocha_link.team.team import Robot, Team, Topic
 from sitl.world.world import Publication, Reading
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from mocha_link.node.node import Message
+from mocha_link.store.message import Message
 from sitl.team.nodes import GroundNodes, MapKeeper
 from sitl.team.truth import SimClock
 from sitl.world.world import World

@@ -35,7 +35,7 @@ from tests.system.weather import DOWN, Passage, RoughAir, Weather
 
 if TYPE_CHECKING:
     from mocha_link.links.link_events import LinkEvent
-    from mocha_link.node.node import Message
+    from mocha_link.store.message import Message
 
 LOG = logging.getLogger(__name__)
 

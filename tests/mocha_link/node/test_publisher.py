@@ -8,6 +8,7 @@ from mocha_link.node import publisher as publishing
 from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store import wire
 from mocha_link.store.database import Database
+from mocha_link.store.message import unpack_batch
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header, PayloadError
 
@@ -171,7 +172,7 @@ def gatherer(team, database, gathered) -> Publisher:
 
 
 def parts(database, topic) -> tuple[bytes, ...]:
-    return publishing.unpack_batch(stored(database, topic))
+    return unpack_batch(stored(database, topic))
 
 
 def test_early_messages_wait_together(gatherer, database, gathered):

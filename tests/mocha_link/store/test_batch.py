@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.node import publisher as publishing
-from mocha_link.node.publisher import BatchError
+from mocha_link.store import message as messages
+from mocha_link.store.message import BatchError
 
 
 @given(st.lists(st.binary(max_size=300), max_size=20))
 def test_what_goes_in_comes_out(parts):
-    assert publishing.unpack_batch(publishing.pack_batch(parts)) == tuple(parts)
+    assert messages.unpack_batch(messages.pack_batch(parts)) == tuple(parts)
 
 
 def test_the_bytes():
-    assert publishing.pack_batch([]) == b""
-    assert publishing.pack_batch([b"ab", b""]) == b"\0\0\0\2ab\0\0\0\0"
-    assert publishing.unpack_batch(b"") == ()
+    assert messages.pack_batch([]) == b""
+    assert messages.pack_batch([b"ab", b""]) == b"\0\0\0\2ab\0\0\0\0"
+    assert messages.unpack_batch(b"") == ()
 
 
 @pytest.mark.parametrize(
@@ -32,18 +32,18 @@ def test_the_bytes():
 )
 def test_what_is_none(data, why):
     with pytest.raises(BatchError, match=why):
-        publishing.unpack_batch(data)
+        messages.unpack_batch(data)
 
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_a_batch_or_an_error(data):
     try:
-        parts = publishing.unpack_batch(data)
+        parts = messages.unpack_batch(data)
     except BatchError:
         return
-    assert publishing.pack_batch(parts) == data
+    assert messages.pack_batch(parts) == data
 
 
 def test_many_empty_messages_are_read_in_no_time():
     """The worst that a message of a given size can hold: four bytes each."""
-    assert publishing.unpack_batch(bytes(4 * 100_000)) == (b"",) * 100_000
+    assert messages.unpack_batch(bytes(4 * 100_000)) == (b"",) * 100_000
