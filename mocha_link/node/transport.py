@@ -14,12 +14,12 @@ from mocha_link.clock import Instant
 from mocha_link.errors import ListenError
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
-from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
+from mocha_link.node.connection import Connection
 from mocha_link.node.curve import ZapHandler
+from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
-from mocha_link.node.resolver import Resolver
 from mocha_link.sync.protocol import (
     Action,
     Connect,
@@ -37,7 +37,6 @@ OBSERVE_S = 0.25
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
-PATIENT_S = 300.0
 
 LOG = logging.getLogger("mocha_link")
 
@@ -64,7 +63,6 @@ class Transport:
         serves: bool = True,
     ) -> None:
         self._gossip = gossip
-        self._team = team
         self._me = gossip.me  # whose node it is
         self._lock = lock
         self._now = now
@@ -78,14 +76,18 @@ class Transport:
         self._ports: dict[str, Port] = {}  # by peer
         self._callers = Callers()  # of those without a key
         self._gate: ZapHandler | None = None  # None: no peer is protected
-        self._connections: dict[
-            str, Connection | list[bytes]
-        ] = {}  # frames: the address is not known yet
-        self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._seals: dict[str, Seal] = {}  # by peer
-        self._datagram_socket: socket.socket | None = None  # for our pulls
-        self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
-        self._resolver = Resolver(self.wake)
+        self._dialer = Dialer(
+            team,
+            self._me,
+            self._poller,
+            self._context,
+            secret=secret,
+            keys=self._keys,
+            seals=self._seals,
+            wake=self.wake,
+            lost=self._lose,
+        )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._observed_s = 0.0  # steady clock
         self._stopping = False  # set by `close`
@@ -98,11 +100,12 @@ class Transport:
         try:
             self._provide_descriptors()
             if self._secret:
-                self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
+                for peer, key in self._keys.items():
+                    self._seals[peer] = Seal(self._secret, key)
                 self._gate = ZapHandler(self._context, self._keys)
             for peer in self._me.peers if self._serves else ():
                 self._ports[peer] = self._new_port(peer)
-            self._datagram_socket = _datagram_socket(self._me.listen)
+            self._dialer.start()
         except BaseException:
             self._close_all()
             raise
@@ -110,13 +113,8 @@ class Transport:
         self._woken.setblocking(False)
         for port in self._ports.values():
             port.watch(self._poller)
-        for each in (
-            *(self._gate.sockets if self._gate else ()),
-            self._datagram_socket,
-            self._woken,
-        ):
-            if each:
-                self._poller.register(each, zmq.POLLIN)
+        for each in (*(self._gate.sockets if self._gate else ()), self._woken):
+            self._poller.register(each, zmq.POLLIN)
         self._thread.start()
 
     def _new_port(self, peer: str) -> Port:
@@ -188,19 +186,17 @@ class Transport:
                 self._serve(port, ready)
         if self._gate and not ready.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
-        if self._datagram_socket and self._datagram_socket.fileno() in ready:
-            self._catch(self._datagram_socket)
+        for peer, packet in self._dialer.packets(ready):
+            with self._lock:
+                self._gossip.packet_back(peer, packet, self._now())
+            self._act()
         now = self._now()
         observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
         if observe:
             self._observed_s = now.steady_s
             self._look(now)
-        for peer in list(self._connections):
-            connection = self._connections.get(peer)  # those before may have closed or replaced it
-            if isinstance(connection, list):
-                self._open_connection(peer, connection)
-            elif connection and (observe or connection.is_ready(ready, now.steady_s)):
-                self._attend(connection, peer, now)
+        for peer, connection in self._dialer.ready(ready, now.steady_s, observe=observe):
+            self._attend(connection, peer, now)
         with self._lock:
             self._gossip.tick(now)
         self._act()
@@ -216,14 +212,10 @@ class Transport:
         waits_s = [
             (TICK_MS if busy or self._simulated else IDLE_MS) / 1000,
             due_s - now.unix_s,
+            self._dialer.wait_s(now.steady_s),
         ]
         if wake_s is not None:
             waits_s.append(wake_s - now.steady_s)
-        for connection in self._connections.values():
-            if isinstance(connection, list):
-                waits_s.append(TICK_MS / 1000)
-            elif connection.wake_s is not None:
-                waits_s.append(connection.wake_s - now.steady_s)
         return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
     def _serve(self, port: Port, ready: set[object]) -> None:
@@ -231,7 +223,7 @@ class Transport:
             with self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._act()
-        address = self._resolver.address(self._team.robot(port.peer).address)
+        address = self._dialer.address(port.peer)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
@@ -270,18 +262,6 @@ class Transport:
             for refusal in refusals:
                 self._gossip.refused(refusal.peer, f"a client came {refusal.why}")
 
-    def _catch(self, datagram_socket: socket.socket) -> None:
-        for packet, source in kernel.received(datagram_socket, BURST):
-            peer = self._peers_at.get(source)
-            if peer is None:
-                continue
-            seal = self._seals.get(peer)
-            opened = seal.open(packet) if seal else packet
-            if opened is not None:
-                with self._lock:
-                    self._gossip.packet_back(peer, opened, self._now())
-                self._act()
-
     def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
         arrived = connection.turn(now.steady_s)
         rtt_s = connection.rtt_s() if arrived else None
@@ -294,11 +274,11 @@ class Transport:
                 if connection.failure and not self._gossip.leaves(peer):
                     self._gossip.lost(peer, connection.failure, now)
         self._act()
-        if self._connections.get(peer) is connection:
-            if connection.failure:
-                self._hang_up(peer, void=True)
-            else:
-                connection.watch(self._poller)
+        self._dialer.keep(peer, connection)
+
+    def _lose(self, peer: str, why: str) -> None:
+        with self._lock:
+            self._gossip.lost(peer, why, self._now())
 
     def _act(self) -> None:
         with self._lock:
@@ -315,97 +295,26 @@ class Transport:
         peer = action.peer
         match action:
             case Connect():
-                self._hang_up(peer, void=True)
-                self._connections[peer] = []
+                self._dialer.connect(peer)
             case Send():
-                connection = self._connections.get(peer)
-                if isinstance(connection, list):
-                    connection.append(action.frame)
-                    self._open_connection(peer, connection)
-                elif connection:
-                    connection.send(action.frame)
-                    connection.watch(self._poller)
+                self._dialer.send(peer, action.frame)
             case Disconnect():
-                self._hang_up(peer, void=action.void)
+                self._dialer.hang_up(peer, void=action.void)
             case Reply():
                 self._ports[peer].reply(action.route, action.frame)
             case SendDatagram():
-                self._send_datagram(peer, action.packet)
+                self._dialer.send_datagram(peer, action.packet)
             case ReplyDatagram():
-                self._ports[peer].send_datagram(self._sealed(peer, action.packet))
-
-    def _open_connection(self, peer: str, frames: list[bytes]) -> None:
-        robot = self._team.robot(peer)
-        address = self._resolver.address(robot.address)
-        port = robot.port_for(self._me.name)
-        why = self._resolver.failure(robot.address)
-        if address:
-            try:
-                connection = self._new_connection(peer, address, port)
-            except (OSError, zmq.ZMQError) as error:
-                why = f"cannot connect to {robot.address}:{port}: {error}"
-            else:
-                self._connections[peer] = connection
-                for frame in frames:
-                    connection.send(frame)
-                connection.watch(self._poller)
-                return
-        if why:
-            self._connections.pop(peer, None)
-            with self._lock:
-                self._gossip.lost(peer, why, self._now())
-
-    def _new_connection(self, peer: str, address: str, port: int) -> Connection:
-        if self._secret and peer in self._keys:
-            return CurveConnection(
-                self._context, address, port, own=self._secret, peer=self._keys[peer]
-            )
-        eager = self._now().steady_s >= self._patient_until_s.get(peer, 0.0)
-        return TcpConnection(address, port, eager=eager)
-
-    def _hang_up(self, peer: str, *, void: bool) -> None:
-        connection = self._connections.pop(peer, None)
-        if connection and not isinstance(connection, list):
-            now_s = self._now().steady_s
-            if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
-                self._patient_until_s[peer] = now_s + PATIENT_S
-            connection.forget(self._poller)
-            if void:
-                connection.abort()
-            else:
-                connection.close()
-
-    def _send_datagram(self, peer: str, packet: bytes) -> None:
-        robot = self._team.robot(peer)
-        address = self._resolver.address(robot.address)
-        if address and self._datagram_socket:
-            place = (address, robot.port_for(self._me.name))
-            self._peers_at[place] = peer
-            with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
-                self._datagram_socket.sendto(self._sealed(peer, packet), place)
-
-    def _sealed(self, peer: str, packet: bytes) -> bytes:
-        seal = self._seals.get(peer)
-        return seal.seal(packet) if seal else packet
+                seal = self._seals.get(peer)
+                packet = seal.seal(action.packet) if seal else action.packet
+                self._ports[peer].send_datagram(packet)
 
     def _close_all(self) -> None:
-        for peer in list(self._connections):
-            self._hang_up(peer, void=True)
+        self._dialer.close()
         if self._gate:
             self._gate.close()
         for port in self._ports.values():
             port.close()
-        if self._datagram_socket:
-            self._datagram_socket.close()
         self._context.term()
         self._waker.close()
         self._woken.close()
-
-
-def _datagram_socket(listen: str) -> socket.socket | None:
-    """The socket from which our datagrams go; None if there can be none."""
-    try:
-        return kernel.datagram_socket(listen)
-    except OSError as error:
-        LOG.warning("no datagrams: %s", error)
-        return None

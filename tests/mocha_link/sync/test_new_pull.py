@@ -168,7 +168,7 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
         lines.append(StuckLine())
         return lines[-1]
 
-    monkeypatch.setattr(transport, "_new_connection", new_connection)
+    monkeypatch.setattr(transport._dialer, "_new_connection", new_connection)
     gossip.heard("io", -50.0, now())
     transport._act()
     time_s[0] = 3.0  # nothing came for long

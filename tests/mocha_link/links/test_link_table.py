@@ -1,4 +1,4 @@
-"""The link book keeps the state of every link from its events."""
+"""The link table keeps the state of every link from its events."""
 
 from __future__ import annotations
 

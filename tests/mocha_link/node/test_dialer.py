@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
-from mocha_link.node import resolver as module
-from mocha_link.node.resolver import FRESH_S, RETRY_S, Resolver
+from mocha_link.node import dialer as module
+from mocha_link.node.dialer import FRESH_S, RETRY_S, Resolver
 
 WAIT_S = 60
 
