@@ -194,8 +194,13 @@ class Team:
         return Team.from_document(Document.from_text(as_yaml(data), self.path))
 
     def dump(self) -> str:
-        """The team as the text of a team file."""
-        return as_yaml(self._data())
+        """The team as the text of a team file, without the keys that a robot does not have."""
+        data = self._data()
+        robots = {
+            name: {key: value for key, value in robot.items() if value is not None}
+            for name, robot in data["robots"].items()
+        }
+        return as_yaml({**data, "robots": robots})
 
     def _data(self) -> dict[str, Any]:
         robot_keys, topic_keys = set(RobotModel.model_fields), set(TopicModel.model_fields)

@@ -6,6 +6,7 @@ import argparse
 import functools
 import logging
 import os
+import shlex
 import sys
 import time
 import traceback
@@ -22,6 +23,7 @@ from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.judge_flight import Verdict, judge
 from sitl.rehearsal.judge.judge_track import Responsible, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
+from sitl.rehearsal.programs.processes import OURS
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
 from sitl.rehearsal.script import scenario_of
 
@@ -99,6 +101,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--px4", metavar="PATH", help="the same against a real PX4 (see `sitl px4 --help`)"
     )
     parser.add_argument(
+        "--companion",
+        metavar="COMMAND",
+        help="with --mavlink or --px4: another air-router is judged, which begins with this "
+        '("env PYTHONPATH=OLD python -m air_router.cli"); nothing waits for it: use a low --speed',
+    )
+    parser.add_argument(
         "--speed",
         type=float,
         default=SPEED,
@@ -167,7 +175,8 @@ def _run_programs(arguments: argparse.Namespace) -> int:
 
     def flown(scene: WireScene) -> Verdict:
         path = arguments.mission.absolute()
-        return judge(RealFlight(scene, path, arguments.speed, arguments.px4).fly())
+        companion = shlex.split(arguments.companion) if arguments.companion else OURS
+        return judge(RealFlight(scene, path, arguments.speed, arguments.px4, companion).fly())
 
     # Threads only wait for the programs; of PX4s one flies at a time.
     with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:

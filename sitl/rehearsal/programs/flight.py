@@ -12,15 +12,15 @@ import math
 import signal
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
 from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
-from sitl.rehearsal.programs.processes import Companion, Programs, draw_zone, free_port, hurry
+from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, free_port, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
-from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
+from sitl.rehearsal.programs.scenes import STREAMS, Act, WireScene
 from sitl.rehearsal.programs.station import MODES, intrusion, plan_of, station_at, upload
 from sitl.rehearsal.stand_ins.stations import Station
 
@@ -47,9 +47,6 @@ _RESTS_S: Final = 0.5
 _STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})
 _NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
 """Scenes that are none where the vehicle refused what was tried."""
-_DEAFENING: Final = frozenset({"silence", "lose", "freeze", "delay", "stop"})
-"""While a companion hears nothing, or nothing new, the world does not wait for it."""
-
 _OLD_S: Final = 2.0
 _TAKEN: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.DISARMED})
 _HOLDERS: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.REQUEST})
@@ -63,15 +60,22 @@ class RealFlight:
         path: Of the mission file.
         speed: Times real time.
         px4: Where a real PX4 is; None: `sitl vehicle`.
+        companion: How the `air-router` begins that is judged; for one not ours nothing waits.
     """
 
     def __init__(
-        self, scene: WireScene, path: Path, speed: float = SPEED, px4: str | None = None
+        self,
+        scene: WireScene,
+        path: Path,
+        speed: float = SPEED,
+        px4: str | None = None,
+        companion: Sequence[str] = OURS,
     ) -> None:
         self.scene = scene
         self._path = path
         self._speed = speed
         self._px4 = px4
+        self._program = companion
         self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
         self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
         self._relay: LossyRelay  # from `fly` on, as the others that have no value here
@@ -101,14 +105,13 @@ class RealFlight:
             self._relay.hold = programs.hold
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = station_at(self._relay)
-            meets = any(act.when in MEETINGS for act in self.scene.acts())
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
-                f"--duration={MEETING_S if meets else DURATION_S}",
+                f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
             ]
-            if not any(act.what in _DEAFENING for act in self.scene.acts()):
+            if self._program == OURS and not self.scene.deafens:
                 self._arguments.append(f"--pace-from={programs.pace_source},{self._speed:g}")
-            if meets:
+            if self.scene.meets:
                 self._arguments.append(stack.enter_context(programs.team(folder)))
             return self._flown(mission)
 
@@ -343,6 +346,5 @@ class RealFlight:
 
     def _start(self, *how: str) -> None:
         self._note(SceneEventKind.STARTED)
-        self._companion = Companion(
-            [*self._arguments, *how], Path(self._arguments[0]).parent, lambda: self._seen.time_s
-        )
+        arguments, folder = [*self._arguments, *how], Path(self._arguments[0]).parent
+        self._companion = Companion(self._program, arguments, folder, lambda: self._seen.time_s)

@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -27,6 +27,9 @@ from sitl.team.free_ports import derive_team
 
 EPOCH: Final = 1_800_000_000
 """Unix seconds at the beginning of the vehicle's time."""
+
+OURS: Final = (sys.executable, "-m", "air_router.cli.cli")
+"""How the `air-router` of this installation begins."""
 
 _FROM_HOME_M: Final = 25.0
 _HURRIED: Final = (
@@ -42,7 +45,8 @@ class Companion:
     """`air-router fly` as a process that is typed to, and whose lines are followed.
 
     Args:
-        arguments: Of `air-router`.
+        program: What is judged: `OURS`, or how another `air-router` begins.
+        arguments: Of `air-router fly`.
         folder: To run in.
         now_s: Simulated time.
 
@@ -51,10 +55,16 @@ class Companion:
         lines: What it said.
     """
 
-    def __init__(self, arguments: list[str], folder: Path, now_s: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        program: Sequence[str],
+        arguments: Sequence[str],
+        folder: Path,
+        now_s: Callable[[], float],
+    ) -> None:
         self._keyboard, terminal = pty.openpty()
         self.process = subprocess.Popen(  # noqa: S603 - our own program
-            [sys.executable, "-m", "air_router.cli.cli", "fly", *arguments, "--json"],
+            [*program, "fly", *arguments, "--json"],
             cwd=folder,
             stdin=terminal,
             stdout=subprocess.PIPE,

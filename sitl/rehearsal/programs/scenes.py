@@ -28,6 +28,8 @@ _LASTS_S: Final = (_BRIEF_S, 30.0, 1e6)
 MEETINGS: Final = frozenset({"COMM", "EXPL"})
 """States that only a flight of some length with robots comes to."""
 
+_DEAFENING: Final = frozenset({"silence", "lose", "freeze", "delay", "stop"})
+
 _COMM_S: Final = 1.5
 """A meeting lasts about two seconds: all is gathered and given by then."""
 
@@ -203,6 +205,16 @@ class WireScene:
         acts = CLASSES[self.fault].script(dice)
         in_order = any(act.when for act in acts)
         return acts if in_order else sorted(acts, key=lambda act: act.at_s)
+
+    @property
+    def meets(self) -> bool:
+        """Whether something is done in a meeting with a robot."""
+        return any(act.when in MEETINGS for act in self.acts())
+
+    @property
+    def deafens(self) -> bool:
+        """Whether the companion hears nothing, or nothing new, for a while."""
+        return any(act.what in _DEAFENING for act in self.acts())
 
     @property
     def judged(self) -> str:
