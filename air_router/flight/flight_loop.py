@@ -198,7 +198,8 @@ class FlightLoop:
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
-                self._end(*ending_of(action))
+                aborted_why = self.controller.came_home_why if self.stats.aborted else None
+                self._end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")

@@ -17,7 +17,7 @@ from air_router.controller.model.actions import (
     RenewPlan,
     StateChanged,
 )
-from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
+from air_router.controller.model.events import AirspaceChanged, Event, FlownBefore, PlanRenewed
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode
 from air_router.gossip.mapper import Mapper
@@ -70,6 +70,7 @@ class FlightStats:
     completed: int = 0  # everything that was new came
     partial: int = 0  # ended well, and something is left
     timed_out: int = 0  # broken off
+    _resumed: bool = False  # another companion began this flight
     _now_s: float = 0.0  # vehicle's clock
 
     @classmethod
@@ -92,6 +93,8 @@ class FlightStats:
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
+            case FlownBefore():
+                self._resumed = True
         for action in actions:
             if isinstance(action, CHANGES_TRACK):
                 self.flown.action(action)
@@ -136,6 +139,11 @@ class FlightStats:
                 "timed_out": self.timed_out,
             },
         }
+
+    @property
+    def aborted(self) -> bool:
+        """Whether it came home out of its first climb, before the mission began."""
+        return self.states[:1] == [State.HOME] and not self._resumed
 
     def _state_changed(self, change: StateChanged) -> None:
         self.changes.append(change)
@@ -190,9 +198,16 @@ class FlightResult:
     meetings: tuple[tuple[str, Point], ...] = ()
 
 
-def ending_of(finish: Finish) -> tuple[str, ExitCode]:
-    """The outcome in words, and the exit code, of a flight that the controller has finished."""
+def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, ExitCode]:
+    """The outcome in words, and the exit code, of a flight that the controller has finished.
+
+    Args:
+        finish: What the controller says.
+        aborted_why: Why it came home out of its first climb; None: its mission began.
+    """
     match finish:
+        case Finish(landed_by_us=True) if aborted_why is not None:
+            return f"ended: {aborted_why}", ExitCode.ENDED_OTHERWISE
         case Finish(landed_by_us=True):
             return "done", ExitCode.DONE
         case Finish(taken_by=ControlHolder.PILOT):

@@ -138,7 +138,7 @@ ACCEPTED: Final = MappingProxyType(
         ),
         "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
-        "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, says="home"),
+        "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, End.STAYED, says="home"),
         "SPEED": _row(End.LANDED, says="speed|fast|m/s"),
         "DISARMED": _row(End.STAYED, End.PILOT, says="disarm"),
         "KILLED_IN_AIR": _row(End.FELL, says="disarm|kill|motors"),

@@ -1,10 +1,12 @@
+import itertools
+
 import numpy as np
 import pytest
 
-from air_router.controller.model.actions import RenewPlan, StateChanged
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.actions import Finish, RenewPlan, StateChanged
+from air_router.controller.model.events import AirspaceChanged, FlownBefore, PlanRenewed
 from air_router.controller.model.states import Signal, State
-from air_router.flight.flight_stats import FlightStats
+from air_router.flight.flight_stats import FlightStats, ending_of
 from air_router.gossip.mapper import Mapper
 from air_router.report.flight_table import table
 from air_router.vehicle.vehicle import Telemetry
@@ -133,6 +135,23 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(stats):
     assert report["states_visited"] == ["INIT", "SEARCH", "COMM", "EXPL"]
     assert report["robots"]["io"]["found"] == 2
     assert stats.meetings == [("io", (30.0, 0.0))] * 2
+
+
+@pytest.mark.parametrize(
+    ("path", "resumed", "outcome"),
+    [
+        ((State.HOME, State.LAND), False, "ended: home was moved"),
+        ((State.INIT, State.HOME, State.LAND), False, "done"),
+        ((State.HOME, State.LAND), True, "done"),
+    ],
+)
+def test_a_flight_that_comes_home_out_of_its_first_climb_is_not_done(stats, path, resumed, outcome):
+    if resumed:
+        stats.step(FlownBefore(10.0), (), 11.0)
+    for source, target in itertools.pairwise((State.READY, *path)):
+        stats.step(None, [StateChanged(source, Signal.AIRBORNE, target, None)], 12.0)
+    why = "home was moved" if stats.aborted else None
+    assert ending_of(Finish(landed_by_us=True, why="landed at home"), why)[0] == outcome
 
 
 def test_ages_and_the_table(stats):
