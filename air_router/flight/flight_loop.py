@@ -198,7 +198,7 @@ class FlightLoop:
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
-                aborted_why = self.controller.came_home_why if self.stats.aborted else None
+                aborted_why = None if self.stats.flew else self.controller.came_home_why
                 self._end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:

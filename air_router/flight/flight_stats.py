@@ -17,7 +17,7 @@ from air_router.controller.model.actions import (
     RenewPlan,
     StateChanged,
 )
-from air_router.controller.model.events import AirspaceChanged, Event, FlownBefore, PlanRenewed
+from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode
 from air_router.gossip.mapper import Mapper
@@ -49,6 +49,10 @@ class RobotStats:
     pull_began_s: float | None = None  # its pull under way, vehicle's clock
 
 
+OFF_GROUND_M: Final = 2.0
+"""A vehicle that never was higher above home has not flown."""
+
+
 @dataclass(slots=True)
 class FlightStats:
     """Adds a flight up; `report` makes the object that `--json` prints.
@@ -70,7 +74,7 @@ class FlightStats:
     completed: int = 0  # everything that was new came
     partial: int = 0  # ended well, and something is left
     timed_out: int = 0  # broken off
-    _resumed: bool = False  # another companion began this flight
+    _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
     @classmethod
@@ -93,8 +97,8 @@ class FlightStats:
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
-            case FlownBefore():
-                self._resumed = True
+            case Telemetry(altitude_m=altitude_m):
+                self._highest_m = max(self._highest_m, altitude_m)
         for action in actions:
             if isinstance(action, CHANGES_TRACK):
                 self.flown.action(action)
@@ -141,9 +145,9 @@ class FlightStats:
         }
 
     @property
-    def aborted(self) -> bool:
-        """Whether it came home out of its first climb, before the mission began."""
-        return self.states[:1] == [State.HOME] and not self._resumed
+    def flew(self) -> bool:
+        """Whether the vehicle was off the ground by more than the estimate wanders."""
+        return self._highest_m > OFF_GROUND_M
 
     def _state_changed(self, change: StateChanged) -> None:
         self.changes.append(change)
@@ -203,7 +207,7 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
 
     Args:
         finish: What the controller says.
-        aborted_why: Why it came home out of its first climb; None: its mission began.
+        aborted_why: Why it came home before it was off the ground; None: it flew.
     """
     match finish:
         case Finish(landed_by_us=True) if aborted_why is not None:

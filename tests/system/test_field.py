@@ -26,6 +26,7 @@ import pytest
 from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+from mocha_link.store.message import message_of
 from mocha_link.team import keys
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
@@ -155,7 +156,7 @@ class Robot:
         """What is stored is right, and what is newest never becomes older."""
         record = self.node._gossip.database.get(event.header)
         if record:  # it may have been replaced meanwhile
-            check(self.node._message(record))
+            check(message_of(record, self.node.team))
             self.checked += 1
         message = self.node.latest(event.robot, event.topic)
         assert message is not None

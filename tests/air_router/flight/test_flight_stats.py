@@ -1,10 +1,8 @@
-import itertools
-
 import numpy as np
 import pytest
 
 from air_router.controller.model.actions import Finish, RenewPlan, StateChanged
-from air_router.controller.model.events import AirspaceChanged, FlownBefore, PlanRenewed
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.states import Signal, State
 from air_router.flight.flight_stats import FlightStats, ending_of
 from air_router.gossip.mapper import Mapper
@@ -137,21 +135,14 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(stats):
     assert stats.meetings == [("io", (30.0, 0.0))] * 2
 
 
-@pytest.mark.parametrize(
-    ("path", "resumed", "outcome"),
-    [
-        ((State.HOME, State.LAND), False, "ended: home was moved"),
-        ((State.INIT, State.HOME, State.LAND), False, "done"),
-        ((State.HOME, State.LAND), True, "done"),
-    ],
-)
-def test_a_flight_that_comes_home_out_of_its_first_climb_is_not_done(stats, path, resumed, outcome):
-    if resumed:
-        stats.step(FlownBefore(10.0), (), 11.0)
-    for source, target in itertools.pairwise((State.READY, *path)):
-        stats.step(None, [StateChanged(source, Signal.AIRBORNE, target, None)], 12.0)
-    why = "home was moved" if stats.aborted else None
-    assert ending_of(Finish(landed_by_us=True, why="landed at home"), why)[0] == outcome
+def test_a_flight_that_comes_home_before_it_is_off_the_ground_is_not_done(stats):
+    landed = Finish(landed_by_us=True, why="landed at home")
+    stats.step(Telemetry(10.0, Point(0.0, 0.0), 1.0, armed=True, in_air=True), (), 10.0)
+    assert not stats.flew
+    assert ending_of(landed, "home was moved")[0] == "ended: home was moved"
+    fly(stats, (0.0, 0.0))
+    assert stats.flew
+    assert ending_of(landed)[0] == "done"
 
 
 def test_ages_and_the_table(stats):
