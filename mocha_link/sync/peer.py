@@ -64,7 +64,7 @@ class Peer:
         pushed: ids of the robots whose new messages reach the peer no other way than by us.
 
     Attributes:
-        events: to be told to listeners; whoever drives the syncs takes them out.
+        events: to be told to listeners; the node that drives the syncs takes them out.
         refusals: what was not accepted, in words; likewise.
         bytes_in: received since it was counted last; likewise.
         address_token: what the peer has given us to show that it has reached us; 0: nothing yet.
