@@ -215,8 +215,11 @@ class Px4Commands:
         while True:
             end_s = min(max(sent.last_s, sent.heard_s) + CONFIRM_S, sent.first_s + LONGEST_S)
             left_s = end_s - loop_s()
-            # Whatever ends the wait: it may have said meanwhile that it is about it.
-            if left_s <= 0.0 or await self._telemetry.shows(judged, left_s):
+            # Whatever ends the wait: it may have said meanwhile that it is about it, or done it.
+            if left_s <= 0.0:
+                judged()
+                return verdict
+            if await self._telemetry.shows(judged, left_s):
                 return verdict
 
     def _verdict(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
