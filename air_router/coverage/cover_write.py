@@ -12,7 +12,7 @@ from air_router.errors import AirRouterError, MissionFileError, UsageError
 from air_router.files.mission_document import MissionPoint
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.mission_write import mission_text
-from air_router.files.text_parts import with_section
+from air_router.files.text_edit import with_section
 from air_router.mission.loading import validate
 from geo.coverage.coverage import Coverage
 from geo.frame import Point

@@ -32,6 +32,7 @@ _TEXT_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]', re.DOTALL)
 _BLANKS = re.compile(r"[ \t\r\n]*")
 _ADVICE: Final = "save the file again with the program that made it"
 
+_QGC_LAYOUT: Final = '{\n    "version": 1\n}\n'
 _DECODER = json.JSONDecoder(parse_int=lambda t: int(t) if len(t) <= _MAX_DIGITS else math.inf)
 _decode = _DECODER.raw_decode
 
@@ -76,9 +77,20 @@ def value_at(data: Any, keys: Iterable[str | int]) -> Any:
     return data
 
 
-def json_text(data: Any) -> str:
-    """Plain values as JSON, laid out as QGroundControl does; keys keep their order."""
-    return json.dumps(data, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
+def json_text(data: Any, like: str = _QGC_LAYOUT) -> str:
+    """Plain values as JSON; keys keep their order.
+
+    Args:
+        data: What is written.
+        like: A text of whose layout it is: its indent, its line breaks, its empty lists, its end.
+            Without one it is QGroundControl's.
+    """
+    unit = re.search(r"\n([ \t]*)\S", like)
+    text = json.dumps(data, indent=unit and unit[1], ensure_ascii=False, allow_nan=False)
+    if re.search(r"\[\r?\n[ \t]*\]", like):  # as Qt writes them
+        text = re.sub(r"(?m)^([ \t]*)(.*)\[\](,?)$", r"\1\2[\n\1]\3", text)
+    newline = "\r\n" if "\r\n" in like else "\n"
+    return text.replace("\n", newline) + (newline if like.endswith("\n") else "")
 
 
 class JsonDocument(Document):
@@ -86,13 +98,11 @@ class JsonDocument(Document):
 
     Attributes:
         text: The file's.
-        start: Where its outermost value begins, in characters.
     """
 
     def __init__(self, path: Path, data: Any, text: str) -> None:
         super().__init__(path, None, data)
         self.text = text
-        self.start = _blanks_end(text, 0)
         self._lines = _Lines(text)
         self._children: dict[int, dict[str, tuple[int, int]]] = {}  # by the start of their parent
 
@@ -104,23 +114,17 @@ class JsonDocument(Document):
         """Line and column (1-based) of the last key itself, or of its nearest parent."""
         return self._lines.place(self._walk(keys)[0])
 
-    def children_of(self, start: int) -> dict[str, tuple[int, int]]:
-        """Where keys (or numbers) and values of the object or list at a character begin."""
-        if start not in self._children:
-            self._children[start] = _children(self.text, start)
-        return self._children[start]
-
-    def end_of(self, start: int) -> int:
-        """Behind the last character of the value at a character."""
-        return _decode(self.text, start)[1]
-
     def _walk(self, keys: tuple[Key, ...]) -> tuple[int, int]:
         """Where the key and the value at a key path begin."""
-        found = (self.start, self.start)
+        start = _blanks_end(self.text, 0)
+        found = (start, start)
         for key in keys:
-            if self.text[found[1] : found[1] + 1] not in ("[", "{"):
+            _, start = found
+            if self.text[start : start + 1] not in ("[", "{"):
                 break
-            found = self.children_of(found[1]).get(str(key), found)
+            if start not in self._children:
+                self._children[start] = _children(self.text, start)
+            found = self._children[start].get(str(key), found)
         return found
 
 
@@ -158,7 +162,11 @@ def _blanks_end(text: str, start: int) -> int:
 
 
 def _children(text: str, start: int) -> dict[str, tuple[int, int]]:
-    """As `JsonDocument.children_of`. Raises _FaultError: a key is repeated."""
+    """Where keys (or numbers) and values of the object or list at a character begin.
+
+    Raises:
+        _FaultError: a key is repeated.
+    """
     children: dict[str, tuple[int, int]] = {}
     is_list = text[start] == "["
     at = _blanks_end(text, start + 1)

@@ -1,4 +1,4 @@
-"""How new values are written into a file: as YAML in blocks, or in one flow as in JSON."""
+"""How new values are written into a file: as YAML in blocks, or in one flow."""
 
 import json
 import re
@@ -65,11 +65,6 @@ def like(old: str, number: Digits) -> str:
     return f"{whole}.{fraction}" if fraction else whole
 
 
-def json_flow(value: Any, indent: str | None = None) -> str:
-    """A value as JSON, on one line or with an indent over several; numbers as they are."""
-    return json.dumps(value, indent=indent, ensure_ascii=False)
-
-
 def yaml_flow(value: Any) -> str:
     """A value on one line of YAML, words without quotes where they need none."""
     if isinstance(value, Digits):
@@ -115,7 +110,12 @@ def word(text: Any) -> str:
     plain = str(text)
     if _PLAIN.fullmatch(plain) and Document.from_text(plain, Path("word")).data == plain:
         return plain
-    return '"' + "".join(map(_escaped, plain)) + '"'
+    return quoted(plain)
+
+
+def quoted(text: str) -> str:
+    """A word in double quotes."""
+    return '"' + "".join(map(_escaped, text)) + '"'
 
 
 def _escaped(letter: str) -> str:
@@ -123,8 +123,3 @@ def _escaped(letter: str) -> str:
     if letter in '"\\':
         return "\\" + letter
     return letter if letter.isprintable() else f"\\U{ord(letter):08x}"
-
-
-def quoted(text: str) -> str:
-    """In double quotes, as JSON and YAML both read them."""
-    return json.dumps(text, ensure_ascii=not text.isprintable())

@@ -9,12 +9,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument
+from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import corners_of
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.missions.qgc_items import MavCommand
 from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
-from air_router.files.text_edit import rewritten
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame
 
@@ -114,12 +113,14 @@ def areas_of(
 
 def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
     """The text of a plan, which stays what it is and gets more zones."""
+    if not any(more.values()):
+        return plan.text
     data = copy.deepcopy(plan.data)
     fence = data.setdefault("geoFence", {"version": 2})
     for kind, entries in more.items():
         if entries:
             fence[kind] = [*fence.get(kind, []), *entries]
-    return rewritten(plan.text, plan, data)
+    return json_text(data, like=plan.text)
 
 
 def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any]:

@@ -265,7 +265,7 @@ def test_a_plan_is_edited_in_place(plan):
     places = [place for place in plan.view()["places"] if place["kind"] == "waypoint"]
     plan.edit(move(tuple(places[4]["keys"]), (39.9427001, -75.2016)))
     lines = changed_lines(before, plan.editable.text)
-    assert [line[1:].strip() for line in lines if line[0] == "+"] == ["39.9427001,", "-75.2016000,"]
+    assert [line[1:].strip() for line in lines if line[0] == "+"] == ["39.9427001,", "-75.2016,"]
     plan.edit(edits.AddWaypoint(do="add_waypoint", index=5, at=FREE))
     plan.edit(edits.AddArea(do="add_area", corners=(FREE,), radius_m=4.0))
     plan.edit(edits.Remove(do="remove", keys=("geoFence", "circles", 0)))

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from air_router.files.json_document import json_from_text
 from air_router.files.text_edit import SourceError, rewritten
-from air_router.files.text_parts import Splice, spliced
 from air_router.files.text_values import Digits, degrees, like, word
 from mocha_link.team.document import Document
 
@@ -180,13 +179,15 @@ def test_yaml_says_what_was_asked_for_and_keeps_its_remarks(way, data, draw, pic
 @given(
     data=missions,
     indent=st.sampled_from([None, 2, 4, "\t"]),
+    newline=st.sampled_from(["\n", "\r\n"]),
     pick=st.randoms(use_true_random=False),
 )
-def test_json_stays_json(way, data, indent, pick):
-    text = json.dumps(data, indent=indent)
+def test_json_stays_json_and_as_it_is_laid_out(way, data, indent, newline, pick):
+    text = json.dumps(data, indent=indent).replace("\n", newline)
     new = changed(data, pick, way)
     after = rewritten(text, json_from_text(text, PATH), new)
     assert json.loads(after) == new
+    assert rewritten(after, json_from_text(after, PATH), data) == text
 
 
 @pytest.mark.parametrize(
@@ -213,12 +214,6 @@ def test_words_are_read_back_as_they_are(text):
     for shown in (f"name: {word(text)}  # remark", f"[{{name: {word(text)}}}]"):
         data = loaded(shown).data
         assert (data if isinstance(data, dict) else data[0]) == {"name": text}
-
-
-def test_pieces_do_not_overlap():
-    assert spliced("abcdef", [Splice(4, 5, ""), Splice(1, 1, "X")]) == "aXbcdf"
-    with pytest.raises(ValueError, match="overlap"):
-        spliced("abc", [Splice(0, 2, ""), Splice(1, 3, "")])
 
 
 def test_what_is_used_twice_is_left_alone():
