@@ -46,6 +46,22 @@ class PendingSetpoint(NamedTuple):
     reach: Point  # behind it, where it swings to
 
 
+class _Leeway(NamedTuple):
+    """How a leg may begin where routes do not go.
+
+    Attributes:
+        near: What its first metres keep to; None: the vehicle has to brake before anything else.
+        reach_m: How far these first metres reach.
+        kept: What the whole leg keeps to beside that; None: nothing.
+        warning: What the operator should know about where the vehicle is; empty: nothing.
+    """
+
+    near: Airspace | None
+    reach_m: float = 0.0
+    kept: Airspace | None = None
+    warning: str = ""
+
+
 class Departure:
     """Judges first legs from one place.
 
@@ -61,8 +77,6 @@ class Departure:
         rest: where it would come to rest.
         pending: where else it may be on its way to.
         moving: whether it may be elsewhere than at the start when it is told.
-        in_margin: whether the vehicle is where routes do not go.
-        warnings: what the operator should know about that.
     """
 
     def __init__(
@@ -79,71 +93,86 @@ class Departure:
         self.rest = stopping if stopping is not None else start
         self.pending = tuple(pending)
         self.moving = self.rest != start or bool(self.pending)
-        here = airspace.point_clear(start)
-        self.in_margin = not (here and (not self.moving or airspace.point_clear(self.rest)))
-        self.warnings: tuple[str, ...] = ()
-        self._near: Airspace | None = airspace  # what the leg's first metres keep to
-        self._kept: Airspace | None = None  # what the whole leg keeps to
-        self._reach_m = 0.0  # how far these first metres reach
-        if self.in_margin:
-            self._relax()
 
-    def _relax(self) -> None:
-        """Find out how close to zones, and over how many metres, the leg may be at first."""
-        holders = self._airspace.holders(self.start)
+    @cached_property
+    def in_margin(self) -> bool:
+        """Whether the vehicle is, or would come to rest, where routes do not go."""
+        here = self._airspace.point_clear(self.start)
+        return not (here and (not self.moving or self._airspace.point_clear(self.rest)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the operator should know about where the vehicle is."""
+        warning = self._leeway.warning if self.in_margin else ""
+        return (warning,) if warning else ()
+
+    @cached_property
+    def _leeway(self) -> _Leeway:
+        """How close to zones, and over how many metres, the leg may be at first."""
+        airspace, margin_m = self._airspace, self._airspace.margin_m
+        holders = airspace.holders(self.start)
         if holders:
-            where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
-            self.warnings = (f"the vehicle is {where}: it takes the shortest way out",)
-            nearest = self._paths.nearest(self.start)
-            self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
-            others = self._airspace.leaving(self.start)
-            self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
-            self._relax_others(others)
-            return
-        margin_m = self._airspace.margin_m
-        spare_m, name = self._airspace.spare_m(self.start)
+            return self._way_from_within(holders)
+        spare_m, name = airspace.spare_m(self.start)
         here_m = spare_m + margin_m  # what there is on top of the clearance; less than 0: too near
+        warning = ""
         if here_m < 0:
-            distance_m = spare_m + self._airspace.kept_m(name)
+            distance_m = spare_m + airspace.kept_m(name)
             where = f"{distance_m:.1f} m from {names_of((name,))}"
-            self.warnings = (f"the vehicle is {where}: it moves away first",)
-        kept_m = min(here_m, self._airspace.spare_m(self.rest)[0] + margin_m)
+            warning = f"the vehicle is {where}: it moves away first"
+        kept_m = min(here_m, airspace.spare_m(self.rest)[0] + margin_m)
         if kept_m < (0 if here_m >= 0 else here_m - _DRIFT_M):
-            self._near = None  # too fast towards a zone: brake before anything else
-            return
+            return _Leeway(None, warning=warning)  # too fast towards a zone
         drift_m = math.dist(self.start, self.rest)
-        self._reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
-        nearest_m = min(self._airspace.distance_m(place) for place in (self.start, self.rest))
-        self._near = self._airspace.relaxed(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
-        self._kept = self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
+        reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
+        near = airspace.relaxed(margin_m - kept_m + _GIVE_M, self._nearest_m(airspace) - _GIVE_M)
+        kept = airspace.with_margin(0.0).kept_from(self.start, self.rest)
+        return _Leeway(near, reach_m, kept, warning)
 
-    def _relax_others(self, others: Airspace) -> None:
-        """It may stay as near to other zones as it is, on the way out of the one that it is in."""
-        near = self._near
-        assert near is not None  # noqa: S101 - the caller's
+    def _way_from_within(self, holders: Sequence[str]) -> _Leeway:
+        """Out of the zones that it is in; to others it may stay as near as it is."""
+        where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
+        warning = f"the vehicle is {where}: it takes the shortest way out"
+        nearest = self._paths.nearest(self.start)
+        reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
+        others = self._airspace.leaving(self.start)
+        near = others.with_margin((others.margin_m - others.clearance_m) / 2)
         here_m, rest_m = (near.spare_m(place)[0] for place in (self.start, self.rest))
         if min(here_m, rest_m) >= 0 or rest_m < here_m - _DRIFT_M:
-            return
-        nearest_m = min(others.distance_m(place) for place in (self.start, self.rest))
-        self._kept = near.kept_from(self.start, self.rest)
-        self._near = near.relaxed(_GIVE_M - min(here_m, rest_m), nearest_m - _GIVE_M)
+            return _Leeway(near, reach_m, warning=warning)
+        kept = near.kept_from(self.start, self.rest)
+        shortfall_m = _GIVE_M - min(here_m, rest_m)
+        near = near.relaxed(shortfall_m, self._nearest_m(others) - _GIVE_M)
+        return _Leeway(near, reach_m, kept, warning)
+
+    def _nearest_m(self, airspace: Airspace) -> float:
+        """How near to anything it is, or comes to rest."""
+        return min(airspace.distance_m(place) for place in (self.start, self.rest))
+
+    def clear(self, end: Point) -> bool:
+        """Whether all is clear that the vehicle may sweep if it is sent straight to `end`.
+
+        That includes where it is, where it would come to rest, and `end` itself.
+        """
+        if not self.moving:
+            return self._airspace.leg_clear(self.start, end)
+        return self._airspace.swept_clear(self._area(end))
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
         if not self.in_margin:
-            if not self.moving:
-                return self._airspace.leg_clear(self.start, end)
-            return self._airspace.swept_clear(self._area(end))
-        if self._near is None:
+            return self.clear(end)
+        near, reach_m, kept, _ = self._leeway
+        if near is None:
             return False
         area = self._area(end)
-        if self._kept is not None and not self._kept.swept_clear(area):
+        if kept is not None and not kept.swept_clear(area):
             return False
-        if math.dist(self.start, end) > self._reach_m:
-            turns = [_along(place, end, self._reach_m) for place in (self.start, self.rest)]
+        if math.dist(self.start, end) > reach_m:
+            turns = [_along(place, end, reach_m) for place in (self.start, self.rest)]
             if not self._airspace.swept_clear([*turns, *area[2:]]):
                 return False
-        return self._near.swept_clear(area)
+        return near.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
@@ -160,24 +189,22 @@ class Departure:
     @cached_property
     def way_out(self) -> tuple[Point, ...] | None:
         """The shortest way out of a tight place that no single leg leads out of."""
-        if not self.in_margin or self._near is None:
+        near = self._leeway.near if self.in_margin else None
+        if near is None or any(self.allows(place) for place in self._paths.exits(self.start)):
             return None
-        if any(self.allows(place) for place in self._paths.exits(self.start)):
-            return None
-        way = self._paths.way_out(self.start, self._near)
-        if way is None or not all(self._near.leg_clear(a, b) for a, b in pairwise(way)):
+        way = self._paths.way_out(self.start, near)
+        if way is None or not all(near.leg_clear(a, b) for a, b in pairwise(way)):
             return None
         return way
 
     def leads_out(self, end: Point) -> bool:
         """Whether a leg is a step of the shortest way out of a tight place; see `way_out`."""
-        if self.way_out is None or self._near is None:
-            return False
-        if not self._near.swept_clear(self._area(end)):
+        near = self._leeway.near if self.way_out is not None else None
+        if near is None or self.way_out is None or not near.swept_clear(self._area(end)):
             return False
         left_m = 0.0
         if not self._airspace.point_clear(end):
-            onward = self._paths.way_out(end, self._near)
+            onward = self._paths.way_out(end, near)
             if onward is None:
                 return False
             left_m = path_length_m(onward)

@@ -57,9 +57,8 @@ class Router:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
-        departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
         # A first leg keeps the whole tracking margin; where that is too much to ask, half of it.
-        self._margins = (self._airspace, departing)
+        self._half = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
         self._paths = graph.paths
         self._positions = graph.positions  # of nodes
         self._planner = planner or planner_of(graph.mission.planner.kind, graph)
@@ -85,21 +84,24 @@ class Router:
             goal is not clear, zones separate start and goal, no first leg is clear at this speed.
         """
         target = self._goal(goal)
+        whole = Departure(self._airspace, self._paths, start, stopping, pending)
+        if whole.clear(target.to):
+            return _route(start, [target])
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        for airspace in self._margins:
-            rule = Departure(airspace, self._paths, start, stopping, pending)
+        half = Departure(self._half, self._paths, start, stopping, pending)
+        for rule in (whole, half):
             legs = self._legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
-        if rule.in_margin:
-            for out in self._ways_out(rule):
+        if half.in_margin:
+            for out in self._ways_out(half):
                 if not self.check_leg(start, out[0], stopping, pending):
                     continue
-                onward = self._legs(self._departure(out[-1]), target)
+                onward = self._legs(Departure(self._airspace, self._paths, out[-1], None), target)
                 if onward is not None:
-                    return _route(start, [*map(Leg, out), *onward], rule.warnings)
-        return self._no_route(start, target, rule)
+                    return _route(start, [*map(Leg, out), *onward], half.warnings)
+        return self._no_route(start, target, half)
 
     def check_leg(
         self,
@@ -109,12 +111,13 @@ class Router:
         pending: Sequence[PendingSetpoint] = (),
     ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        clear = self._airspace.point_clear(end)
-        for airspace in self._margins:
-            rule = Departure(airspace, self._paths, start, stopping, pending)
-            if clear and rule.allows(end):
-                return True
-        return rule.leads_out(end)
+        whole = Departure(self._airspace, self._paths, start, stopping, pending)
+        if whole.clear(end):
+            return True
+        half = Departure(self._half, self._paths, start, stopping, pending)
+        if self._airspace.point_clear(end) and (whole.allows(end) or half.allows(end)):
+            return True
+        return half.leads_out(end)
 
     def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
         """Why a leg is not clear that begins off the cruise altitudes; None if it is.
@@ -155,9 +158,6 @@ class Router:
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
         """Straight there where that is clear, else as the mission's planner finds."""
         return [target] if rule.allows(target.to) else self._planner.legs(rule, target)
-
-    def _departure(self, start: Point) -> Departure:
-        return Departure(self._airspace, self._paths, start, None)
 
     def _ways_out(self, rule: Departure) -> Iterator[tuple[Point, ...]]:
         """To clear places around a start that is not clear: straight ones, nearest first."""
@@ -209,7 +209,7 @@ class Router:
         )
 
 
-def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...]) -> Route:
+def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) -> Route:
     length_m, here = 0.0, start
     for leg in legs:
         length_m += math.dist(here, leg.to)
