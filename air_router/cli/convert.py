@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -14,16 +14,12 @@ from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
-    Line,
-    degrees,
     feature_set_of,
     feature_set_of_zones,
-    outline_of,
 )
 from air_router.files.maps.geojson_write import geojson_text
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.maps.zone_reading import MapArea
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_write import mission_text
 from air_router.files.missions.qgc_items import NOT_FLOWN
@@ -37,13 +33,8 @@ from air_router.files.missions.qgc_write import (
 from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
 from air_router.mission.loading import foreign_draft, read_draft, validate
-from air_router.mission.mission import Mission
 from air_router.record.log import Log
 from air_router.record.recording import viewer_file
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import NoRoute, Router
-from geo.airspace.zone import polygons_of
-from geo.frame import Point
 from mocha_link.team.document import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
@@ -76,7 +67,7 @@ is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last thre
 
 examples:
   air-router convert town.plan town.yaml
-  air-router convert mission.yaml map.kml --buffers --graph
+  air-router convert mission.yaml map.kml
   air-router convert mission.yaml with_zones.plan --zones geozones.json --zones site.kml
   air-router convert geozones.json geozones.geojson --allow CONDITIONAL
   air-router convert flight.mcap flight.rrd
@@ -109,19 +100,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE),
         metavar="M",
         help="fly the route of a FROM in GPX this high above home, in metres",
-    )
-    parser.add_argument(
-        "--buffers", action="store_true", help="draw what is kept from zones (.geojson, .kml, .kmz)"
-    )
-    parser.add_argument(
-        "--graph", action="store_true", help="draw the waypoint graph (.geojson, .kml, .kmz)"
-    )
-    parser.add_argument(
-        "--route",
-        type=int,
-        nargs=2,
-        metavar=("A", "B"),
-        help="draw the route from waypoint A to B, 0 is home (.geojson, .kml, .kmz)",
     )
     parser.add_argument("--force", action="store_true", help="replace TO if it is there")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -216,7 +194,6 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
         add_zones(draft, path, (), allow=arguments.allow)
     if draft.problems or draft.frame is None or draft.home is None:
         raise MissionFileError(draft.problems)
-    _check_options(arguments, kind)
     if kind != _PLAN or not isinstance(draft.source, JsonDocument):
         for note in draft.notes:
             if note.code == NOT_FLOWN:
@@ -242,13 +219,9 @@ def _written(
 ) -> str | bytes:
     document = draft.source
     if kind in _MAP_WRITERS:
-        features = feature_set_of(draft)
-        mission = validate(draft)
-        if mission is not None:
-            _draw(features, mission, arguments, drawable=not draft.problems)
+        text = _MAP_WRITERS[kind](feature_set_of(draft))
         tell_settings(draft, report.warnings, f"a {kind} file")
-        return _MAP_WRITERS[kind](features)
-    if kind == _YAML:
+    elif kind == _YAML:
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
@@ -261,49 +234,6 @@ def _written(
     return text
 
 
-def _check_options(arguments: argparse.Namespace, kind: str) -> None:
-    wanted = [name for name in ("buffers", "graph", "route") if getattr(arguments, name)]
-    if wanted and kind not in _MAP_WRITERS:
-        raise UsageError(f"--{wanted[0]} is drawn into .geojson, .kml and .kmz only")
-
-
-def _draw(
-    features: FeatureSet, mission: Mission, arguments: argparse.Namespace, *, drawable: bool
-) -> None:
-    if arguments.buffers:
-        features.buffers = list(_buffers(mission))
-    if not arguments.graph and not arguments.route:
-        return
-    if not drawable:
-        raise UsageError("--graph and --route need a mission that can be flown; see check")
-    graph = WaypointGraph(mission)
-    if arguments.graph:
-        for start, end in graph.graph.edges:
-            points = [graph.position(start), *graph.via(start, end), graph.position(end)]
-            features.edges.append((f"{start} - {end}", degrees(points, mission.frame)))
-    if arguments.route:
-        features.route = _route(mission, graph, *arguments.route)
-
-
-def _buffers(mission: Mission) -> Iterator[MapArea]:
-    airspace = mission.airspace
-    for zone, grown in zip(airspace.zones, airspace.inflated(), strict=True):
-        for polygon in polygons_of(grown):
-            rings = [polygon.exterior, *polygon.interiors]
-            corners = [tuple(Point(x, y) for x, y in ring.coords[:-1]) for ring in rings]
-            yield MapArea(zone.name, outline_of(corners, mission.frame))
-
-
-def _route(mission: Mission, graph: WaypointGraph, start: int, end: int) -> Line:
-    if not {start, end} <= graph.positions.keys():
-        last = len(mission.waypoints)
-        raise UsageError(f"--route: {mission.name} has waypoints 1 to {last}, and 0 is home")
-    route = Router(graph).route(graph.position(start), end)
-    if isinstance(route, NoRoute):
-        raise UsageError(f"no route from {start} to {end}: {route.reason}")
-    return degrees([graph.position(start), *(leg.to for leg in route.legs)], mission.frame)
-
-
 def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
     if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
         raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
@@ -311,8 +241,6 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | b
         raise UsageError(
             "zones alone are no mission: give the mission as FROM and these with --zones"
         )
-    if arguments.buffers or arguments.graph or arguments.route:
-        raise UsageError("--buffers, --graph and --route need a mission as FROM")
     readings = [
         read_zones(path, allow=arguments.allow) for path in (arguments.source, *arguments.zones)
     ]

@@ -12,8 +12,6 @@ from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
-Line = tuple[Geodetic, ...]
-
 _ON_LINE_DEG = 2e-9
 _FRAME_STEP_DEG = 10.0
 
@@ -37,11 +35,8 @@ class FeatureSet:
         home_altitude_amsl_m: None if it is not known.
         fences: what the vehicle stays inside of.
         zones: what it stays outside of.
-        buffers: each zone with what is kept from it.
         waypoints: in order.
         rally_points: in order.
-        edges: clear connections of the waypoint graph, with the names of both ends.
-        route: a planned way.
     """
 
     name: str
@@ -49,11 +44,8 @@ class FeatureSet:
     home_altitude_amsl_m: float | None = None
     fences: list[MapArea] = field(default_factory=list)
     zones: list[MapArea] = field(default_factory=list)
-    buffers: list[MapArea] = field(default_factory=list)
     waypoints: list[MapPoint] = field(default_factory=list)
     rally_points: list[MapPoint] = field(default_factory=list)
-    edges: list[tuple[str, Line]] = field(default_factory=list)
-    route: Line | None = None
 
 
 def feature_set_of(draft: MissionDocument) -> FeatureSet:

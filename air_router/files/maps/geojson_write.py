@@ -4,30 +4,22 @@ Longitude comes first, rings follow the right-hand rule, shapes are cut at the a
 feature has a `kind`; what is read back of such a file are its zones.
 """
 
-from collections.abc import Iterable
 from typing import Any, Final
 
 import shapely
-from shapely import LineString, Polygon, box
+from shapely import Polygon, box
 from shapely.affinity import translate
-from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from air_router.files.json_document import json_text
-from air_router.files.maps.feature_set import FeatureSet, Line, MapPoint
+from air_router.files.maps.feature_set import FeatureSet, MapPoint
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline, MapRing
 from air_router.files.zone_terms import ZoneTerms, active_data, clearance_data, limits_data
 from geo.airspace.zone import polygons_of
 from geo.frame import Geodetic
 
 _DIGITS: Final = 9
-_COLOURS: Final = {
-    "fence": "#2a7f2a",
-    "zone": "#c00000",
-    "buffer": "#e08030",
-    "edge": "#7f7f7f",
-    "route": "#0050c0",
-}
+_COLOURS: Final = {"fence": "#2a7f2a", "zone": "#c00000"}
 
 
 def geojson_text(feature_set: FeatureSet) -> str:
@@ -38,10 +30,7 @@ def geojson_text(feature_set: FeatureSet) -> str:
 def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
     """The feature set as a feature collection."""
     features = [_area("fence", area) for area in feature_set.fences]
-    features += [_area("buffer", area) for area in feature_set.buffers]
     features += [_area("zone", area) for area in feature_set.zones]
-    features += [_line("edge", name, line) for name, line in feature_set.edges]
-    features += [_line("route", "route", feature_set.route)] if feature_set.route else []
     features += [_spot("home", feature_set.home)] if feature_set.home else []
     features += [_spot("waypoint", spot) for spot in feature_set.waypoints]
     features += [_spot("rally_point", spot) for spot in feature_set.rally_points]
@@ -69,16 +58,6 @@ def _area(kind: str, area: MapArea) -> dict[str, Any]:
     return _feature({**properties, "stroke": colour, **fill}, geometry)
 
 
-def _line(kind: str, name: str, line: Line) -> dict[str, Any]:
-    unwrapped = _unwrapped(line)
-    pieces = _cut(LineString(unwrapped))
-    coordinates = [[_pair(x, y) for x, y in piece.coords] for piece in pieces]
-    geometry: dict[str, Any] = {"type": "LineString", "coordinates": (coordinates or [[]])[0]}
-    if len(coordinates) != 1:
-        geometry = {"type": "MultiLineString", "coordinates": coordinates}
-    return _feature({"kind": kind, "name": name, "stroke": _COLOURS[kind]}, geometry)
-
-
 def _spot(kind: str, spot: MapPoint) -> dict[str, Any]:
     properties: dict[str, Any] = {"kind": kind, "name": spot.name}
     if spot.altitude_above_home_m is not None:
@@ -103,8 +82,7 @@ def _polygons(outline: MapOutline) -> dict[str, Any]:
         pole = 90.0 if outline.ring[0].latitude_deg > 0 else -90.0
         end = (ring[0][0] + 360.0 * turns, ring[0][1])
         ring = [*ring, end, (end[0], pole), (ring[0][0], pole)]
-    pieces = [each for piece in _cut(Polygon(ring, holes)) for each in polygons_of(piece)]
-    coordinates = [_rings(orient(piece)) for piece in pieces]
+    coordinates = [_rings(orient(piece)) for piece in _cut(Polygon(ring, holes))]
     if len(coordinates) == 1:
         return {"type": "Polygon", "coordinates": coordinates[0]}
     return {"type": "MultiPolygon", "coordinates": coordinates}
@@ -115,25 +93,22 @@ def _rings(polygon: Polygon) -> list[list[list[float]]]:
     return [[_pair(x, y) for x, y in ring.coords] for ring in rings]
 
 
-def _cut(shape: BaseGeometry) -> list[BaseGeometry]:
-    """The pieces of a shape with unwrapped longitudes, each moved onto the map."""
-    west, _, east, _ = shape.bounds
+def _cut(polygon: Polygon) -> list[Polygon]:
+    """The pieces of a polygon with unwrapped longitudes, each moved onto the map."""
+    west, _, east, _ = polygon.bounds
     if west >= -180 and east <= 180:
-        return [shape]
-    pieces: list[BaseGeometry] = []
+        return [polygon]
+    pieces = []
     for turn in range(-2, 3):
-        piece = shape.intersection(box(360.0 * turn - 180, -90, 360.0 * turn + 180, 90))
+        piece = polygon.intersection(box(360.0 * turn - 180, -90, 360.0 * turn + 180, 90))
         pieces.append(translate(piece, xoff=-360.0 * turn))
-    whole = shapely.union_all(pieces)
-    kind = type(shape)
-    parts: Iterable[BaseGeometry] = getattr(whole, "geoms", [whole])
-    return [part for part in parts if isinstance(part, kind) and not part.is_empty]
+    return polygons_of(shapely.union_all(pieces))
 
 
-def _unwrapped(line: MapRing) -> list[tuple[float, float]]:
+def _unwrapped(ring: MapRing) -> list[tuple[float, float]]:
     """Longitudes and latitudes without a jump: each step is the short way around the Earth."""
-    steps = [(line[0].longitude_deg, line[0].latitude_deg)]
-    for place in line[1:]:
+    steps = [(ring[0].longitude_deg, ring[0].latitude_deg)]
+    for place in ring[1:]:
         before = steps[-1][0]
         steps.append((before + _short_way(place.longitude_deg - before), place.latitude_deg))
     return steps

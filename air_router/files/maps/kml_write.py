@@ -9,7 +9,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any, Final
 
-from air_router.files.maps.feature_set import FeatureSet, Line, MapPoint, counterclockwise
+from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
 from air_router.files.maps.geojson_write import terms_properties
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapRing
 from air_router.files.zone_terms import AltitudeLimit, Reference
@@ -20,9 +20,6 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
     "fence": ("ff2a7f2a", "00ffffff"),
     "zone": ("ff0000c0", "600000c0"),
-    "buffer": ("ff3080e0", "003080e0"),
-    "edge": ("807f7f7f", "00ffffff"),
-    "route": ("ffc05000", "00ffffff"),
 }
 
 
@@ -38,16 +35,10 @@ def kml_text(feature_set: FeatureSet) -> str:
     for title, kind, areas in (
         ("Fence", "fence", feature_set.fences),
         ("No-fly zones", "zone", feature_set.zones),
-        ("Distances to keep", "buffer", feature_set.buffers),
     ):
         folder = _folder(document, title, bool(areas))
         for area in areas:
             _area(folder, kind, area, feature_set)
-    folder = _folder(document, "Connections", bool(feature_set.edges))
-    for name, line_ in feature_set.edges:
-        _line(folder, "edge", name, line_)
-    if feature_set.route:
-        _line(document, "route", "route", feature_set.route)
     spots = [("home", feature_set.home)] if feature_set.home else []
     spots += [("waypoint", spot) for spot in feature_set.waypoints]
     folder = _folder(document, "Waypoints", bool(spots))
@@ -89,12 +80,6 @@ def _height(upper: AltitudeLimit, feature_set: FeatureSet) -> tuple[str, float] 
     elif upper.reference is Reference.HOME and feature_set.home_altitude_amsl_m is not None:
         mode, metres = "absolute", metres + feature_set.home_altitude_amsl_m
     return (mode, metres) if metres > 0 else None
-
-
-def _line(folder: ET.Element, kind: str, name: str, line: Line) -> None:
-    string = add(_placemark(folder, kind, name, {"kind": kind}), "LineString")
-    add(string, "tessellate", "1")
-    add(string, "coordinates", _coordinates(line, None))
 
 
 def _spot(folder: ET.Element, kind: str, spot: MapPoint, home_amsl_m: float | None) -> None:

@@ -109,7 +109,7 @@ def test_a_plan_of_any_mission_flies_the_same(tmp_path, source):
 @pytest.mark.parametrize(("source", "kind"), [(SOURCES[2], "geojson"), (SOURCES[3], "kml")])
 def test_maps_hold_all_zones(tmp_path, source, kind):
     target = tmp_path / f"map.{kind}"
-    assert convert(source, target, "--buffers", "--graph", "--route", "1", "2") == ExitCode.DONE
+    assert convert(source, target) == ExitCode.DONE
     zones, draft = read_zones(target), read_draft(source)
     assert zones.problems == []
     assert [zone.name for zone in zones.zones] == [area.name for area in draft.zones]
@@ -200,8 +200,6 @@ def test_a_mission_that_cannot_be_flown_is_converted_and_that_is_said(tmp_path, 
     (tmp_path / "bad.yaml").write_text(text)
     assert convert(tmp_path / "bad.yaml", tmp_path / "bad.plan", "--json") == ExitCode.DONE
     assert {problem["code"] for problem in report(capsys)["problems"]} == {"waypoint-in-zone"}
-    wanted = ("--route", "1", "2")
-    assert convert(tmp_path / "bad.yaml", tmp_path / "b.kml", *wanted) == ExitCode.USAGE
 
 
 def test_a_waypoint_file_is_a_mission(tmp_path, capsys):
@@ -283,17 +281,10 @@ def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
     [
         (["town.yaml", "x.txt"], 2, "unknown kind of file"),
         (["town.yaml", "there.kml"], 2, "is already there; --force replaces it"),
-        (
-            ["town.yaml", "x.plan", "--graph"],
-            2,
-            "--graph is drawn into .geojson, .kml and .kmz only",
-        ),
-        (["town.yaml", "x.kml", "--route", "1", "9"], 2, "waypoints 1 to 3, and 0 is home"),
         (["town.yaml", "x.kml", "--altitude", "9"], 2, "--altitude is for a FROM in GPX"),
         (["walk.gpx", "x.yaml"], 2, "add --altitude M, above home"),
         (["walk.gpx", "x.yaml", "--altitude", "0"], 2, "0 is not an altitude above 0 metres"),
         (["zones.kml", "x.plan"], 2, "give the mission as FROM and these with --zones"),
-        (["zones.kml", "x.geojson", "--buffers"], 2, "need a mission as FROM"),
         (["town.yaml", "no/x.kml"], 1, "No such file or directory"),
         (["nowhere.yaml", "x.kml"], 3, "cannot read the file"),
         (["nowhere.kml", "x.geojson"], 3, "cannot read the file"),

@@ -201,16 +201,6 @@ def test_a_hole_across_the_antimeridian():
     assert [zone.name for zone in from_geojson(features)] == ["x, part 1", "x, part 2"]
 
 
-def test_lines_are_cut_at_the_antimeridian():
-    line = (Geodetic(-17, 179.9), Geodetic(-17, -179.9))
-    geometry = geojson_of(FeatureSet("any", route=line))["features"][0]["geometry"]
-    assert geometry["type"] == "MultiLineString"
-    assert sorted(geometry["coordinates"]) == [
-        [[-180.0, -17.0], [-179.9, -17.0]],
-        [[179.9, -17.0], [180.0, -17.0]],
-    ]
-
-
 def test_a_whole_mission_in_geojson():
     draft = read_draft(TOWN)
     features = feature_set_of(draft)
@@ -250,15 +240,15 @@ def test_a_whole_mission_in_kml():
 def test_elements_of_kml_stand_in_the_order_of_its_schema():
     order = [
         ["kml"], ["Document"], ["Folder"], ["name"], ["Style"], ["Placemark"],
-        ["styleUrl"], ["ExtendedData"], ["Polygon", "LineString", "Point"],
-        ["extrude"], ["tessellate"], ["altitudeMode"], ["outerBoundaryIs"], ["innerBoundaryIs"],
+        ["styleUrl"], ["ExtendedData"], ["Polygon", "Point"],
+        ["extrude"], ["altitudeMode"], ["outerBoundaryIs"], ["innerBoundaryIs"],
         ["LinearRing"], ["coordinates"],
     ]  # fmt: skip
     rank = {name: index for index, names in enumerate(order) for name in names}
     root = ET.fromstring(kml_text(feature_set_of(read_draft(TOWN))))  # noqa: S314 - our own text
     for element in root.iter():
         found = [rank.get(child.tag.removeprefix(KML), -1) for child in element]
-        if element.tag.removeprefix(KML) in ("Placemark", "Polygon", "LineString", "Point"):
+        if element.tag.removeprefix(KML) in ("Placemark", "Polygon", "Point"):
             assert found == sorted(found)
             assert -1 not in found
 
