@@ -11,10 +11,10 @@ import json
 import math
 import re
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from air_router.files.whole_file import bytes_of, text_in
 from mocha_link.team.document import Document, DocumentError
@@ -27,6 +27,7 @@ _MAX_DIGITS: Final = 300
 _SUSPICIOUS = re.compile(r"\\u[dD][89a-fA-F]|[eE]\+?[0-9]{3}|[0-9]{300}")
 """Text that may spell half a character or a number that is none; most files have nothing such."""
 
+_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 _BRACKETS = re.compile(r"[][{}]")
 _TEXT_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]', re.DOTALL)
 _BLANKS = re.compile(r"[ \t\r\n]*")
@@ -126,6 +127,77 @@ class JsonDocument(Document):
                 self._children[start] = _children(self.text, start)
             found = self._children[start].get(str(key), found)
         return found
+
+
+Report = Callable[[tuple[str | int, ...], str, str], None]
+"""Takes the keys of a value, what is wrong with it, and the code."""
+
+
+class JsonValues:
+    """Reads values of plain data, and reports those that are of the wrong kind.
+
+    Args:
+        data: What is read.
+        report: Takes what is wrong.
+    """
+
+    def __init__(self, data: Any, report: Report) -> None:
+        self._data, self._report = data, report
+
+    def at(self, *keys: str | int) -> Any:
+        """The value at a key path, None if there is none."""
+        return value_at(self._data, keys)
+
+    def number(
+        self, keys: tuple[str | int, ...], what: str = "", *, in_text: bool = False
+    ) -> float | None:
+        """A number, with `in_text` perhaps in quotes; None, and reported, if it is none.
+
+        In messages it is called `what`, or by its last key.
+        """
+        value = self.at(*keys)
+        if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
+            value = float(value)
+        if is_number(value):
+            return float(value)
+        self.wrong(keys, f"{what or named(keys)} must be a number")
+        return None
+
+    def entries(
+        self, keys: tuple[str | int, ...], what: str = "", advice: str = "correct it"
+    ) -> list[Any]:
+        """A list; empty, and reported, if it is something else."""
+        value = self.at(*keys)
+        if isinstance(value, list):
+            return value
+        self.wrong(keys, f"{what or named(keys)} must be a list", advice)
+        return []
+
+    def wrong(self, keys: tuple[str | int, ...], message: str, advice: str = "correct it") -> None:
+        """Report a value of the wrong kind, or its absence."""
+        value = self.at(*keys)
+        code = "missing-key" if value is None else "wrong-type"
+        self._report(keys, f"{message}, found {shown(value)}; {advice}", code)
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Whether JSON has a number here; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def named(keys: tuple[str | int, ...]) -> str:
+    """A value's key and place in lists, for messages: 'params[4]'."""
+    name = ""
+    for key in reversed(keys):
+        name = f"[{key}]{name}" if isinstance(key, int) else f"{key}{name}"
+        if isinstance(key, str):
+            break
+    return f"'{name}'"
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it."""
+    return "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
 
 
 class _FaultError(ValueError):

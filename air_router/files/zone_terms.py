@@ -230,8 +230,16 @@ class TermsForm(AltitudeForm, ActiveForm):
         return ZoneTerms(self.clearance_m, self.altitudes(), self.validity())
 
 
-def limits_data(altitudes: Altitudes | None) -> dict[str, Any]:
-    """Limits as plain data that are read back."""
+def terms_data(terms: ZoneTerms, *, altitude_key: str | None = None) -> dict[str, Any]:
+    """Terms as plain data that are read back: side by side, or the limits under a key."""
+    clearance = {} if terms.clearance_m is None else {"clearance_m": terms.clearance_m}
+    limits = _limits_data(terms.altitudes)
+    if altitude_key is not None and limits:
+        limits = {altitude_key: limits}
+    return {**clearance, **limits, **_active_data(terms.validity)}
+
+
+def _limits_data(altitudes: Altitudes | None) -> dict[str, Any]:
     data: dict[str, Any] = {}
     sides = () if altitudes is None else (("lower", altitudes.lower), ("upper", altitudes.upper))
     for side, limit in sides:
@@ -242,13 +250,7 @@ def limits_data(altitudes: Altitudes | None) -> dict[str, Any]:
     return data
 
 
-def clearance_data(terms: ZoneTerms) -> dict[str, Any]:
-    """A clearance as plain data that are read back."""
-    return {} if terms.clearance_m is None else {"clearance_m": terms.clearance_m}
-
-
-def active_data(validity: Validity | None) -> dict[str, Any]:
-    """When a zone applies, as plain data that are read back."""
+def _active_data(validity: Validity | None) -> dict[str, Any]:
     entries: list[dict[str, Any]] = []
     for period in () if validity is None else validity.periods:
         bounds: dict[str, Any] = {}

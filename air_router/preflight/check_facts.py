@@ -50,10 +50,11 @@ def _flight(findings: MissionSurvey) -> Iterator[_Row]:
             f": MORE THAN THE {FENCE_POINTS} THAT A PX4 STORES, it will refuse them (see the note)"
         )
     yield "on board", f"{counted(points, 'fence points')}{limit}"
-    pieces = "in one piece" if findings.connected else "in pieces"
+    graph = findings.graph
+    pieces = "in one piece" if graph.connected else "in pieces"
     edges, detours = (
-        counted(findings.edges, "clear connections"),
-        counted(findings.detours, "detours"),
+        counted(len(list(graph.edges)), "clear connections"),
+        counted(len(list(graph.detours)), "detours"),
     )
     yield (
         "graph",
@@ -186,9 +187,9 @@ def facts_of(findings: MissionSurvey) -> dict[str, Any]:
             robot: {"topic": topic.name, "type": topic.type}
             for robot, topic in finders(mission).items()
         },
-        "edges": findings.edges,
-        "detours": findings.detours,
-        "connected": findings.connected,
+        "edges": len(list(findings.graph.edges)),
+        "detours": len(list(findings.graph.detours)),
+        "connected": findings.graph.connected,
         "stranded": [number for number, _ in findings.stranded],
         "path_length_m": round(findings.length_m, 2),
         "flight_time_s": round(findings.flight_time_s, 1),

@@ -45,21 +45,6 @@ class MissionSurvey:
         self.return_planner = ReturnPlanner(self.router)
         self.steps = tuple(self._steps())
 
-    @property
-    def edges(self) -> int:
-        """Connections of the waypoint graph."""
-        return sum(1 for _ in self.graph.edges)
-
-    @property
-    def detours(self) -> int:
-        """Those of them that lead around corners."""
-        return len(list(self.graph.detours))
-
-    @property
-    def connected(self) -> bool:
-        """Whether the graph is in one piece."""
-        return self.graph.connected
-
     @cached_property
     def stranded(self) -> tuple[tuple[int, str], ...]:
         """Waypoints from which no way home was found, with the reason."""

@@ -4,12 +4,10 @@ Every area is a zone, unless its property `kind` says that it is something else:
 `air-router convert` writes hold waypoints and fences too.
 """
 
-import json
-import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument, value_at
+from air_router.files.json_document import JsonDocument, JsonValues, is_number
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_RADIUS_M,
@@ -17,7 +15,6 @@ from air_router.files.maps.zone_reading import (
     MapOutline,
     MapRing,
     ZoneReading,
-    is_number,
 )
 from air_router.files.mission_document import Keys
 from geo.frame import Geodetic
@@ -30,7 +27,6 @@ _GEOMETRIES: Final = frozenset(
 _WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
 ZONE_KIND: Final = "zone"
-_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 
 
 def read_geojson(document: JsonDocument) -> ZoneReading:
@@ -40,48 +36,27 @@ def read_geojson(document: JsonDocument) -> ZoneReading:
     return reader.reading
 
 
-class GeometryReader:
+class GeometryReader(JsonValues):
     """Reads values and geometries of a JSON document, noting what is wrong with them.
 
     Attributes:
-        document: The file.
         reading: Takes zones, problems and notes.
     """
 
     def __init__(self, document: JsonDocument, kind: str) -> None:
-        self.document = document
         self.reading = ZoneReading(document, kind)
+        super().__init__(document.data, self.reading.report)
 
-    def at(self, *keys: str | int) -> Any:
-        """The value at a key path, None if there is none."""
-        return value_at(self.document.data, keys)
-
-    def entries(self, keys: Keys, what: str) -> list[Any]:
-        """A list; empty, with a problem noted, if it is something else."""
-        value = self.at(*keys)
-        if isinstance(value, list):
-            return value
-        self.wrong(keys, f"{what} must be a list")
-        return []
-
-    def number(
+    def number_within(
         self, keys: Keys, what: str, lowest: float, highest: float, *, in_text: bool = False
     ) -> float | None:
-        """A number in a range; None, with a problem noted, if it is something else.
-
-        With `in_text` it may stand in quotes.
-        """
-        value = self.at(*keys)
-        if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
-            value = float(value)
-        if not is_number(value):
-            self.wrong(keys, f"{what} must be a number")
-            return None
-        if not lowest <= value <= highest:
-            message = f"{what} must be from {lowest:g} to {highest:g}, found {value:.10g}"
-            self.reading.report(keys, f"{message}; correct it", "out-of-range")
-            return None
-        return float(value)
+        """A number in a range; None, with a problem noted, if it is something else."""
+        value = self.number(keys, what, in_text=in_text)
+        if value is None or lowest <= value <= highest:
+            return value
+        message = f"{what} must be from {lowest:g} to {highest:g}, found {value:.10g}"
+        self.reading.report(keys, f"{message}; correct it", "out-of-range")
+        return None
 
     def choice(self, keys: Keys, what: str, choices: Mapping[str, Any]) -> Any:
         """What one of these words (in capitals or not) stands for; None, with a problem noted."""
@@ -124,15 +99,8 @@ class GeometryReader:
     def circle(self, keys: Keys, radius_keys: Keys) -> MapCircle | None:
         """A place and a radius in metres."""
         centre = self.position(keys)
-        radius_m = self.number(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
+        radius_m = self.number_within(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
         return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
-
-    def wrong(self, keys: Keys, message: str) -> None:
-        """Report about a value of the wrong kind, or its absence."""
-        value = self.at(*keys)
-        found = "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
-        code = "missing-key" if value is None else "wrong-type"
-        self.reading.report(keys, f"{message}, found {found}; correct it", code)
 
     def _ring(self, keys: Keys) -> MapRing | None:
         values = self.entries(keys, "a polygon's ring")

@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 from air_router.files.json_document import json_text
 from air_router.files.maps.feature_set import FeatureSet, MapPoint
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline, MapRing
-from air_router.files.zone_terms import ZoneTerms, active_data, clearance_data, limits_data
+from air_router.files.zone_terms import terms_data
 from geo.airspace.zone import polygons_of
 from geo.frame import Geodetic
 
@@ -37,17 +37,8 @@ def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
     return {"type": "FeatureCollection", "name": feature_set.name, "features": features}
 
 
-def terms_properties(terms: ZoneTerms) -> dict[str, Any]:
-    """Clearance, altitudes and schedule of an area, with the names that are read back."""
-    return {
-        **clearance_data(terms),
-        **limits_data(terms.altitudes),
-        **active_data(terms.validity),
-    }
-
-
 def _area(kind: str, area: MapArea) -> dict[str, Any]:
-    properties = {"kind": kind, "name": area.name, **terms_properties(area.terms)}
+    properties = {"kind": kind, "name": area.name, **terms_data(area.terms)}
     if isinstance(area.shape, MapCircle):
         properties["radius_m"] = area.shape.radius_m
         geometry: dict[str, Any] = _point(area.shape.centre)

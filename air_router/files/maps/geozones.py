@@ -178,7 +178,7 @@ class _GeozoneReader(GeometryReader, ABC):
     ) -> AltitudeLimit | None:
         if self.at(*keys) is None:
             return None
-        value = self.number(keys, "an altitude", -1e6, 1e9, in_text=True)
+        value = self.number_within(keys, "an altitude", -1e6, 1e9, in_text=True)
         word = self.at(*reference_keys)
         if word is None:
             message = "an altitude that does not say from where it counts: read as without limit"

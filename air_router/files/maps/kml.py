@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from air_router.files.json_document import is_number
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
@@ -19,7 +20,6 @@ from air_router.files.maps.zone_reading import (
     MapOutline,
     MapRing,
     ZoneReading,
-    is_number,
 )
 from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource

@@ -10,9 +10,8 @@ import xml.etree.ElementTree as ET
 from typing import Any, Final
 
 from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
-from air_router.files.maps.geojson_write import terms_properties
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapRing
-from air_router.files.zone_terms import AltitudeLimit, Reference
+from air_router.files.zone_terms import AltitudeLimit, Reference, terms_data
 from geo.geodesic import circle_around
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
@@ -52,7 +51,7 @@ def kml_text(feature_set: FeatureSet) -> str:
 
 
 def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet) -> None:
-    data: dict[str, Any] = {"kind": kind, **terms_properties(area.terms)}
+    data: dict[str, Any] = {"kind": kind, **terms_data(area.terms)}
     ring: MapRing
     holes: tuple[MapRing, ...] = ()
     if isinstance(area.shape, MapCircle):

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeGuard
 
 from air_router.counted import counted
 from air_router.files.mission_document import DocumentSource, Keys
@@ -168,8 +167,3 @@ class AllowedZones:
 def _british(word: str) -> str:
     """ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
     return word.upper().replace("AUTHORIZATION", "AUTHORISATION")
-
-
-def is_number(value: Any) -> TypeGuard[float]:
-    """Whether JSON has a number here; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)

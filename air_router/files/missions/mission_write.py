@@ -15,7 +15,7 @@ from air_router.files.settings import (
     Timers,
 )
 from air_router.files.text_values import degrees_text
-from air_router.files.zone_terms import active_data, clearance_data, limits_data
+from air_router.files.zone_terms import terms_data
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import as_yaml
@@ -109,13 +109,10 @@ def _fences(draft: MissionDocument, frame: LocalFrame) -> dict[str, Any]:
 
 
 def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
-    limits = limits_data(area.terms.altitudes)
     return {
         "name": area.name,
         **_shape(area, frame),
-        **clearance_data(area.terms),
-        **({"altitude": limits} if limits else {}),
-        **active_data(area.terms.validity),
+        **terms_data(area.terms, altitude_key="altitude"),
         **({"crosses_fence": True} if area.crosses_fence else {}),
     }
 

@@ -4,13 +4,12 @@ Surveys and corridor scans carry the items that they fly in themselves. What a m
 not do (cameras, loitering, splines, landing elsewhere) is told, and stays in the plan's file.
 """
 
-import json
 import math
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, Final
 
-from air_router.files.json_document import value_at
+from air_router.files.json_document import JsonValues, named, shown
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
 from geo.airspace.zone import Outline
 
@@ -58,45 +57,23 @@ _USER_WAYPOINTS: Final = range(31000, 31005)
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
 
 
-class PlanValues:
+class PlanValues(JsonValues):
     """Reads values of a plan into a draft's problems and notes."""
 
     def __init__(self, draft: MissionDocument, data: Any) -> None:
+        super().__init__(data, draft.report)
         self.draft = draft
-        self._data = data
-
-    def at(self, *keys: str | int) -> Any:
-        """The value at a key path, None if there is none."""
-        return value_at(self._data, keys)
-
-    def number(self, *keys: str | int) -> float | None:
-        """A number; None, with a problem noted, if it is something else."""
-        value = self.at(*keys)
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            return float(value)
-        message = f"{named(keys)} must be a number, found {shown(value)}; correct it"
-        self.draft.report(keys, message, "missing-key" if value is None else "wrong-type")
-        return None
-
-    def entries(self, *keys: str | int) -> list[Any]:
-        """A list; empty, with a problem noted, if it is something else."""
-        value = self.at(*keys)
-        if isinstance(value, list):
-            return value
-        message = f"missing list {named(keys)}; {EXPORT_AGAIN}"
-        self.draft.report(keys, message, "missing-key" if value is None else "wrong-type")
-        return []
 
     def pair(self, *keys: str | int) -> tuple[float, float] | None:
         """Latitude and longitude at the begin of a list."""
-        latitude_deg, longitude_deg = self.number(*keys, 0), self.number(*keys, 1)
+        latitude_deg, longitude_deg = self.number((*keys, 0)), self.number((*keys, 1))
         if latitude_deg is None or longitude_deg is None:
             return None
         return latitude_deg, longitude_deg
 
     def outline(self, label: str, keys: Keys) -> Outline | None:
         """A list of pairs as an area; None, with a problem noted, if it bounds none."""
-        count = len(self.entries(*keys))
+        count = len(self.entries(keys))
         pairs = [self.pair(*keys, index) for index in range(count)]
         corners = [pair for pair in pairs if pair is not None]
         if len(corners) < count or not isinstance(self.at(*keys), list):
@@ -122,21 +99,6 @@ class PlanValues:
             tell((*keys, "version"), message, "plan-version")
 
 
-def named(keys: Keys) -> str:
-    """A value's key and place in lists, for messages: 'params[4]'."""
-    name = ""
-    for key in reversed(keys):
-        name = f"[{key}]{name}" if isinstance(key, int) else f"{key}{name}"
-        if isinstance(key, str):
-            break
-    return f"'{name}'"
-
-
-def shown(value: Any) -> str:
-    """A value as a message shows it."""
-    return "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
-
-
 class ItemsReader(PlanValues):
     """Fills a draft's waypoints, altitude and speed from the plan's items."""
 
@@ -150,7 +112,7 @@ class ItemsReader(PlanValues):
 
     def read(self) -> None:
         """Read all items."""
-        for index in range(len(self.entries("mission", "items"))):
+        for index in range(len(self.entries(("mission", "items"), advice=EXPORT_AGAIN))):
             self._read_item(("mission", "items", index))
         for command, places in self._others.items():
             times = "" if len(places) == 1 else f" ({len(places)} times)"
@@ -209,8 +171,8 @@ class ItemsReader(PlanValues):
 
     def _read_waypoint(self, keys: Keys, command: int) -> None:
         draft = self.draft
-        latitude_deg = self.number(*keys, "params", 4)
-        longitude_deg = self.number(*keys, "params", 5)
+        latitude_deg = self.number((*keys, "params", 4))
+        longitude_deg = self.number((*keys, "params", 5))
         altitude_m = self._altitude(keys)
         if self._end is not None:
             message = "the plan returns or lands before this waypoint; put that item last"
@@ -247,12 +209,12 @@ class ItemsReader(PlanValues):
 
     def _altitude(self, keys: Keys) -> float | None:
         """Metres above home of an item, whatever its frame counts from."""
-        altitude_m = self.number(*keys, "params", 6)
+        altitude_m = self.number((*keys, "params", 6))
         frame = self.at(*keys, "frame")
         if altitude_m is None:
             return None
         if frame in _TERRAIN_FRAMES and self.at(*keys, "AMSLAltAboveTerrain") is not None:
-            altitude_m = self.number(*keys, "AMSLAltAboveTerrain")
+            altitude_m = self.number((*keys, "AMSLAltAboveTerrain"))
             frame = _AMSL_FRAMES[0]
         if frame in _AMSL_FRAMES and altitude_m is not None:
             altitude_m = self._above_home(altitude_m, keys)
@@ -281,7 +243,7 @@ class ItemsReader(PlanValues):
         return altitude_amsl_m - home_amsl_m
 
     def _read_speed(self, keys: Keys) -> None:
-        kind, speed_m_s = self.number(*keys, "params", 0), self.number(*keys, "params", 1)
+        kind, speed_m_s = self.number((*keys, "params", 0)), self.number((*keys, "params", 1))
         if kind is None or speed_m_s is None or speed_m_s in (-1, -2):  # no change, the default
             return
         if kind != _GROUND_SPEED or not 0 < speed_m_s <= _FASTEST_M_S:
@@ -326,7 +288,7 @@ class ItemsReader(PlanValues):
             if differing:
                 message = f"the speed changes; flown is the slowest, {draft.speed_m_s:g} m/s"
                 draft.note(differing[0], message, "speeds-differ")
-        elif (hover_m_s := self.number("mission", "hoverSpeed")) is not None:
+        elif (hover_m_s := self.number(("mission", "hoverSpeed"))) is not None:
             draft.speed_m_s = hover_m_s
             if not 0 < hover_m_s <= _FASTEST_M_S:
                 message = f"the speed must be more than 0 and at most {_FASTEST_M_S:g} m/s"

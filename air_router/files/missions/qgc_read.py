@@ -86,7 +86,7 @@ class _PlanReader(PlanValues):
             return False
         self.draft.home = self.draft.spot("home", pair, keys)
         if self.at(*keys, 2) is not None:
-            self.draft.home_altitude_amsl_m = self.number(*keys, 2)
+            self.draft.home_altitude_amsl_m = self.number((*keys, 2))
         return True
 
     def _read_fence(self) -> None:
@@ -101,7 +101,7 @@ class _PlanReader(PlanValues):
         for kind in ("polygons", "circles"):
             if not current and self.at("geoFence", kind) is None:
                 continue
-            for index in range(len(self.entries("geoFence", kind))):
+            for index in range(len(self.entries(("geoFence", kind), advice=EXPORT_AGAIN))):
                 self._read_area(("geoFence", kind, index))
         if self.at("geoFence", "breachReturn") is not None:
             message = "the breach return point stays in the plan's file and is not flown"
@@ -129,7 +129,7 @@ class _PlanReader(PlanValues):
         label = f"no-fly zone '{name}'" if zone else "the fence"
         if keys[1] == "circles":
             pair = self.pair(*keys, "circle", "center")
-            radius_m = self.number(*keys, "circle", "radius")
+            radius_m = self.number((*keys, "circle", "radius"))
             if pair is None or radius_m is None:
                 return None
             circle = self.draft.circle(label, pair, radius_m, (*keys, "circle"))
@@ -141,7 +141,7 @@ class _PlanReader(PlanValues):
         if not self._optional_section("rallyPoints", "there are no rally points"):
             return
         self.note_version(("rallyPoints",), 2)
-        for index in range(len(self.entries("rallyPoints", "points"))):
+        for index in range(len(self.entries(("rallyPoints", "points"), advice=EXPORT_AGAIN))):
             keys: Keys = ("rallyPoints", "points", index)
             pair = self.pair(*keys)
             if pair is not None:

@@ -138,18 +138,6 @@ def test_plan_refuses_what_is_no_place(capsys, place):
     assert place.split(",")[0] in err
 
 
-def test_plan_names_waypoints_that_do_not_exist(capsys):
-    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", 40)
-    assert (code, out) == (2, "")
-    assert err == "no waypoint 40; Pennovation has 1 to 39, and 0 is home\n"
-
-
-def test_plan_refuses_an_invalid_mission(capsys, tmp_path):
-    code, out, err = run(capsys, "plan", tmp_path / "none.yaml", "--from", 1, "--to", 2)
-    assert (code, out) == (3, "")
-    assert "none.yaml:1:1: cannot read the file" in err
-
-
 def test_a_picture_is_drawn(capsys, tmp_path, open_air):
     target = tmp_path / "b.png"
     assert run(capsys, "plan", PENNOVATION, "--from", 0, "--to", 34, "--png", target)[0] == 0

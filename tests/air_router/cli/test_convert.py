@@ -14,8 +14,11 @@ from hypothesis import strategies as st
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode
+from air_router.files.json_document import json_from_text, json_text
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_document import MissionDocument
+from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
 from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_draft
@@ -97,13 +100,29 @@ def test_a_plan_of_any_mission_flies_the_same(tmp_path, source):
     assert convert(source, target) == ExitCode.DONE
     mine, theirs = read_draft(target), read_draft(source)
     assert_same_mission(mine, theirs)
-    assert len(mine.fences) == len(theirs.fences)
-    assert len(mine.zones) == len(theirs.zones)
+    for name in ("fences", "zones"):
+        found, wanted = (sorted(getattr(each, name), key=kind) for each in (mine, theirs))
+        for area, other in zip(found, wanted, strict=True):
+            corners = mine.frame.to_geodetic_many(area.shape.corners)
+            drawn = shapely.Polygon(theirs.frame.to_local_many(*corners.T))
+            # A plan's zones have no holes.
+            filled = shapely.Polygon(other.shape.polygon.exterior)
+            assert drawn.symmetric_difference(filled).area < 0.1
     load_mission(target)
     if source.suffix == ".plan":
+        written_anew = plan_draft(
+            json_from_text(json_text(plan_of(theirs, ConversionWarnings())), target)
+        )
+        assert (written_anew.problems, written_anew.notes) == ([], [])
+        assert_same_mission(written_anew, theirs)
         assert json.dumps(json.loads(target.read_text())) == json.dumps(
             json.loads(source.read_text(encoding="utf-8"))
         )
+
+
+def kind(area):
+    """A plan's file has polygons and circles apart, each in their order."""
+    return type(area.shape).__name__
 
 
 @pytest.mark.parametrize(("source", "kind"), [(SOURCES[2], "geojson"), (SOURCES[3], "kml")])

@@ -305,15 +305,6 @@ def test_a_corner_far_from_the_earth_is_told_as_such(tmp_path, number):
         load_mission(path)
 
 
-def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(DocumentError, match=r"cannot read the file.*\[unreadable\]"):
-        read_zones(tmp_path / "nowhere.geojson")
-    found = problems(tmp_path, "a.geojson", b'{"type": "Fe\xe4ture"}')
-    assert str(found[0]).endswith(
-        "a.geojson:1:13: not UTF-8 text; save the file as UTF-8 [not-utf8]"
-    )
-
-
 HOSTILE = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5),
     lambda inner: (

@@ -1,6 +1,5 @@
 """Which zones apply to a mission: by altitude and time, at home, in cruise, and below it."""
 
-import math
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -11,7 +10,6 @@ from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.errors import ExitCode, MissionFileError
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, HomeAltitudeError, Reference
 from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -165,15 +163,6 @@ def test_altitudes_above_the_sea_need_home_s(tmp_path):
     assert problem.code == "home-altitude-unknown"
     assert (problem.line, problem.column) == (7, 16)
     assert "add 'altitude_amsl_m' to home" in problem.message
-
-
-def test_limits_may_lie_anywhere_within_what_is_not_known():
-    ground = AltitudeLimit(50, Reference.GROUND)
-    assert Altitudes(ground, ground).band(None, 20) == Band(30, 70)
-    assert Altitudes().band(None, 20) == Band(-math.inf, math.inf)
-    assert Altitudes(AltitudeLimit(500, Reference.AMSL), None).band(400, 20) == Band(100, math.inf)
-    with pytest.raises(HomeAltitudeError):
-        Altitudes(AltitudeLimit(500, Reference.AMSL), None).band(None, 20)
 
 
 def test_a_zone_has_its_own_clearance(tmp_path):

@@ -406,26 +406,6 @@ def test_rings_and_zones_without_end_are_bounded(tmp_path):
     assert "3001 zones near the mission" in draft.problems[0].message
 
 
-def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
-    zones = [
-        ed269(identifier=f"X{i}", geometry=[{
-            "uomDimensions": "M", "lowerVerticalReference": "AGL", "upperVerticalReference": "AGL",
-            "upperLimit": 120, "lowerLimit": 0, "horizontalProjection": {
-                "type": "Polygon", "coordinates": [[
-                    [5 + i % 60 / 10 + math.cos(k) / 50, 46 + i // 60 / 8 + math.sin(k) / 50]
-                    for k in range(7)
-                ]]}}])
-        for i in range(400)
-    ]  # fmt: skip
-    path = tmp_path / "country.json"
-    path.write_text(json.dumps({"features": zones}, indent=2))
-    draft = draft_at(Geodetic(47.0, 8.0))
-    started = time.process_time()
-    add_zones(draft, path, (), ())
-    assert time.process_time() - started < 3
-    assert 1 < len(draft.zones) < 400
-
-
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
 def test_kml_in_other_encodings(tmp_path, encoding):
     text = (FILES / "zones.kml").read_text().replace("UTF-8", encoding).replace("yard", "Höfe")
