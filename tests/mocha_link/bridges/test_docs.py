@@ -42,13 +42,6 @@ def test_every_field_of_a_request_is_documented(one):
             assert known or field in {"request", "id"}, (name, field)
 
 
-def test_every_field_of_a_message_is_documented(one):
-    text = (DOCS / "bridges.md").read_text()
-    one.publish("/goal", b"1")
-    for field in Service(one).fields(one.latest("one", "/goal")):
-        assert f"`{field}`" in text
-
-
 def test_values(one, pulled, team):
     types = Typed(team)
     program = example("ros.md").replace('"/goal"', '"/pose"')

@@ -27,17 +27,6 @@ def team_file(field, tmp_path):
     return path
 
 
-def test_check_shows_ids_and_ports(team_file, field, capsys):
-    assert main(["check", str(team_file)]) == 0
-    out = capsys.readouterr().out
-    assert f"callisto:{field.team.robot('titan').port_for('callisto')}" in out
-    assert "/slow" in out
-    assert main(["check", "--json", str(team_file)]) == 0
-    ids = json.loads(capsys.readouterr().out)
-    assert ids["robots"]["titan"]["robot_id"] == 2
-    assert ids["kinds"]["aerial_robot"]["/slow"]["dtype"] == 3
-
-
 def test_check_gives_problems_to_scripts_too(capsys, tmp_path):
     path = tmp_path / "team.yaml"
     robot = "{kind: rover, address: 127.0.0.1, base_port: 65530, clients: [us]}"
@@ -175,29 +164,6 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [
         fields for _, fields in news
     ]
-
-
-def test_syncs_that_repeat_are_left_out_of_what_people_read(capsys, monkeypatch):
-    def event(kind, **fields):
-        return "event", {"event": kind, "peer": "io", "at_s": 5.0, "direction": "in", **fields}
-
-    found, nothing, cut = (
-        event("SyncEnded", messages=1),
-        event("SyncEnded", messages=0),
-        event("SyncTimedOut", reason="cut"),
-    )
-    told = [event("SyncStarted"), nothing, nothing, found, found, cut, cut, nothing, nothing]
-    monkeypatch.setattr(
-        metrics_command, "watch", lambda *_, **__: iter([("links", SNAPSHOT), *told])
-    )
-    assert main(["metrics", "tcp://x:1", "--follow"]) == 0
-    shown = [line.partition("io ")[2] for line in capsys.readouterr().out.splitlines()[2:]]
-    assert shown == [
-        *("direction=in messages=0", "direction=in messages=1", "direction=in messages=1"),
-        *("direction=in reason=cut", "direction=in messages=0"),
-    ]
-    assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 1 + len(told)
 
 
 @pytest.mark.parametrize(

@@ -113,13 +113,6 @@ def test_ages_grow_without_news():
     assert lines[0].startswith("\x1b[31mNO NEWS FOR 9 s  links of titan")
 
 
-def test_what_is_not_on_disk():
-    it = picture(IO)
-    it.take("links", {**snapshot(IO), "storage_fault": "no room to write io.db"}, 100.0)
-    title = it.lines(Size(150, 20), PLAIN, 100.0)[0]
-    assert title == "NOT ON DISK: no room to write io.db  links of titan, tcp://x:1"
-
-
 def test_news_fill_the_room_below():
     it = picture(IO)
     for number in range(300):

@@ -347,12 +347,6 @@ def test_a_sender_with_little_to_say_does_not_forget_the_rate():
 # --- step by step
 
 
-def test_the_first_packet_leaves_at_once_with_data():
-    flow = Flow(TOKEN, numbered(1, 100))
-    (packet,) = flow.transmit(10.0)
-    assert Flow(TOKEN, lambda _: None).receive(packet, 10.0) == [bytes(100)]
-
-
 def test_room_is_kept():
     rooms = []
 
@@ -367,21 +361,6 @@ def test_room_is_kept():
         Flow(TOKEN, lambda _: bytes(1500)).transmit(0.0)
     with pytest.raises(ValueError, match="a token has 6 bytes, not 3"):
         Flow(b"abc", source)
-
-
-def test_acknowledgements_wait_for_a_second_packet_or_25_ms():
-    packets = Flow(TOKEN, numbered(3, 1_200)).transmit(0.0)
-    flow = Flow(TOKEN, lambda _: None)
-    flow.transmit(0.0)
-    flow.receive(packets[0], 0.0)
-    assert flow.wake_s == pytest.approx(0.025)
-    assert flow.transmit(0.0) == []
-    flow.receive(packets[1], 0.01)
-    assert flow.wake_s == pytest.approx(0.01)
-    (ack,) = flow.transmit(0.01)
-    assert len(ack) == 16
-    assert flow.wake_s is None
-    assert flow.transmit(0.02) == []
 
 
 def test_a_lost_tail_is_sent_again_within_two_round_trips():

@@ -95,14 +95,6 @@ def test_frames_that_come_in_two_packets_count_once():
     assert not arrivals.take(numbered(12, content=4), 0.0)
 
 
-def test_what_is_below_the_floor_has_arrived():
-    arrivals = Arrivals()
-    assert arrivals.take(numbered(100, floor=90), 0.0)
-    assert not arrivals.take(numbered(89, floor=80), 0.0)
-    assert arrivals.take(numbered(90, floor=85), 0.0)
-    assert wire.parse(wire.only_ack(TOKEN, arrivals.acknowledge(0.0))).ack.below == 91
-
-
 def test_numbers_beyond_the_window_are_not_kept():
     arrivals = Arrivals()
     assert not arrivals.take(numbered(WINDOW), 0.0)

@@ -15,7 +15,7 @@ import zmq
 from mocha_link.node import connection as module
 from mocha_link.node import curve
 from mocha_link.node.connection import EAGER_S, Connection, CurveConnection, TcpConnection
-from mocha_link.node.curve import ZapHandler
+from mocha_link.node.curve import CurveUnavailableError, Refusal, ZapHandler
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.keys import SecretKey
 from tests.mocha_link.conftest import own_host
@@ -289,30 +289,30 @@ def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, peer):
 
 # --- with keys
 
-TITAN, IO, INTRUDER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
+TITAN, IO, EUROPA, INTRUDER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3, 4))
 
 
 class Hall:
-    """titan's port for io, which needs io's key."""
+    """titan's port for a peer, which needs the key of that peer."""
 
-    def __init__(self, context: zmq.Context, *, protect: bool = True) -> None:
+    def __init__(self, context: zmq.Context, *, peer: str = "io", protect: bool = True) -> None:
         self.refusals: list[object] = []
-        self._gate = ZapHandler(context, {"io": IO.public})
+        self.gate = ZapHandler(context, {"io": IO.public, "europa": EUROPA.public})
         self._door = context.socket(zmq.ROUTER)
         if protect:
-            curve.protect_port(self._door, TITAN, "io")
-            self._gate.watch(self._door, "io")
+            curve.protect_port(self._door, TITAN, peer)
+            self.gate.watch(self._door, peer)
         self.host = own_host()
         self.port = self._door.bind_to_random_port(f"tcp://{self.host}")
 
     def serve(self) -> None:
-        self.refusals += self._gate.serve()
+        self.refusals += self.gate.serve()
         while self._door.poll(0):
             identity, _, body = self._door.recv_multipart()
             self._door.send_multipart([identity, b"", b"to " + body])
 
     def close(self) -> None:
-        self._gate.close()
+        self.gate.close()
         self._door.close(0)
 
 
@@ -351,11 +351,14 @@ def test_the_right_key(hall, context):
     ("own", "peer", "reason"),
     [
         (INTRUDER, TITAN, "the peer refused our key"),
+        (EUROPA, TITAN, "the peer refused our key"),  # of the team, but not for this port
         (IO, INTRUDER, "the keys do not fit"),
     ],
 )
-def test_a_wrong_key(hall, context, own, peer, reason):
-    """Ours, or the one that we take for the peer's."""
+def test_a_wrong_key(  # noqa: PLR0913, PLR0917 - the columns of the table above
+    hall, context, own, peer, reason, caplog
+):
+    """Ours, or the one that we take for the peer's. It is counted, and told once."""
     with contextlib.closing(curve_line(hall, context, own, peer)) as line:
         line.send(b"let me in")
 
@@ -366,6 +369,35 @@ def test_a_wrong_key(hall, context, own, peer, reason):
         turn_until(line, done)
         assert reason in line.failure
         assert list(line.replies()) == []
+    assert hall.gate.refused["io"] == len(hall.refusals)
+    if own is not IO:
+        assert set(hall.refusals) == {Refusal("io", "with a wrong key")}
+        told = "refused at the port for io: it came with a wrong key"
+        assert [m for m in caplog.messages if m.startswith("refused")] == [told]
+
+
+def test_a_port_whose_peer_has_no_key_stays_shut(context):
+    with (
+        contextlib.closing(Hall(context, peer="stranger")) as hall,
+        contextlib.closing(curve_line(hall, context, IO, TITAN)) as line,
+    ):
+        line.send(b"let me in")
+
+        def done() -> bool:
+            hall.serve()
+            return bool(hall.refusals)
+
+        turn_until(line, done)
+        assert set(hall.refusals) == {Refusal("stranger", "with a wrong key")}
+
+
+def test_a_libzmq_without_curve(context, monkeypatch):
+    monkeypatch.setattr(zmq, "has", lambda _: False)
+    with contextlib.closing(context.socket(zmq.ROUTER)) as door:
+        with pytest.raises(CurveUnavailableError, match="built without CURVE"):
+            curve.protect_port(door, TITAN, "io")
+        with pytest.raises(CurveUnavailableError, match="built without CURVE"):
+            curve.protect_contact(door, TITAN, IO.public)
 
 
 def test_a_key_where_none_is_wanted(context):

@@ -76,18 +76,6 @@ def test_a_name_is_looked_up_once_and_wakes_when_it_is_known(names, time_s):
     assert names.asked == {"titan.local": 1}
 
 
-def test_an_address_that_changes_is_seen(names, time_s):
-    names.known["titan.local"] = "10.0.0.4"
-    resolver = Woken()
-    resolver.address("titan.local")
-    resolver.wait()
-    names.known["titan.local"] = "10.0.0.5"
-    time_s[0] += FRESH_S + 1
-    assert resolver.address("titan.local") == "10.0.0.4"  # until the new one is known
-    resolver.wait()
-    assert resolver.address("titan.local") == "10.0.0.5"
-
-
 def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
     resolver = Woken()
     assert resolver.address("titan.local") is None

@@ -6,7 +6,6 @@ import contextlib
 import random
 import re
 import socket
-import stat
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,7 +19,7 @@ from mocha_link.radios import ManualRadio
 from mocha_link.store import wire
 from mocha_link.store.wire import Header
 from mocha_link.team import keys
-from mocha_link.team.keys import KeyFileError, KeyMismatchError, SecretKey
+from mocha_link.team.keys import SecretKey
 from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -348,18 +347,3 @@ def test_what_a_relay_makes_up(locked, trust):
         assert io.latest("callisto", "/pose") is None
         assert io.links()["titan"].refused >= 1
         assert not [e for e in saw.seen if isinstance(e, MessageStored)]
-
-
-def test_a_node_without_its_secret_is_not_made(locked, tmp_path):
-    hall = locked(*NAMES)
-    with pytest.raises(KeyFileError, match="say where its secret is"):
-        Node(hall.field.team, "io")
-    with pytest.raises(KeyFileError, match="cannot read the secret key"):
-        Node(hall.field.team, "io", keys=tmp_path / "nowhere")
-    keys.write(hall.folder / "io.key", "io", SecretKey.generate(), replace=True)
-    with pytest.raises(KeyMismatchError, match="is not the secret of the key"):
-        Node(hall.field.team, "io", keys=hall.folder)
-    secret = hall.folder / "titan.key"
-    secret.chmod(stat.S_IMODE(secret.stat().st_mode) | stat.S_IRGRP)
-    with pytest.raises(KeyFileError, match="others can read"):
-        Node(hall.field.team, "titan", keys=hall.folder)

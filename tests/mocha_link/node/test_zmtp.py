@@ -169,12 +169,6 @@ def test_a_later_version_may_add_commands():
     assert heard(connection, b"\4\6\5OTHER" + b"\0\2ok") == [[b"ok"]]
 
 
-def test_a_frame_of_the_largest_size_is_taken():
-    connection = ready()
-    body = bytes(LIMIT)
-    assert heard(connection, b"\2" + LIMIT.to_bytes(8) + body) == [[body]]
-
-
 def outcome(connection: ZmtpSession, pieces: list[bytes]) -> tuple[list[list[bytes]], str]:
     """The replies in some bytes, and what was wrong with them."""
     replies: list[list[bytes]] = []

@@ -287,14 +287,6 @@ def test_radios_that_cannot_tell_who_is_who(team):
 # Streams.
 
 
-def test_a_radio_that_was_never_started():
-    for radio in (UdpRadio("udp://127.0.0.1:5"), TcpRadio("tcp://127.0.0.1:5")):
-        assert radio.port == 5
-        radio.close()
-    with pytest.raises(RadioError, match="write udp://host:port"):
-        UdpRadio("tcp://127.0.0.1:5")
-
-
 def test_a_manual_radio_says_what_it_is_told():
     radio, heard = ManualRadio(), []
     radio.report("io", -50)

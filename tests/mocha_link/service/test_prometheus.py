@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -102,17 +101,6 @@ def test_what_prometheus_reads(node):
     assert found["mocha_link_protected", ("peer", "europa")] == 0
 
 
-@pytest.mark.parametrize(
-    ("unit", "name"),
-    [(Unit.SNR_DB, "signal_snr_decibels"), (Unit.DEVICE, "signal_device_units")],
-)
-def test_each_unit_has_its_metric(clock, unit, name):
-    node = FakeNode(clock, io=replace(IO, signal=Reading(7, unit, "x")))
-    found = samples(exposition(node))
-    assert found[f"mocha_link_{name}", ("peer", "io"), ("source", "x")] == 7
-    assert sum(key[0].startswith("mocha_link_signal") for key in found) == 1
-
-
 @pytest.fixture
 def server(node):
     before = set(threading.enumerate())
@@ -197,12 +185,6 @@ def test_no_client_holds_a_connection_for_long(node, monkeypatch):
     ):
         slow.sendall(b"GET ")
         assert slow.recv(1) == b""
-
-
-@pytest.mark.parametrize("address", ["", "x", "127.0.0.1", "127.0.0.1:99999", "127.0.0.1:-1"])
-def test_addresses_that_are_none(node, address):
-    with pytest.raises(PrometheusError, match="is no address; write host:port"):
-        PrometheusServer(node, address)
 
 
 def test_addresses_that_cannot_be_served(node, server):

@@ -45,10 +45,6 @@ def test_an_endpoint_that_is_none(server, endpoint):
         MetricsServer(server.node, endpoint).start()
 
 
-def test_a_server_that_was_never_started(server):
-    MetricsServer(server.node, "tcp://127.0.0.1:1").close()
-
-
 def test_no_answer(field):
     with pytest.raises(MetricsError, match="is a node running there with --metrics"):
         next(watch(f"tcp://{field.host}:9", timeout_s=0.05))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import threading
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import xor
@@ -85,32 +84,6 @@ def test_a_stamp_that_is_not_the_header_s_time_is_not_taken():
     assert not database.insert(replace(good, stamp_ms=100_000 + WRAP_MS * 2_200_000), 100)
     assert not database.insert(replace(good, received_s=float("nan")), 100)
     assert database.kept() == ()
-
-
-def test_any_thread_may_use_it():
-    database = Database(dict.fromkeys(range(1 << 16), 2))
-    errors = []
-
-    def work(robot_id):
-        try:
-            for second in range(140):
-                each = record(second, robot_id=robot_id, topic_id=second % 7)
-                assert database.insert(each, 400)
-                assert each.header.pack() in database.header_list()
-                assert not database.wanted(each.header.pack(), 400)
-                assert database.since(0)
-        except BaseException as error:
-            errors.append(error)
-            raise
-
-    threads = [threading.Thread(target=work, args=(robot_id,)) for robot_id in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert errors == []
-    assert database.sequence == 560
-    assert len(database.kept()) == 4 * 7 * 2
 
 
 # What a database does, said as plainly as it can be: sort, cut, compare. For full stamps.

@@ -252,19 +252,3 @@ def test_a_cut_trailer_is_found():
         for end in range(len(wire.pack(1, 2, b"a message " * 8, checksum=False)) + 2, len(body)):
             with pytest.raises(PayloadError, match="trailer"):
                 wire.check(body[:end])
-
-
-def test_what_is_signed_follows_from_the_body():
-    given_to_sign = []
-
-    def sign(statement: bytes) -> bytes:
-        given_to_sign.append(statement)
-        return SIGNATURE
-
-    variants = [(1, 2, b"data", 5), (2, 2, b"data", 5), (1, 3, b"data", 5), (1, 2, b"date", 5)]
-    variants.append((1, 2, b"data", 5 + 65_536_000))  # the same header, another time
-    for dtype, priority, data, stamp_ms in variants:
-        body = wire.pack(dtype, priority, data, stamp_ms=stamp_ms, sign=sign)
-        end = wire.check(body).at
-        assert wire.statement(body[:2], stamp_ms, body[2:end]) == given_to_sign[-1]
-    assert len(set(given_to_sign)) == len(variants)

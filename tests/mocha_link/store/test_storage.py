@@ -18,7 +18,6 @@ from pathlib import Path
 import pytest
 
 from mocha_link.node.publisher import LEAP_MS, Publisher
-from mocha_link.store import storage_file
 from mocha_link.store.database import Database
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
@@ -378,17 +377,6 @@ def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
     check_recovery(node, shelter, "none/messages.db")
 
 
-def test_a_directory_that_may_not_be_written(shelter, tmp_path):
-    tmp_path.chmod(0o500)
-    if os.access(tmp_path, os.W_OK):
-        pytest.skip("root may write anywhere")
-    node = shelter()
-    node.write(1, 2, 3)
-    assert isinstance(node.fault(), StorageUnreachableError)
-    tmp_path.chmod(0o700)
-    check_recovery(node, shelter)
-
-
 def test_a_file_that_another_node_has(shelter):
     owner = shelter()
     owner.write(*range(5), 110)
@@ -562,15 +550,3 @@ def test_kill_9_at_any_moment_loses_nothing_that_was_committed(mortal, shelter):
         assert known is None or max(stored) >= known.sequence
         node.storage.close(30)
     assert sum(map(len, acknowledged.values())) > 200
-
-
-def test_the_schema_is_the_documented_one(shelter, tmp_path):
-    shelter().storage.close()
-    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
-        assert file.execute("PRAGMA journal_mode").fetchone() == ("wal",)
-        assert file.execute("PRAGMA user_version").fetchone() == (storage_file.VERSION,)
-        for table, columns in (("record", 9), ("knowledge", 5), ("about", 2)):
-            names = [row[1] for row in file.execute(f"PRAGMA table_info({table})")]
-            assert len(names) == columns
-            for name in names[1:]:
-                assert name in storage_file.__doc__

@@ -148,25 +148,6 @@ def test_bodies_are_checked(pull, content, reason):
         assert pull.database.newest(IO, 0).body == content
 
 
-@pytest.mark.parametrize("parts", [[b"abcdef"], [b"\0" * 6, b"two parts"], [b""], []])
-def test_a_reply_to_nothing_ends_the_pull(pull, parts):
-    pull.take(pull.session.reply(parts, at(4)))
-    assert pull.session.over
-    assert pull.refusals == ["a reply to nothing that was asked"]
-    assert pull.session.failure == "the peer answered what was not asked"
-
-
-def test_it_says_what_it_waits_for(pull):
-    assert pull.session.why_silent() == "no connection within 5 s"
-    pull.session.progress(at(4))
-    assert pull.session.alive_s == 4
-    assert pull.session.why_silent() == "no byte for 5 s, waiting for the reply to GHEAD"
-    pull.offer(header(0), header(1))
-    assert pull.session.why_silent() == "no byte for 5 s, waiting for the reply to GDATA"
-    pull.answer(body(), steady_s=6)
-    assert pull.session.alive_s == 6
-
-
 def cut(pull: Pull) -> None:
     """A part of the message comes, then nothing any more."""
     pull.session.progress(at(1.5))

@@ -83,18 +83,6 @@ def test_a_link_is_kept_busy_and_its_queue_short(rate, rtt_s):
     assert queue_s < max(1.5 * (rtt_s + 0.15), MIN_WINDOW / rate) + 0.3
 
 
-def test_a_link_that_becomes_slow_gets_a_small_window():
-    credit = Credit(12_500_000, 0.05)
-    begun = allowed(credit)
-    now_s = 0.0
-    for _ in range(4_000):
-        now_s += 0.05
-        credit.take(1_500, now_s, 0.05)
-    assert begun == KNOWN_WINDOW
-    assert allowed(credit) - credit.received <= begun
-    assert credit._window == MIN_WINDOW
-
-
 @given(
     st.one_of(st.none(), st.floats(0, 1e12)),
     st.one_of(st.none(), st.floats(0, 100)),

@@ -152,12 +152,3 @@ def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
     assert session.answer([ask], at(50))[0] == ID + b"\0\0body"
     session.tick(at(111))
     assert session.answer([ask], at(111))[0] == ID + b"SERRM"
-
-
-@pytest.mark.parametrize("code", [b"SYNC1", b"SYNCF", b"SYNCC"])
-def test_what_only_new_nodes_say_is_refused_here(database, code):
-    """As an original node refuses it: `Server` answers it before it gets here."""
-    assert Session(database).answer([ID + code + b"rest"], at(0)) == (
-        ID + b"SERRM",
-        [],
-    )

@@ -15,7 +15,7 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.sync.frames import HELLO, OPEN, MessageAssembler, message_frames
+from mocha_link.sync.frames import END, HELLO, OPEN, MessageAssembler, message_frames
 from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S
 from mocha_link.sync.server import Server
@@ -311,22 +311,6 @@ def test_the_fallback_is_answered_elsewhere(server, io, database):
     assert io.ask(b"GDATA" + record(3).header.pack()) == b"ididid" + record(3).body
 
 
-def test_an_original_client_and_a_new_one_in_turns(server, database):
-    for turn in range(3):
-        assert server.answer(OTHER, [b"origin" + b"GHEAD"], at(turn)) == (
-            b"origin" + database.header_list()
-        )
-        new = Asker(server, b"new%03d" % turn)
-        new.open(now=at(turn))
-        asked = b"origin" + b"GDATA" + record(turn).header.pack()
-        assert server.answer(OTHER, [asked], at(turn)) == b"origin" + record(turn).body
-        new.read(at(turn))
-        assert new.got == all_of(database)
-        assert server.answer(OTHER, [b"origin" + b"DENDTio"], at(turn)) == b"originAck"
-        told = [(type(event), event.peer) for event in told_by(server)]
-        assert told == [(SyncStarted, "io")] * 2 + [(SyncEnded, "io")] * 2
-
-
 # --- beginnings and ends
 
 
@@ -406,17 +390,6 @@ def test_the_connection_first_then_late_datagrams(server, io, database):
     assert [type(event) for event in told_by(server)] == [SyncStarted]
 
 
-def test_a_new_contact_sends_at_once(server, io):
-    io.cast(at(0))
-    server.transmit(at(0))
-    for tenth in range(1, 50):
-        server.transmit(at(tenth / 10))
-    quiet_s = server.wake_s - 1000
-    assert quiet_s > 4.95
-    server.on_contact(at(4.9))
-    assert server.transmit(at(4.9))
-
-
 def test_an_end_that_comes_again_is_no_new_sync(server, io):
     """Our acknowledgement of it was lost, so the peer sends its END again."""
     io.cast(at(0))
@@ -431,6 +404,49 @@ def test_an_end_that_comes_again_is_no_new_sync(server, io):
     assert repeated
     for packet in repeated:
         server.packet(packet, at(end_s + 4))
+    assert told_by(server) == []
+
+
+def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
+    """Its END was lost with the acknowledgement in it; what is repeated is the END alone."""
+    io = Asker(server)
+    lost: list[bytes] = []
+    io.pass_on = lambda now: lost.extend(io.flow.transmit(now.steady_s))
+    io.cast(at(0))
+    for packet in lost:
+        assert server.packet(packet, at(0))
+    end_s = io.run(0, 0.05) + 1
+    for packet in io.flow.transmit(at(end_s).steady_s):
+        server.packet(packet, at(end_s))
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    for tenth in range(1, 100):
+        server.transmit(at(end_s + tenth / 10))
+        server.tick(at(end_s + tenth / 10))
+    assert server.transmit(at(end_s + 30)) == []
+    assert server.wake_s is None
+
+
+def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, database):
+    """The peer's first connection broke when we had sent something on it."""
+    io = Asker(server)
+    io.open(route=ROUTE)
+    assert io.drain()
+    io.open(route=OTHER)
+    io.read()
+    assert io.got == all_of(database)
+    assert io.receiver.complete
+
+
+@pytest.mark.parametrize("by_datagram", [False, True])
+def test_only_an_opening_begins_a_sync(server, by_datagram):
+    """An END of a pull that no node remembers."""
+    io = Asker(server)
+    (io.opening,) = message_frames(END, 0, b"", 1100)
+    if by_datagram:
+        (packet,) = io.openings(at(0))
+        assert not server.packet(packet, at(0))
+    else:
+        assert reception(io.open()) is Reception.UNREADABLE
     assert told_by(server) == []
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 import tracemalloc
 
@@ -138,37 +137,6 @@ def test_a_message_is_stored_and_told():
     assert asking.receiver.complete
     assert asking.refusals == []
     assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
-
-
-def test_pieces_come_in_any_order_and_more_than_once():
-    asking = Asking()
-    whole_body = body(data=random.Random(1).randbytes(5_000))
-    cuts = [0, 500, 501, 3_000, len(whole_body)]
-    frames = [
-        asking.chunks(pieces=[(LONG, whole_body, start, end)])
-        for start, end in itertools.pairwise(cuts)
-    ]
-    frames += [asking.chunks(pieces=[(LONG, whole_body, 400, 3_100)])]
-    random.Random(2).shuffle(frames)
-    asking.done()
-    assert not asking.receiver.over
-    for frame in frames + frames:
-        asking.hear(frame)
-    assert asking.node.content == {LONG: whole_body}
-    assert asking.receiver.complete
-    assert len(asking.events) == 1
-
-
-def test_done_before_the_rest_waits_for_the_rest():
-    asking = Asking()
-    first, second = (
-        asking.chunks((sync.message_id_of(3, topic, START_MS), body())) for topic in (1, 2)
-    )
-    asking.done()
-    asking.hear(second)
-    assert not asking.receiver.over
-    asking.hear(first)
-    assert asking.receiver.complete
 
 
 def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():

@@ -106,12 +106,6 @@ def test_values_and_places():
     assert document.node("kind").value == "slow"
 
 
-def test_parse_fills_tuples_and_enums():
-    survey = Document.from_text(TEXT, PATH).parse(Survey)
-    assert survey.kind is Kind.SLOW
-    assert survey.points[1] == Point(east_m=3, north_m=4.5)
-
-
 def test_load_reads_a_file(tmp_path):
     path = tmp_path / "fleet.yaml"
     path.write_text("\ufeff" + TEXT, encoding="utf-8")

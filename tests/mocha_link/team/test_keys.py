@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,13 +61,6 @@ def test_a_signature_proves_who_said_what(seed, said):
     assert not SecretKey(bytes(32)).public.proves(signature, said) or seed == bytes(32)
     for noise in (b"", b"short", bytes(64)):
         assert not secret.public.proves(noise, said)
-
-
-def test_the_keys_of_zeromq_are_derived_from_it():
-    secret = SecretKey.generate()
-    assert zmq.curve_public(zmq.utils.z85.encode(secret.curve)) == zmq.utils.z85.encode(
-        secret.public.curve
-    )
 
 
 def test_a_secret_does_not_show_itself():

@@ -10,10 +10,8 @@ from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.team import (
     Priority,
     Team,
-    Trigger,
     Trust,
     UnknownRobotError,
-    UnknownTopicError,
 )
 
 PATH = Path("team.yaml")
@@ -90,17 +88,6 @@ def test_ports_are_indices_in_the_own_client_list():
         io.port_for("io")
 
 
-def test_defaults():
-    assert team().robot("io").listen == "*"
-    assert team().robot("io").radio is None
-    assert team().trigger == Trigger(
-        rssi_threshold_dbm=-75.0, hysteresis_db=3.0, interval_s=2.0, budget_bytes=None
-    )
-    assert team().trust is Trust.RELAYS
-    assert not team().robot("io").original
-    assert team().topic("io", "/pose").history == 1
-
-
 def test_an_empty_place_among_the_clients_keeps_its_port_unused():
     text = TEXT.replace("clients: [io, titan]", "clients: [null, io, null, titan]")
     callisto = team(text).robot("callisto")
@@ -125,22 +112,6 @@ def test_what_keys_topics_and_definitions_may_say():
     assert team(text).topic("titan", "/path").aggregate
     text = text.replace("clients: [io, titan]", "clients: [io, titan]\n    original: true")
     assert "the original node of callisto ends over messages that go together" in problems(text)[0]
-
-
-def test_ids_of_a_header():
-    found = team().by_ids(2, 1)
-    assert found is not None
-    assert (found[0].name, found[1].name) == ("titan", "/path")
-    assert team().by_ids(2, 2) is None
-    assert team().by_ids(3, 0) is None
-    assert team().by_ids(255, 255) is None
-
-
-def test_unknown_names_list_the_known_ones():
-    with pytest.raises(UnknownRobotError, match=r"no robot 'mars' in team.yaml; use one of call"):
-        team().robot("mars")
-    with pytest.raises(UnknownTopicError, match=r"titan \(aerial_robot\) has no topic '/map'; use"):
-        team().topic("titan", "/map")
 
 
 def test_with_robots_changes_and_checks():

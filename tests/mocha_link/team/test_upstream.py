@@ -10,7 +10,7 @@ import pytest
 from mocha_link.cli.cli import main
 from mocha_link.team import upstream
 from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.team import Team, UnknownRobotError
+from mocha_link.team.team import Team
 
 DATA = Path(__file__).parents[2] / "data/mocha"
 ROBOTS = """\
@@ -183,11 +183,6 @@ def test_too_many(files):
     result = files([("radios", '"00:00:00:00:00:03"', addresses)])
     assert result.team.robot("drone").radio_id.count(":") == 35  # seven of them
     assert "too many addresses" in str(result.notices[0])
-
-
-def test_a_robot_of_ours_that_is_none(files):
-    with pytest.raises(UnknownRobotError, match="no robot 'rovr'"):
-        files(ours=["rovr"])
 
 
 def test_the_command(tmp_path, capsys):
