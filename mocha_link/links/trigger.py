@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 
@@ -60,6 +60,9 @@ class SyncTrigger:
         self._by_timer = by_timer
         self._links = {peer: _Link() for peer in peers}  # by peer
         self._news: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
+        self._followed: frozenset[str] = frozenset()  # peers that push what they store
+        self._looked_s = inf  # when `_next_s` was found out
+        self._next_s = -inf  # before that there is nothing to look for; -inf: not known
 
     def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
         """Take in a report of the radio; says whether contact begins with it.
@@ -68,6 +71,7 @@ class SyncTrigger:
         cannot be.
         """
         link, before = self._links[peer], self.reading(peer)
+        self._next_s = -inf
         reading = as_reading(reading)
         if reading is None:
             link.signals.clear()
@@ -88,6 +92,8 @@ class SyncTrigger:
 
     def look(self, now_s: float) -> None:
         """Note of which peers the radio has been silent for too long: not heard any more."""
+        if not self._may_be_due(now_s):
+            return
         limit_s = SILENT_INTERVALS * self._settings.interval_s
         heard = [(peer, link) for peer, link in self._links.items() if link.signals]
         for peer, link in heard:
@@ -99,38 +105,55 @@ class SyncTrigger:
                 self._tell_signal(peer, now_s)
         for peer, link in heard:
             self._judge(peer, link, now_s, SILENT)
+        self._next_s = -inf
 
-    def due(self, now_s: float, followed: Collection[str] = ()) -> list[str]:
-        """The peers to pull from now; each counts as pulled from by this answer.
+    def follow(self, peers: Iterable[str]) -> None:
+        """These push what they store, and no others."""
+        self._followed = frozenset(peers)
+        self._next_s = -inf
 
-        `followed` are those that push.
-        """
+    def due(self, now_s: float) -> list[str]:
+        """The peers to pull from now; each counts as pulled from by this answer."""
+        if not self._may_be_due(now_s):
+            return []
         due = []
         for peer, link in self._links.items():
             if link.contact_began_s is None and not self._by_timer:
                 continue
             last = link.last_sync_s
-            # A clock that was set back must not stop the syncs until it comes round again.
-            if last is None or not 0 <= now_s - last < self._interval_s(peer, followed):
+            if last is None or not 0 <= now_s - last < self._interval_s(peer):
                 link.last_sync_s = now_s
                 due.append(peer)
+        self._looked_s, self._next_s = now_s, -inf
         return due
 
-    def due_s(self, followed: Collection[str] = ()) -> float:
+    @property
+    def due_s(self) -> float:
         """When, in Unix seconds, `due` or `look` has something to say; inf: not by time."""
+        if self._next_s == -inf:
+            self._next_s = self._due_s()
+        return self._next_s
+
+    def _may_be_due(self, now_s: float) -> bool:
+        """A clock that was set back must not stop the syncs until it comes round again."""
+        return not self._looked_s <= now_s < self.due_s
+
+    def _due_s(self) -> float:
         times = []
         silent_s = SILENT_INTERVALS * self._settings.interval_s
         for peer, link in self._links.items():
             if link.contact_began_s is not None or self._by_timer:
                 if link.last_sync_s is None:
                     return -inf
-                times.append(link.last_sync_s + self._interval_s(peer, followed))
+                times.append(link.last_sync_s + self._interval_s(peer))
             times += [signal.reported_s + silent_s for signal in link.signals.values()]
         return min(times, default=inf)
 
-    def _interval_s(self, peer: str, followed: Collection[str]) -> float:
+    def _interval_s(self, peer: str) -> float:
         interval_s = self._settings.interval_s
-        return max(interval_s, len(followed) / FOLLOWED_PULLS_S) if peer in followed else interval_s
+        if peer not in self._followed:
+            return interval_s
+        return max(interval_s, len(self._followed) / FOLLOWED_PULLS_S)
 
     def news(self) -> list[RssiChanged | ContactBegan | ContactEnded]:
         """The signals that changed, the contacts that began and ended since the last call."""

@@ -16,6 +16,7 @@ from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import protect_contact
+from mocha_link.node.kernel import Polled, Watcher
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
 from mocha_link.team.keys import PublicKey, SecretKey
@@ -55,7 +56,7 @@ class TcpConnection:
         self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []  # requests until it stands
-        self._watched: int | None = None  # its descriptor in the poller
+        self._watched: tuple[socket.socket, int] | None = None  # and its descriptor, in the poller
         self._connect()
 
     def _connect(self) -> None:
@@ -75,23 +76,27 @@ class TcpConnection:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
 
-    def watch(self, poller: zmq.Poller) -> None:
+    def watch(self, poller: Watcher) -> None:
         """Have the poller wait for what this waits for."""
+        if self._watched is None or self._watched[0] is not self._socket:
+            self.forget(poller)  # the first connection, whose number this one may have
+            self._watched = self._socket, self._socket.fileno()
         writing = self._connected_s is None or self._out
-        number = self._socket.fileno()
-        if number != self._watched:  # that of the first connection may be another one's by now
-            self.forget(poller)
-            self._watched = number
-        poller.register(number, zmq.POLLIN | (zmq.POLLOUT if writing else 0))
+        poller.register(self._watched[1], zmq.POLLIN | (zmq.POLLOUT if writing else 0))
 
-    def forget(self, poller: zmq.Poller) -> None:
+    def forget(self, poller: Watcher) -> None:
         """Take it out of the poller."""
         if self._watched is not None:
             with contextlib.suppress(KeyError):
-                poller.unregister(self._watched)
+                poller.unregister(self._watched[1])
             self._watched = None
 
-    def is_ready(self, ready: set[object], now_s: float) -> bool:
+    @property
+    def is_restless(self) -> bool:
+        """Whether there may be something to do though nothing comes."""
+        return self.failure is not None or bool(self._waiting)
+
+    def is_ready(self, ready: set[Polled], now_s: float) -> bool:
         """Whether there is something to do."""
         late = bool(self._waiting) and self._may_ask(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
@@ -261,12 +266,12 @@ class CurveConnection:
         self._full = False  # libzmq takes no more
         self._socket.connect(f"tcp://{address}:{port}")
 
-    def watch(self, poller: zmq.Poller) -> None:
+    def watch(self, poller: Watcher) -> None:
         """Have the poller wait for what this waits for."""
         poller.register(self._socket, zmq.POLLIN)
         poller.register(self._monitor, zmq.POLLIN)
 
-    def forget(self, poller: zmq.Poller) -> None:
+    def forget(self, poller: Watcher) -> None:
         """Take it out of the poller."""
         for each in (self._socket, self._monitor):
             with contextlib.suppress(KeyError):
@@ -277,10 +282,14 @@ class CurveConnection:
         """Nothing here goes by the clock."""
         return None
 
-    def is_ready(self, ready: set[object], _now_s: float) -> bool:
+    @property
+    def is_restless(self) -> bool:
+        """Whether there may be something to do though nothing comes."""
+        return self._full or self.failure is not None
+
+    def is_ready(self, ready: set[Polled], _now_s: float) -> bool:
         """Whether there is something to do."""
-        failed = self._full or self.failure is not None
-        return failed or self._socket in ready or self._monitor in ready
+        return self.is_restless or self._socket in ready or self._monitor in ready
 
     def turn(self, _now_s: float) -> bool:
         """Take in what ZeroMQ tells about the connection; says whether anything arrived."""

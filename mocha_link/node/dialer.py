@@ -14,6 +14,7 @@ import zmq
 
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
+from mocha_link.node.kernel import Poller, Ready
 from mocha_link.node.port import BURST
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Robot, Team
@@ -94,7 +95,7 @@ class Dialer:
         self,
         team: Team,
         me: Robot,
-        poller: zmq.Poller,
+        poller: Poller,
         context: zmq.Context[zmq.Socket[bytes]],
         *,
         secret: SecretKey | None,
@@ -115,6 +116,7 @@ class Dialer:
         self._connections: dict[
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
+        self._restless: set[str] = set()  # peers whose connection does not wait for sockets alone
         self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._datagrams: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
@@ -126,7 +128,7 @@ class Dialer:
         except OSError as error:
             LOG.warning("no datagrams: %s", error)
         else:
-            self._poller.register(self._datagrams, zmq.POLLIN)
+            self._poller.register(self._datagrams.fileno(), zmq.POLLIN)
 
     def close(self) -> None:
         """Give up everything that it holds open."""
@@ -145,6 +147,7 @@ class Dialer:
         """Replace the connection to a peer by a fresh one; it opens when something is sent."""
         self.hang_up(peer, void=True)
         self._connections[peer] = []
+        self._restless.add(peer)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -154,30 +157,35 @@ class Dialer:
             self._open(peer, connection)
         elif connection:
             connection.send(frame)
-            connection.watch(self._poller)
+            self._watch(peer, connection)
 
     def hang_up(self, peer: str, *, void: bool) -> None:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
         connection = self._connections.pop(peer, None)
+        self._restless.discard(peer)
         if connection and not isinstance(connection, list):
             now_s = time.monotonic()
             if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
                 self._patient_until_s[peer] = now_s + PATIENT_S
-            connection.forget(self._poller)
+            connection.forget(self._poller.of(peer))
             if void:
                 connection.abort()
             else:
                 connection.close()
 
     def ready(
-        self, ready: set[object], now_s: float, *, observe: bool
+        self, ready: Ready, now_s: float, *, observe: bool
     ) -> Iterator[tuple[str, Connection]]:
-        """The connections to look after, or to `observe` all; opens those of known address."""
-        for peer in list(self._connections):
+        """The connections to look after; opens those of known address.
+
+        To `observe` is to look at all of those of which the poller does not tell everything.
+        """
+        due = self._restless | {each for each in ready.owners if isinstance(each, str)}
+        for peer in due | (self._keys.keys() if observe else set()):
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
-            elif connection and (observe or connection.is_ready(ready, now_s)):
+            elif connection and (observe or connection.is_ready(ready.sockets, now_s)):
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
@@ -187,17 +195,26 @@ class Dialer:
         if connection.failure:
             self.hang_up(peer, void=True)
         else:
-            connection.watch(self._poller)
+            self._watch(peer, connection)
 
     def wait_s(self, now_s: float) -> float:
         """How long nothing is to be done if nothing comes."""
         waits_s = [math.inf]
-        for connection in self._connections.values():
+        for connection in map(self._connections.get, self._restless):
             if isinstance(connection, list):
                 waits_s.append(LOOK_AGAIN_S)
-            elif connection.wake_s is not None:
+            elif connection and connection.failure is not None:
+                waits_s.append(0.0)
+            elif connection and connection.wake_s is not None:
                 waits_s.append(connection.wake_s - now_s)
         return min(waits_s)
+
+    def _watch(self, peer: str, connection: Connection) -> None:
+        connection.watch(self._poller.of(peer))
+        if connection.is_restless:
+            self._restless.add(peer)
+        else:
+            self._restless.discard(peer)
 
     def _open(self, peer: str, frames: list[bytes]) -> None:
         """Open the connection to a peer and send what waits for it, once its address is known."""
@@ -214,10 +231,11 @@ class Dialer:
                 self._connections[peer] = connection
                 for frame in frames:
                     connection.send(frame)
-                connection.watch(self._poller)
+                self._watch(peer, connection)
                 return
         if why:
             self._connections.pop(peer, None)
+            self._restless.discard(peer)
             self._lost(peer, why)
 
     def _new_connection(self, peer: str, address: str, port: int) -> Connection:
@@ -240,9 +258,9 @@ class Dialer:
             with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
                 self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
 
-    def packets(self, ready: set[object]) -> Iterator[tuple[str, bytes]]:
+    def packets(self, ready: Ready) -> Iterator[tuple[str, bytes]]:
         """The datagrams that peers have sent in answer to ours, and whose they are."""
-        if self._datagrams is None or self._datagrams.fileno() not in ready:
+        if self._datagrams is None or self._datagrams.fileno() not in ready.sockets:
             return
         for packet, source in kernel.received(self._datagrams, BURST):
             peer = self._peers_at.get(source)

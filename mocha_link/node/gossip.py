@@ -14,7 +14,7 @@ from mocha_link.links.link_table import QUIET_S, LinkTable
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
-from mocha_link.node.peer_link import PeerLink, peer_links
+from mocha_link.node.peer_link import PeerLink, PeerLinks
 from mocha_link.node.publisher import Publisher
 from mocha_link.store.config_hash import config_hash_of
 from mocha_link.store.database import Database
@@ -86,10 +86,10 @@ class Gossip:
             timeout_s=timeout_s,
             follow=follow,
         )
-        self._links = peer_links(self._context, self.me, self._link_table, datagrams=datagrams)
+        self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
-        self._counted = 0  # of these the link table has had so many
         self._sequence = -1  # of the database, when peers were last pushed what is new
+        self._served: set[str] = set()  # peers for whose connection there may be a frame
 
     # --- the robot's own messages
 
@@ -145,7 +145,7 @@ class Gossip:
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
-        link = self._links[peer]
+        link = self._links.touch(peer)
         reply = link.server.answer(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
@@ -154,37 +154,37 @@ class Gossip:
 
     def route(self, peer: str) -> Route | None:
         """The connection on which the peer pulls, if it does."""
-        return self._links[peer].server.route
+        return self._links.look(peer).server.route
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
-        supplied = self._links[peer].server.supply()
+        supplied = self._links.look(peer).server.supply()
         if supplied:
             self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Take in a datagram that came to the port for a peer; says whether it made sense."""
-        link = self._links[peer]
+        link = self._links.touch(peer)
         known = link.server.packet(packet, now)
         self._serve(link, now)
         return known
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        link = self._links[peer]
+        link = self._links.touch(peer)
         link.puller.reply(parts, now)
         self._tell(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        link = self._links[peer]
+        link = self._links.touch(peer)
         link.puller.packet(packet, now)
         self._tell(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._links[peer].puller.progress(now, rtt_s)
+        self._links.touch(peer).puller.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -196,7 +196,7 @@ class Gossip:
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        link = self._links[peer]
+        link = self._links.touch(peer)
         link.puller.lost(reason, now)
         self._tell(link, now)
 
@@ -205,63 +205,71 @@ class Gossip:
         self._link_table.refuse(peer, reason)
 
     def tell(self, event: LinkEvent) -> None:
-        """Have listeners told of what the program has noticed."""
+        """Have listeners told of what has happened, or what the program has noticed."""
         self._events.append(event)
+        self._link_table.update(event)
 
     # --- what the time brings
 
     def tick(self, now: Instant) -> None:
-        """Do what is due by the time alone; call it often, and at `wake_s`."""
+        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input.
+
+        It looks at the links on which something happens, not at all.
+        """
         self._trigger.look(now.unix_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
-        for link in self._links.values():
+        busy = self._links.busy(now.steady_s)
+        for link in busy:
             link.puller.tick(now)
             self._tell(link, now)
-        stored, self._sequence = self.database.sequence != self._sequence, self.database.sequence
-        for link in self._links.values():
+        if self.database.sequence != self._sequence:
+            self._sequence = self.database.sequence
+            for link in self._links:
+                if link.server.serves:
+                    self._links.touch(link.peer.name)
+            busy = self._links.busy(now.steady_s)
+        for link in busy:
             link.server.tick(now)
-            if stored or link.peer.events or link.server.is_due(now):
-                self._serve(link, now)
+            self._serve(link, now)
+            self._served.add(link.peer.name)
         self._pull_due(now)
+        self._links.settle()
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
-        sides = (side for link in self._links.values() for side in (link.puller, link.server))
-        return min((side.wake_s for side in sides if side.wake_s is not None), default=None)
+        return self._links.wake_s
 
     @property
     def pulling(self) -> list[str]:
         """The peers from which a pull is under way."""
-        return [peer for peer, link in self._links.items() if link.puller.pull]
+        return [link.peer.name for link in self._links if link.puller.pull]
 
     @property
     def due_s(self) -> float:
         """When, in Unix seconds, `tick` has to store or to begin something; inf: nothing waits."""
-        return min(self._trigger.due_s(self._followed()), self._publisher.due_s)
+        return min(self._trigger.due_s, self._publisher.due_s)
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a sync is under way: call `tick` often then."""
-        return any(link.puller.is_busy or link.server.is_busy for link in self._links.values())
+    def take_served(self) -> set[str]:
+        """The peers for which `supply` may have a frame since the last call."""
+        served, self._served = self._served, set()
+        return served
 
     # --- what it wants and says
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
-        self._count()
         actions, events = list(self._context.actions), self._events
         self._context.actions.clear()
-        self._events, self._counted = [], 0
+        self._events = []
         return actions, events
 
     def links(
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
         """The state of every link; `ages_s` is what `ages_s` has answered just now."""
-        self._count()
         return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
@@ -280,23 +288,9 @@ class Gossip:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
         return self._link(peer).peer.newest
 
-    def _count(self) -> None:
-        """Bring the link table up to date."""
-        for peer, link in self._links.items():
-            if link.peer.bytes_in:
-                self._link_table.count(peer, bytes_in=link.peer.bytes_in)
-                link.peer.bytes_in = 0
-        for event in self._events[self._counted :]:
-            self._link_table.update(event)
-        self._counted = len(self._events)
-
     def _pull_due(self, now: Instant) -> None:
-        for peer in self._trigger.due(now.unix_s, self._followed()):
+        for peer in self._trigger.due(now.unix_s):
             self.sync(peer, now)
-
-    def _followed(self) -> set[str]:
-        """The peers that push what they store."""
-        return {peer for peer, link in self._links.items() if link.puller.followed}
 
     def _serve(self, link: PeerLink, now: Instant) -> None:
         """Send a peer what its pull is to get by datagrams, and tell what has become of it."""
@@ -308,6 +302,12 @@ class Gossip:
     def _tell(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
         peer = link.peer
+        if peer.bytes_in:
+            self._link_table.count(peer.name, bytes_in=peer.bytes_in)
+            peer.bytes_in = 0
+        if link.pushes != (link.puller.followed is not None):
+            link.pushes = not link.pushes
+            self._trigger.follow(each.peer.name for each in self._links if each.pushes)
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
@@ -315,7 +315,7 @@ class Gossip:
             link.differs = peer.config_mismatch
             self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
-            self._events.append(event)
+            self.tell(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
@@ -326,13 +326,13 @@ class Gossip:
         if record and known:
             name, topic = self.me.name, known[1].name
             stored = MessageStored(name, now.unix_s, name, topic, record.header, len(record.body))
-            self._events.append(stored)
+            self.tell(stored)
 
     def _tell_contacts(self, now: Instant) -> None:
         for event in self._trigger.news():
-            self._events.append(event)
+            self.tell(event)
             if isinstance(event, ContactEnded):
-                link = self._links[event.peer]
+                link = self._links.touch(event.peer)
                 link.puller.unfollow()
                 self._tell(link, now)
 
@@ -340,4 +340,4 @@ class Gossip:
         """What belongs to a peer. Raises UnknownRobotError."""
         if peer not in self._links:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
-        return self._links[peer]
+        return self._links.touch(peer)

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 import zmq
 
 from mocha_link.node import kernel
+from mocha_link.node.kernel import Polled, Watcher
 from mocha_link.node.port import (
     BURST,
     DEAD_PEER_S,
@@ -162,7 +163,7 @@ class OpenPort(Port):
 
     DESCRIPTORS = 2  # a listener and datagrams
 
-    def __init__(self, poller: zmq.Poller, callers: Callers, me: Robot, peer: str) -> None:
+    def __init__(self, poller: Watcher, callers: Callers, me: Robot, peer: str) -> None:
         self._poller = poller
         self._callers = callers
         self._inside: dict[bytes, Caller] = {}  # by name
@@ -180,24 +181,16 @@ class OpenPort(Port):
                 raise
             self._listener = early_listener(me, number, error)
 
-    def watch(self, poller: zmq.Poller) -> None:
+    def watch(self, poller: Watcher) -> None:
         """Have the poller wait for requests and datagrams."""
         super().watch(poller)
         poller.register(self._listener.fileno(), zmq.POLLIN)
 
-    def is_ready(self, ready: set[object]) -> bool:
-        """Whether anything has come, or waits."""
-        return (
-            self._listener.fileno() in ready
-            or any(self._has_turn(caller, ready) for caller in self._inside.values())
-            or super().is_ready(ready)
-        )
-
     @staticmethod
-    def _has_turn(caller: Caller, ready: set[object]) -> bool:
+    def _has_turn(caller: Caller, ready: set[Polled]) -> bool:
         return caller.number in ready or bool(caller.requests and not caller.is_late)
 
-    def requests(self, ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+    def requests(self, ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
         """Those whose turn it is: on which connection each came, and its body parts."""
         if self._listener.fileno() in ready:
             self._accept()
@@ -212,7 +205,7 @@ class OpenPort(Port):
                     self._settle(caller)
 
     def _requests_of(
-        self, caller: Caller, ready: set[object]
+        self, caller: Caller, ready: set[Polled]
     ) -> Iterator[tuple[Route, list[bytes]]]:
         if caller.number in ready and not caller.requests and not caller.is_late:
             try:

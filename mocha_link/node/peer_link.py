@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,17 +23,75 @@ class PeerLink:
     puller: Puller
     server: Server
     differs: bool = False  # its team file is another one, as was told
+    pushes: bool = False  # what it stores comes unasked, as was seen last
+
+    @property
+    def wake_s(self) -> float | None:
+        """When the time brings something, in steady seconds; None: it does not."""
+        wakes_s = (self.puller.wake_s, self.server.wake_s)
+        return min((each for each in wakes_s if each is not None), default=None)
 
 
-def peer_links(
-    context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
-) -> dict[str, PeerLink]:
-    """The links of a robot by peer; messages are verified if the team has keys or demands them.
+class PeerLinks:
+    """The links of a robot: a turn of the node looks at those on which something happens.
+
+    Messages are verified if the team has keys or demands them.
 
     Raises:
         KeyMismatchError: a key in the team file is none.
         KeysUnavailableError: the team has keys, and PyNaCl is missing.
     """
+
+    def __init__(
+        self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
+    ) -> None:
+        self._links = _links(context, me, link_table, datagrams=datagrams)  # by peer
+        self._touched: set[str] = set()  # peers of whom something came, and not settled
+        self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
+
+    def __contains__(self, peer: str) -> bool:
+        return peer in self._links
+
+    def __iter__(self) -> Iterator[PeerLink]:
+        return iter(self._links.values())
+
+    def look(self, peer: str) -> PeerLink:
+        """What belongs to a peer, of whom nothing comes."""
+        return self._links[peer]
+
+    def touch(self, peer: str) -> PeerLink:
+        """What belongs to a peer of whom something comes."""
+        self._touched.add(peer)
+        return self._links[peer]
+
+    def busy(self, now_s: float) -> list[PeerLink]:
+        """Those on which something came since `settle`, or the time brings something."""
+        self._touched.update(p for p, wake_s in self._wakes_s.items() if wake_s <= now_s)
+        return [link for peer, link in self._links.items() if peer in self._touched]
+
+    def settle(self) -> None:
+        """All that came is dealt with: what is left is brought by the time."""
+        self._note_wakes()
+        self._touched.clear()
+
+    def _note_wakes(self) -> None:
+        for peer in self._touched:
+            wake_s = self._links[peer].wake_s
+            if wake_s is None:
+                self._wakes_s.pop(peer, None)
+            else:
+                self._wakes_s[peer] = wake_s
+
+    @property
+    def wake_s(self) -> float | None:
+        """When the time brings something, in steady seconds; None: it does not."""
+        self._note_wakes()
+        return min(self._wakes_s.values(), default=None)
+
+
+def _links(
+    context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
+) -> dict[str, PeerLink]:
     team = context.team
     verifier = Verifier(team)
     verifies = team.trust is Trust.SIGNED or any(robot.key for robot in team.robots.values())

@@ -20,6 +20,7 @@ import zmq
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
 from mocha_link.node.curve import protect_port
+from mocha_link.node.kernel import Polled, Watcher
 from mocha_link.node.zmtp import Part
 from mocha_link.sync.protocol import Route
 from mocha_link.team.keys import SecretKey
@@ -59,17 +60,13 @@ class Port(ABC):
     def _listen(self, me: Robot, number: int) -> None:
         """Bind. Raises OSError or ZMQError."""
 
-    def watch(self, poller: zmq.Poller) -> None:
+    def watch(self, poller: Watcher) -> None:
         """Have the poller wait for requests and datagrams."""
         if self._datagrams:
             poller.register(self._datagrams.fileno(), zmq.POLLIN)
 
-    def is_ready(self, ready: set[object]) -> bool:
-        """Whether anything has come, or waits."""
-        return self._datagrams is not None and self._datagrams.fileno() in ready
-
     @abstractmethod
-    def requests(self, ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+    def requests(self, ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
         """Those whose turn it is: on which connection each came, and its body parts.
 
         Reply before you fetch the next. Those of a connection that does not take its replies wait,
@@ -166,16 +163,12 @@ class ProtectedPort(Port):
             self.socket.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
             self.socket.bind(endpoint)
 
-    def watch(self, poller: zmq.Poller) -> None:
+    def watch(self, poller: Watcher) -> None:
         """Have the poller wait for requests and datagrams."""
         super().watch(poller)
         poller.register(self.socket, zmq.POLLIN)
 
-    def is_ready(self, ready: set[object]) -> bool:
-        """Whether anything has come, or waits."""
-        return bool(self._late) or self.socket in ready or super().is_ready(ready)
-
-    def requests(self, _ready: set[object]) -> Iterator[tuple[Route, list[bytes]]]:
+    def requests(self, _ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
         """Those whose turn it is: on which connection each came, and its body parts."""
         yield from self._resumed()
         for _ in range(BURST):

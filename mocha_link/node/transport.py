@@ -7,6 +7,7 @@ import logging
 import socket
 import threading
 from collections.abc import Callable
+from typing import NamedTuple
 
 import zmq
 
@@ -18,6 +19,7 @@ from mocha_link.node.connection import Connection
 from mocha_link.node.curve import ZapHandler
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
+from mocha_link.node.kernel import Poller, Ready
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
 from mocha_link.sync.protocol import (
@@ -32,13 +34,19 @@ from mocha_link.sync.protocol import (
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team
 
-TICK_MS = 20  # while a sync is under way, and with a simulated clock, which may run fast
+TICK_MS = 20  # with a simulated clock, which may run fast
 OBSERVE_S = 0.25
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
 
 LOG = logging.getLogger("mocha_link")
+
+
+class _PortFor(NamedTuple):
+    """In the poller the owner of all that belongs to a port; connections belong to peers' names."""
+
+    peer: str
 
 
 class Transport:
@@ -72,8 +80,9 @@ class Transport:
         self._simulated = simulated
         self._serves = serves  # has ports; otherwise it only asks
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of all its sockets
-        self._poller = zmq.Poller()
+        self._poller = Poller()
         self._ports: dict[str, Port] = {}  # by peer
+        self._unfinished: set[str] = set()  # peers at whose port there is more to do
         self._callers = Callers()  # of those without a key
         self._gate: ZapHandler | None = None  # None: no peer is protected
         self._seals: dict[str, Seal] = {}  # by peer
@@ -111,15 +120,16 @@ class Transport:
             raise
         self._waker.setblocking(False)
         self._woken.setblocking(False)
-        for port in self._ports.values():
-            port.watch(self._poller)
-        for each in (*(self._gate.sockets if self._gate else ()), self._woken):
+        for peer, port in self._ports.items():
+            port.watch(self._poller.of(_PortFor(peer)))
+        for each in self._gate.sockets if self._gate else ():
             self._poller.register(each, zmq.POLLIN)
+        self._poller.register(self._woken.fileno(), zmq.POLLIN)
         self._thread.start()
 
     def _new_port(self, peer: str) -> Port:
         if not self._secret or not self._gate or peer not in self._keys:
-            return OpenPort(self._poller, self._callers, self._me, peer)
+            return OpenPort(self._poller.of(_PortFor(peer)), self._callers, self._me, peer)
         port = ProtectedPort(self._context, self._me, peer, self._secret)
         self._gate.watch(port.socket, peer)
         return port
@@ -167,7 +177,7 @@ class Transport:
         wait_ms = 0
         try:
             while not self._stopping:
-                ready: set[object] = {each for each, _ in self._poller.poll(wait_ms)}
+                ready = self._poller.poll(wait_ms)
                 wait_ms = TICK_MS
                 try:
                     wait_ms = self._turn(ready)
@@ -176,15 +186,16 @@ class Transport:
         finally:
             self._close_all()
 
-    def _turn(self, ready: set[object]) -> int:
+    def _turn(self, ready: Ready) -> int:
         """Do what is to be done; how many milliseconds to wait for more."""
-        if self._woken.fileno() in ready:
+        if self._woken.fileno() in ready.sockets:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
-        for port in self._ports.values():
-            if port.is_ready(ready):
-                self._serve(port, ready)
-        if self._gate and not ready.isdisjoint(self._gate.sockets):
+        asked = {each.peer for each in ready.owners if isinstance(each, _PortFor)}
+        asked |= self._unfinished
+        for peer in asked:
+            self._serve(self._ports[peer], ready)
+        if self._gate and not ready.sockets.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
         for peer, packet in self._dialer.packets(ready):
             with self._lock:
@@ -199,18 +210,20 @@ class Transport:
             self._attend(connection, peer, now)
         with self._lock:
             self._gossip.tick(now)
+            asked |= self._gossip.take_served()
         self._act()
-        wait_ms = min((self._supply(port) for port in self._ports.values()), default=IDLE_MS)
+        waits_ms = {peer: self._supply(self._ports[peer]) for peer in asked & self._ports.keys()}
+        self._unfinished = {peer for peer, wait_ms in waits_ms.items() if wait_ms < IDLE_MS}
         self._act()
-        return min(wait_ms, self._wait_ms())
+        return min(min(waits_ms.values(), default=IDLE_MS), self._wait_ms())
 
     def _wait_ms(self) -> int:
         """How long nothing is to be done if nothing comes."""
         with self._lock:
-            wake_s, due_s, busy = self._gossip.wake_s, self._gossip.due_s, self._gossip.is_busy
+            wake_s, due_s = self._gossip.wake_s, self._gossip.due_s
         now = self._now()
         waits_s = [
-            (TICK_MS if busy or self._simulated else IDLE_MS) / 1000,
+            (TICK_MS if self._simulated else IDLE_MS) / 1000,
             due_s - now.unix_s,
             self._dialer.wait_s(now.steady_s),
         ]
@@ -218,17 +231,17 @@ class Transport:
             waits_s.append(wake_s - now.steady_s)
         return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
-    def _serve(self, port: Port, ready: set[object]) -> None:
-        for route, parts in port.requests(ready):
+    def _serve(self, port: Port, ready: Ready) -> None:
+        for route, parts in port.requests(ready.sockets):
             with self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._act()
-        address = self._dialer.address(port.peer)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
             # Without a key an address is all there is to tell friends from strangers.
-            if opened is None or (not seal and source[0] != address):
+            strange = not seal and source[0] != self._dialer.address(port.peer)
+            if opened is None or strange:
                 continue
             with self._lock:
                 known = self._gossip.packet_in(port.peer, opened, self._now())
@@ -316,5 +329,6 @@ class Transport:
         for port in self._ports.values():
             port.close()
         self._context.term()
+        self._poller.close()
         self._waker.close()
         self._woken.close()

@@ -92,6 +92,13 @@ class ServerSession:
             self._offered = self._offered_before = {}
         self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
 
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
+        if self._pull and not self._pull.given_up:
+            return self._heard_s + PATIENCE_S
+        return self._heard_s + FORGET_S if self._offered else None
+
     def _note_arrival(self, code: bytes) -> None:
         """Another request: the large answer that was under way has arrived, or was let go of."""
         topic, self._under_way = self._under_way, b""

@@ -215,15 +215,26 @@ class Pull:
 
     def is_in_vain(self, now: Instant) -> bool:
         """Whether the connection that stood has brought nothing for too long: try a fresh one."""
-        patience_s = STANDS_S + 2 * (self._peer.rtt_s or 0.0)
-        return self.standing and now.steady_s - self._began_s > patience_s
+        return self.standing and now.steady_s > self._vain_s
+
+    @property
+    def _vain_s(self) -> float:
+        """When it is."""
+        return self._began_s + STANDS_S + 2 * (self._peer.rtt_s or 0.0)
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest."""
-        if self._datagrams_at_s is not None:
-            return self._datagrams_at_s
-        return self.flow.wake_s if self.flow else None
+        """When to call `tick` at the latest; None: the time brings nothing."""
+        flow_s = self.flow.wake_s if self.flow else None
+        times = [each for each in (self._datagrams_at_s, flow_s) if each is not None]
+        if not self.over:
+            timeout_s = self._peer.node.timeout_s
+            times.append(self.alive_s + timeout_s)
+            if self._relies_on_datagrams:
+                times.append(max(self._last_s, self._began_s) + IDLE * timeout_s)
+            if self.standing:
+                times.append(self._vain_s)
+        return min(times, default=None)
 
     @property
     def rtt_s(self) -> float | None:

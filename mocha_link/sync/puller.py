@@ -138,16 +138,14 @@ class Puller:
             self._peer.node.actions.append(Disconnect(self._peer.name, void=True))
 
     @property
-    def is_busy(self) -> bool:
-        """Whether a pull is under way, or its end is being said."""
-        return self.pull is not None or self._ending is not None
-
-    @property
     def wake_s(self) -> float | None:
-        """When to call `tick` at the latest, in steady seconds; None: no hurry."""
+        """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
         times = [pull.wake_s for pull in (self.pull, self.followed) if pull]
+        if self.followed:
+            times.append(self.followed.alive_s + FOLLOW_S)
         if self._ending:
-            times.append(self._ending[0].wake_s)
+            flow, until_s = self._ending
+            times += [flow.wake_s, until_s]
         return min((each for each in times if each is not None), default=None)
 
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:

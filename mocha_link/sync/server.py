@@ -49,6 +49,11 @@ def _random_number() -> int:
     return int.from_bytes(os.urandom(4), "big") >> 2
 
 
+def _patience_s(sync: ServedSync) -> float:
+    """How long the peer may say nothing."""
+    return FOLLOW_S if sync.follows else PATIENCE_S
+
+
 class Server:
     """Answers one peer, whatever it sends, and tells when its pulls start and end."""
 
@@ -103,20 +108,19 @@ class Server:
 
     @property
     def wake_s(self) -> float | None:
-        """When to call `transmit` at the latest."""
-        return self._flow.wake_s if self._flow else None
+        """When to call `tick` and `transmit` at the latest; None: the time brings nothing."""
+        sync, flow = self._sync, self._flow
+        times = [self._session.wake_s, flow.wake_s if flow else None]
+        if sync:
+            times += [sync.heard_s + _patience_s(sync), self._doubt_s(sync)]
+        elif flow:
+            times.append(self._ended_s + LINGER_S)
+        return min((each for each in times if each is not None), default=None)
 
     @property
-    def is_busy(self) -> bool:
-        """Whether a pull is under way, whose time-outs are to be looked after."""
-        return not self._sync.follows if self._sync else self._flow is not None
-
-    def is_due(self, now: Instant) -> bool:
-        """Whether `transmit` has something, though nothing was stored meanwhile."""
-        if self.is_busy:
-            return True
-        wake_s = self.wake_s
-        return wake_s is not None and wake_s <= now.steady_s
+    def serves(self) -> bool:
+        """Whether a pull of a new node is under way, or followed: what is stored is for it."""
+        return self._sync is not None
 
     @property
     def route(self) -> Route | None:
@@ -156,22 +160,24 @@ class Server:
         sync = self._sync
         if sync is None and self._flow and now.steady_s - self._ended_s > LINGER_S:
             self._close_flow()
-        if sync:
-            self._doubt_datagrams(sync, now)
-        if sync and now.steady_s - sync.heard_s > (FOLLOW_S if sync.follows else PATIENCE_S):
+        if sync is None:
+            return
+        doubt_s = self._doubt_s(sync)
+        if self._flow and doubt_s is not None and now.steady_s > doubt_s:
+            sync.leave_datagrams(self._flow.reclaim())
+        if now.steady_s - sync.heard_s > _patience_s(sync):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
-    def _doubt_datagrams(self, sync: ServedSync, now: Instant) -> None:
-        """Where ours do not get back to the peer, the connection serves.
+    def _doubt_s(self, sync: ServedSync) -> float | None:
+        """When it is clear that our datagrams do not get back to the peer: the connection serves.
 
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
         takes no longer.
         """
         flow = self._flow
         if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
-            return
-        if now.steady_s - sync.routed_s > 2 * (sync.routed_s - sync.began_s) + UNHEARD_S:
-            sync.leave_datagrams(flow.reclaim())
+            return None
+        return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + UNHEARD_S
 
     def _answer_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]

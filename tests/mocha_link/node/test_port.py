@@ -66,7 +66,7 @@ class Shell:
     def turn(self, wait_ms: int = 0) -> list[tuple[tuple[bytes, ...], list[bytes]]]:
         """The requests of one turn; none of them is answered in it."""
         ready = {each for each, _ in self.poller.poll(min(wait_ms, self.port.wait_ms))}
-        return list(self.port.requests(ready)) if self.port.is_ready(ready) else []
+        return list(self.port.requests(ready))
 
     def serve(self, answer: bytes) -> list[bytes]:
         """Answer what is asked in one turn; the requests."""
@@ -350,7 +350,7 @@ def ready(port: Port) -> set[object]:
 def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
     port.send_datagram(b"to no peer yet")
     sender.send(b"hello")
-    assert port.is_ready(ready(port))
+    assert ready(port)
     ((_, port.caller),) = port.packets(64)
     port.send_datagram(b"hello back")
     assert sender.recv(100) == b"hello back"
@@ -362,7 +362,6 @@ def test_a_datagram_port_that_is_taken_is_done_without(kind, titan, caplog):
         with contextlib.closing(Shell(kind, titan)) as shell:
             port = shell.port
             assert f"no datagrams on port {titan.port_for('io')} of titan" in caplog.text
-            assert not port.is_ready(set())
             assert list(port.packets(64)) == []
             port.caller = other.getsockname()
             port.send_datagram(b"nothing")

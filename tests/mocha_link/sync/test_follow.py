@@ -8,6 +8,8 @@ import pytest
 
 from mocha_link.links.link_events import MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.sync.frames import FOLLOW, OPEN, message_frame
+from mocha_link.sync.pull import STANDS_S
+from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import FOLLOW_S
 from mocha_link.sync.sync_messages import Have, Open
 from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
@@ -171,17 +173,38 @@ def test_where_the_connection_is_gone_the_pull_goes_on_over_a_new_one(net, told)
 
 @standing
 def test_what_waits_says_when_it_is_due(net):
-    """A node sleeps until then; it ticks often only while a pull is under way."""
-    io = net.nodes["io"]
-    assert not io.is_busy
+    """A node sleeps until then; of a peer only its long silence is waited for."""
+    io, titan = net.nodes["io"], net.nodes["titan"]
     assert io.due_s == math.inf
     io.heard("titan", NEAR_DBM, net.now)
-    assert io.is_busy
-    assert net.nodes["titan"].due_s == math.inf
+    assert io.wake_s == pytest.approx(net.now.steady_s + STANDS_S, abs=0.5)
+    assert titan.due_s == math.inf
     net.settle()
-    assert not io.is_busy
-    assert not net.nodes["titan"].is_busy
+    assert io.wake_s == pytest.approx(net.now.steady_s + FOLLOW_S, abs=0.5)
+    assert titan.wake_s == pytest.approx(net.now.steady_s + FOLLOW_S, abs=0.5)
     assert io.due_s == pytest.approx(net.now.unix_s + net.team.trigger.interval_s, abs=0.5)
     publish(net, "titan", "/slow", b"stored")
     publish(net, "titan", "/slow", b"held")
     assert net.nodes["titan"].due_s == pytest.approx(net.now.unix_s + 5.0)
+
+
+@standing
+def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
+    """A hundred peers that are silent cost a node nothing."""
+    looked: list[str] = []
+    tick = Puller.tick
+    monkeypatch.setattr(
+        Puller, "tick", lambda it, now: (looked.append(it._peer.name), tick(it, now))
+    )
+    io = net.nodes["io"]
+    io.tick(net.now)
+    looked.clear()
+    io.tick(net.now)
+    assert looked == []
+    io.progress("titan", net.now)
+    io.tick(net.now)
+    assert looked == ["titan"]
+    publish(net, "titan", "/map", b"new")
+    assert net.nodes["titan"].take_served() == {"io"}
+    net.wait(FOLLOW_S + 1)
+    assert "callisto" not in looked
