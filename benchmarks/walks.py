@@ -23,8 +23,8 @@ from typing import Any, Final, NamedTuple
 
 from air_router.live.server import LivePage
 from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.scenario import Scenario, SceneOverError
-from sitl.rehearsal.script import Script
+from sitl.rehearsal.scenario import SceneOverError
+from sitl.rehearsal.simulated_flight import SimulatedFlight
 from tests.golden.adapter import construction_of, controller_of
 from tests.golden.nodes import Node
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, read
@@ -66,12 +66,12 @@ WALKS = (CRUISE, FOUND, SYNCED, BEGUN, HOLD, GOTO, MADE, FRAME)
 # Names of today.
 
 
-class AskingScenario(Scenario):
+class AskingScenario(SimulatedFlight):
     """A rehearsed flight with a live page, which asks in cruise for two things."""
 
     def __init__(self, asked: dict[Walk, Counts]) -> None:
         scene, mission = Scene(Fault.NONE, 0), ROOT / "missions" / "pennovation" / "mission.yaml"
-        super().__init__(scene, mission, lambda scenario: Script(scenario, scene.schedule()))
+        super().__init__(scene, mission)
         self._asked = asked
         self._page: LivePage | None = None
 

@@ -26,7 +26,7 @@ COMMANDS = (
     ),
     Command(
         "rehearse",
-        "sitl.rehearsal.command",
+        "sitl.cli.rehearse_command",
         "fly a mission hundreds of times while something goes wrong",
     ),
     Command(

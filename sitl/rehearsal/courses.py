@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Final, NamedTuple
 
 from sitl.rehearsal.stand_ins.link import StreamFault
@@ -15,7 +15,7 @@ class ScheduledFault(NamedTuple):
 
     Attributes:
         at_s: Seconds after its phase of the flight began.
-        what: Which; a method of `Script`.
+        what: Which; a method of the flight, or of its operator, without its `do_`.
         value: As it needs.
         phase: A mission state, "climb" or "landing", counted from when it is entered first;
             "armed": from when the vehicle was armed; "ready": from when the companion starts;
@@ -27,6 +27,9 @@ class ScheduledFault(NamedTuple):
     value: Any = None
     phase: str = ""
 
+
+PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
+"""Where in a flight something can begin; a third of all begins at any time instead."""
 
 BRIEF_S, SECONDS = 3.0, (30.0, math.inf)
 """How long a stream's fault lasts."""
@@ -48,6 +51,62 @@ Schedule = list[ScheduledFault]
 Course = Callable[[random.Random], Schedule]
 
 
+def placed(schedule: Schedule, phase: str, later_s: float) -> Schedule:
+    """What does not say when in a flight it happens, so long after a phase began."""
+    return [m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase) for m in schedule]
+
+
+class Agenda:
+    """What is still to happen in a flight, as its phases come.
+
+    Args:
+        schedule: All of it; what is never to happen is left out.
+
+    Attributes:
+        waiting: Whose phase has not come.
+        due: When the others happen, simulated, in that order.
+    """
+
+    def __init__(self, schedule: Schedule) -> None:
+        self.waiting = [each for each in schedule if math.isfinite(each.at_s)]
+        self.due: list[tuple[float, ScheduledFault]] = []
+        self._phases: set[str] = set()  # that the flight has come to
+
+    @property
+    def left(self) -> Schedule:
+        """All that has not happened."""
+        return [*self.waiting, *(each for _, each in self.due)]
+
+    def enter(self, phase: str, now_s: float) -> None:
+        """A phase of the flight begins, perhaps again; on the way home what never came comes."""
+        if phase in self._phases:
+            return
+        self._phases.add(phase)
+        if phase == "HOME":
+            for missed in PHASES[: PHASES.index(phase)]:
+                self.enter(missed, now_s)
+        for each in [each for each in self.waiting if each.phase == phase]:
+            self.waiting.remove(each)
+            self.add(now_s + each.at_s, each)
+
+    def add(self, at_s: float, what: ScheduledFault) -> None:
+        """Something happens then."""
+        self.due.append((at_s, what))
+        self.due.sort(key=lambda entry: entry[0])
+
+    def take(self, now_s: float) -> Iterator[ScheduledFault]:
+        """What happens until now, one after the other."""
+        while self.due and self.due[0][0] <= now_s:
+            yield self.due.pop(0)[1]
+
+
+def carry_out(scheduled: ScheduledFault, *doers: object) -> None:
+    """Let it happen: the first of these that can do it does."""
+    name = f"do_{scheduled.what.replace(' ', '_')}"
+    doer = next(doer for doer in doers if hasattr(doer, name))
+    getattr(doer, name)(scheduled.value)
+
+
 def stream(*names: str) -> Course:
     """One stream, in one of the ways."""
 
@@ -64,7 +123,7 @@ def brief(dice: random.Random) -> Schedule:
     return [ScheduledFault(0.0, "stream", (names, kind, BRIEF_S))]
 
 
-def one(what: str, draw: Callable[[random.Random], Any]) -> Course:
+def one(what: str, draw: Callable[[random.Random], Any] = lambda _dice: None) -> Course:
     """One thing, with what is drawn for it."""
     return lambda dice: [ScheduledFault(0.0, what, draw(dice))]
 
@@ -113,7 +172,7 @@ def height(dice: random.Random) -> Schedule:
     """The altitude estimate jumps, and perhaps comes back."""
     off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
     back_s = dice.choice((5.0, 20.0, math.inf))
-    return [ScheduledFault(0.0, "off", (0.0, off_m)), ScheduledFault(back_s, "off", (0.0, -off_m))]
+    return [ScheduledFault(0.0, "off", off_m), ScheduledFault(back_s, "off", -off_m)]
 
 
 def drift(sideways: float, up: float) -> Course:

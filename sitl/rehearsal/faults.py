@@ -15,6 +15,7 @@ from sitl.rehearsal.courses import (
     LANDED,
     MODE,
     ON_MODE,
+    PHASES,
     POSITION,
     SATELLITES,
     Course,
@@ -29,6 +30,7 @@ from sitl.rehearsal.courses import (
     often,
     on_board,
     one,
+    placed,
     restart_taken,
     span,
     spells,
@@ -39,9 +41,6 @@ from sitl.rehearsal.courses import (
     zone_in_haste,
 )
 from sitl.rehearsal.stand_ins.link import StreamFault
-
-PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
-"""Where in a flight something can begin; a third of all begins at any time instead."""
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
 FLIGHT_S: Final = 260.0
@@ -58,10 +57,12 @@ class Kind(NamedTuple):
 
     Attributes:
         words: Its line in the report.
-        flights: How many of it a whole rehearsal has.
+        flights: How many of it a whole rehearsal has; 0: only one with the real programs has any.
         course: What happens.
         phase: Where it begins, if that is not to be drawn.
         loss: Share of packets that are lost.
+        late_s: By so much commands come late, from arming on.
+        old_s: By so much what the vehicle says comes late, from arming on.
         draws: Zones are drawn into the mission file.
         alone: It is two things at once already, or nothing: it is not combined with another.
     """
@@ -71,6 +72,8 @@ class Kind(NamedTuple):
     course: Course = lambda _: []
     phase: str = ""
     loss: float = 0.0
+    late_s: float = 0.0
+    old_s: float = 0.0
     draws: bool = False
     alone: bool = False
 
@@ -89,8 +92,8 @@ class Fault(Enum):
     LOSS_5 = Kind("5 % of all packets lost", 10, loss=0.05)
     LOSS_20 = Kind("20 % of all packets lost", 16, loss=0.2)
     BURSTS = Kind("bursts of loss: all packets for 0.5 to 5 s, again and again", 16)
-    LATE = Kind("commands arrive up to 4 s late", 12)
-    OLD = Kind("what the vehicle says comes up to 2 s late", 12)
+    LATE = Kind("commands arrive up to 4 s late", 12, late_s=4.0)
+    OLD = Kind("what the vehicle says comes up to 2 s late", 12, old_s=2.0)
     SILENCE = Kind(
         "vehicle silent for 0.5 to 60 s",
         20,
@@ -172,10 +175,10 @@ class Fault(Enum):
     RESTART_TAKEN = Kind(
         "pilot takes over while the companion is down", 16, restart_taken, alone=True
     )
-    KILL = Kind("companion killed for good", 12, one("kill", lambda _: None))
+    KILL = Kind("companion killed for good", 12, one("kill"))
     BATTERY = Kind("battery falls fast", 16, one("battery", lambda d: d.uniform(60.0, 400.0)))
     BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, lie)
-    VANISH = Kind("robots vanish", 10, one("vanish", lambda _: None))
+    VANISH = Kind("robots vanish", 10, one("vanish"))
     ONE_DEAD = Kind(
         "another UAV seeks the same robots, and dies",
         8,
@@ -224,6 +227,9 @@ class Fault(Enum):
         "climb",
     )
     TWO = Kind("two of these at once", 40, alone=True)
+    MOVED_LINK = Kind("the vehicle is heard from another port", 0, alone=True)
+    HOSTILE = Kind("strangers send noise, and messages of other vehicles", 0, alone=True)
+    TWO_VEHICLES = Kind("a second vehicle speaks on the same radio", 0, alone=True)
 
     def __reduce_ex__(self, _: object) -> tuple[object, ...]:
         """By its name: courses do not go from process to process."""
@@ -273,10 +279,9 @@ class Scene:
         }
         return frozenset({fault.name for fault in self.faults} | wrong)
 
-    @property
-    def loss(self) -> float:
-        """Share of packets that are lost."""
-        return max(fault.value.loss for fault in self.faults)
+    def most(self, what: str) -> float:
+        """The most that its faults have of `loss`, `late_s` or `old_s`."""
+        return max(float(getattr(fault.value, what)) for fault in self.faults)
 
     def schedule(self) -> Schedule:
         """What happens when."""
@@ -284,10 +289,7 @@ class Scene:
         for fault in sorted(self.faults, key=lambda fault: fault.name):
             dice = self.chance(f"when {fault.name}")
             phase, later_s = self._begin(fault, dice)
-            happen += [
-                m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase)
-                for m in fault.value.course(dice)
-            ]
+            happen += placed(fault.value.course(dice), phase, later_s)
         return happen
 
     def _begin(self, fault: Fault, dice: random.Random) -> tuple[str, float]:
@@ -330,6 +332,7 @@ def scenes(share: float = 1.0, seed: int | None = None) -> list[Scene]:
     return [
         Scene(fault, number)
         for fault in Fault
+        if fault.value.flights
         for number in (
             range(max(1, round(fault.value.flights * share))) if seed is None else (seed,)
         )

@@ -1,4 +1,7 @@
-"""The operator of a rehearsed flight: asks for things, and draws into the mission file."""
+"""The operator of a rehearsed flight: asks for things, and draws into the mission file.
+
+Some ask, or draw, at the worst moment: they wait for it.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,11 @@ from air_router.controller.model.requests import (
 )
 from air_router.mission.mission import Mission
 from geo.frame import Point
+from sitl.rehearsal.flyable_space import FlyableSpace, flyable_space
 from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.scenario import Scenario
+from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
 _RESUME_S: Final = 2.0
 """So often an operator asks for what was refused."""
@@ -30,37 +36,52 @@ _READ_S: Final = 4.0
 """What reading a changed file may take."""
 
 _VERBS: Final = {
-    "GoOn": "resume",
-    "HoldNow": "hold",
-    "ComeHome": "home",
-    "SeekNow": "seek",
-    "ExploreNow": "explore",
-    "GoTo": "goto",
-    "Reload": "reload",
+    GoOn: "resume",
+    HoldNow: "hold",
+    ComeHome: "home",
+    SeekNow: "seek",
+    ExploreNow: "explore",
+    GoTo: "goto",
+    Reload: "reload",
 }
 
 _ROBOTS: Final = ("callisto", "europa", "io", "phantom")
 _HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
 _BESIDE_M: Final = 40.0
+_COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT", "MISSION_SET_CURRENT")
+
+FAST_M_S, SLOW_M_S = 3.5, 2.0
+LOOKS_S: Final = 60.0
+"""For so long a moment is waited for."""
+
+STANDS_S: Final = 4.0
+AT_M: Final = 1.0
+STOPS_M: Final = 13.0
+"""A vehicle of 5 m/s stops within it."""
+
+Moment = Callable[[], bool]
+"""Does something if its moment has come; whether it had."""
 
 
 class Operator:
-    """Asks the companion of a scenario.
+    """Asks the companion of a flight, and draws into its mission file.
 
     Args:
-        scenario: Where.
-        dice: Of the script.
+        flight: Where.
+        dice: Of the flight; what is asked at the worst moment has dice of its own.
 
     Attributes:
         pilot: Whether a pilot or station has taken the vehicle, which is left to them.
     """
 
-    def __init__(self, scenario: Scenario, dice: random.Random) -> None:
-        self._scenario = scenario
-        self._dice = dice
+    def __init__(self, flight: Scenario, dice: random.Random) -> None:
+        self._flight = flight
+        self._dice, self._haste = dice, flight.scene.chance("haste")
         self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
         self._upload = False  # our plan is wanted on board, too
         self._reading: tuple[float, int] | None = None  # patience's end; how many zones before
+        self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
+        self._sent: Pair | None = None  # where it was sent last, east and north
         self.pilot = False
 
     @property
@@ -71,92 +92,66 @@ class Operator:
     @property
     def flies(self) -> bool:
         """Whether the vehicle is in the air, and in no failsafe."""
-        autopilot = self._scenario.autopilot
+        autopilot = self._flight.autopilot
         return not autopilot.situation.landed and not autopilot.failsafe.acting
 
     def step(self, now_s: float) -> None:
-        """Ask again, and look whether a changed file was taken."""
+        """Do what waits for its moment, ask again, and look whether a changed file was taken."""
+        waiting, self._waiting = self._waiting, []
+        self._waiting += [
+            (until_s, moment) for until_s, moment in waiting if now_s < until_s and not moment()
+        ]
         self._go_on_asking(now_s)
         self._look_after_reading(now_s)
+
+    # Requests
+
+    def ask(self, request: AnyRequest) -> None:
+        """Ask the companion for something, if there is one."""
+        companion = self._flight.companion
+        if companion is not None:
+            verb = _VERBS.get(type(request), "another")
+            self._flight.happened(SceneEventKind.REQUEST, verb)
+            self._flight.call(lambda: companion.ask(request))
+
+    def do_request(self, choice: float) -> None:
+        """An operator asks for something, but never for the pilot's vehicle."""
+        if not self.pilot:
+            self.ask(request_of(choice, self._dice, self._flight.mission, self._flight.place))
+
+    def do_hold(self, _: None) -> None:
+        """Have it hold."""
+        self.ask(HoldNow())
+
+    def do_send(self, seconds: float) -> None:
+        """Send it somewhere that it sees, some seconds after it was told to stop."""
+        self.ask(HoldNow())
+        self._at(seconds, self._send)
+
+    def do_send_again(self, _: None) -> None:
+        """Send it somewhere else that it sees."""
+        self._send()
+
+    def do_corner(self, brakes_s: float | None) -> None:
+        """Send it somewhere, and on its way around a corner; so long after it began to brake."""
+        self.ask(HoldNow())
+        self._at(STANDS_S, lambda: self._set_out(brakes_s))
+
+    def do_deaf(self, on: bool) -> None:
+        """No command reaches the vehicle."""
+        until_s = math.inf if on else self._flight.now_s
+        for name in _COMMANDS:
+            self._flight.link.trouble(Way.UP, name, StreamFault.LOST, until_s)
 
     def resume(self, after_s: float, *, upload: bool = False) -> None:
         """Ask for the vehicle from then on until it is ours, with our plan if that is wanted."""
         self._upload = self._upload or upload
-        self._resumes_s = self._scenario.now_s + after_s
-        self._resumes_until_s = self._scenario.now_s + _PATIENCE_S
-
-    def ask(self, request: AnyRequest) -> None:
-        """Ask the companion for something, if there is one."""
-        companion = self._scenario.companion
-        if companion is not None:
-            self._scenario.happened(
-                SceneEventKind.REQUEST, _VERBS.get(type(request).__name__, "another")
-            )
-            self._scenario.call(lambda: companion.ask(request))
-
-    def request(self, choice: float) -> None:
-        """An operator asks for something, but never for the pilot's vehicle."""
-        if not self.pilot:
-            self.ask(request_of(choice, self._dice, self._scenario.mission, self._scenario.place))
-
-    def reload(self, ahead_m: float) -> None:
-        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        airframe = self._scenario.autopilot.airframe
-        course_rad = math.atan2(airframe.velocity_east_m_s, airframe.velocity_north_m_s)
-        course_rad += self._dice.uniform(-0.5, 0.5)
-        place = self._scenario.place
-        centre = Point(
-            place.east_m + ahead_m * math.sin(course_rad),
-            place.north_m + ahead_m * math.cos(course_rad),
-        )
-        radius_m = self._dice.uniform(4.0, 12.0)
-        self.change(
-            lambda: self._scenario.file.circle(centre, radius_m, self._scenario.mission.home)
-        )
-
-    def wall(self, side: int) -> None:
-        """The operator walls the vehicle in, zone by zone."""
-        home, place = self._scenario.mission.home, self._scenario.place
-        self.change(lambda: self._scenario.file.wall(place, side, home))
-
-    def enclose(self) -> None:
-        """Draw all four walls at once."""
-        home, place = self._scenario.mission.home, self._scenario.place
-        self.change(lambda: self._scenario.file.enclose(place, home))
-
-    def open(self) -> None:
-        """Take the last wall away."""
-        self.change(lambda: "" if self._scenario.file.open() else None)
-
-    def change(self, draw: Callable[[], str | None]) -> None:
-        """Draw into the file, and have it read again; one change at a time."""
-        companion = self._scenario.companion
-        if companion is None or not self.flies or self._reading is not None:
-            return
-        zones = len(companion.flight.controller.mission.zones)
-        if draw() is not None:
-            self._reading = (self._scenario.now_s + _READ_S, zones)
-            self.ask(Reload())
-
-    def _look_after_reading(self, now_s: float) -> None:
-        """Whether the changed file was taken; what was not is taken out of it again."""
-        if self._reading is None:
-            return
-        until_s, zones = self._reading
-        companion = self._scenario.companion
-        if companion is not None and len(companion.flight.controller.mission.zones) != zones:
-            self._scenario.happened(SceneEventKind.MISSION_FILE, self._scenario.file.text)
-        elif companion is not None and now_s < until_s:
-            return
-        else:
-            left = (until_s - _READ_S, self._scenario.file.text)
-            self._scenario.happened(SceneEventKind.FILE_LEFT, left)
-            self._scenario.file.undo()
-        self._reading = None
+        self._resumes_s = self._flight.now_s + after_s
+        self._resumes_until_s = self._flight.now_s + _PATIENCE_S
 
     def _go_on_asking(self, now_s: float) -> None:
         """The operator asks until it is ours again: it may still be too low, or in a zone."""
-        companion = self._scenario.companion
+        companion = self._flight.companion
         if now_s < self._resumes_s:
             return
         if companion is not None and companion.in_charge:
@@ -166,6 +161,160 @@ class Operator:
         else:
             self._resumes_s = now_s + _RESUME_S
             self.ask(GoOn(upload=self._upload))
+
+    def _send(self) -> bool:
+        place = self._space.in_sight(self._here, self._haste)
+        if place is not None:
+            self._sent = place
+            self._go_to(place)
+        return True
+
+    def _set_out(self, brakes_s: float | None) -> bool:
+        space = self._space
+        turn = space.turn(self._here, space.mission.speed_m_s, brakes_s or 0.0, self._haste)
+        if turn is None:
+            return True
+        self._go_to(turn.towards)
+
+        def turn_off() -> bool:
+            speed_m_s = math.hypot(*self._velocity_m_s)
+            if math.dist(self._here, turn.at) > AT_M or speed_m_s < FAST_M_S or not self._ours:
+                return False
+            if brakes_s is not None:
+                self.ask(HoldNow())
+            if brakes_s:
+                self._at(brakes_s, self._around)
+            else:
+                self._go_to(turn.off_to)
+            return True
+
+        self._wait_for(turn_off)
+        return True
+
+    def _around(self) -> bool:
+        """Send it around a corner while it brakes; what it was sent to before is forgotten."""
+        velocity_m_s = self._velocity_m_s
+        off_to = self._space.around_a_corner(self._here, velocity_m_s, self._haste)
+        if off_to is not None:
+            self._go_to(off_to)
+        return off_to is not None or math.hypot(*velocity_m_s) < SLOW_M_S
+
+    # Zones
+
+    def do_reload(self, ahead_m: float) -> None:
+        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
+        east_m_s, north_m_s = self._velocity_m_s
+        course_rad = math.atan2(east_m_s, north_m_s) + self._dice.uniform(-0.5, 0.5)
+        place = self._flight.place
+        centre = Point(
+            place.east_m + ahead_m * math.sin(course_rad),
+            place.north_m + ahead_m * math.cos(course_rad),
+        )
+        self._draw_circle(centre, self._dice.uniform(4.0, 12.0))
+
+    def do_zone_across(self, spare_m: float) -> None:
+        """Draw a zone across its way, so far beyond where it can stop."""
+
+        def draw() -> bool:
+            east_m_s, north_m_s = self._velocity_m_s
+            speed_m_s = math.hypot(east_m_s, north_m_s)
+            if speed_m_s < FAST_M_S or not self._ours:
+                return False
+            radius_m = self._haste.uniform(5.0, 10.0)
+            ahead_m = STOPS_M + self._space.mission.clearance_m + spare_m + radius_m
+            here, share = self._here, ahead_m / speed_m_s
+            centre = (here[0] + share * east_m_s, here[1] + share * north_m_s)
+            self._draw_circle(self._point(centre), radius_m)
+            return True
+
+        self._wait_for(draw)
+
+    def do_zone_over(self, deep_m: float) -> None:
+        """Draw a zone over it, and over the way to where it was sent last."""
+        if self._sent is None:
+            return
+        here, radius_m = self._here, 10.0
+        share = (radius_m - deep_m) / math.dist(here, self._sent)
+        east_m, north_m = (a + share * (b - a) for a, b in zip(here, self._sent, strict=True))
+        self._draw_circle(self._point((east_m, north_m)), radius_m)
+
+    def do_wall(self, side: int) -> None:
+        """The operator walls the vehicle in, zone by zone."""
+        home, place = self._flight.mission.home, self._flight.place
+        self._change(lambda: self._flight.file.wall(place, side, home))
+
+    def do_enclose(self, _: None) -> None:
+        """Draw all four walls at once."""
+        home, place = self._flight.mission.home, self._flight.place
+        self._change(lambda: self._flight.file.enclose(place, home))
+
+    def do_open(self, _: None) -> None:
+        """Take the last wall away."""
+        self._change(lambda: "" if self._flight.file.open() else None)
+
+    def _draw_circle(self, centre: Point, radius_m: float) -> None:
+        file, home = self._flight.file, self._flight.mission.home
+        self._change(lambda: file.circle(centre, radius_m, home))
+
+    def _change(self, draw: Callable[[], str | None]) -> None:
+        """Draw into the file, and have it read again; one change at a time."""
+        companion = self._flight.companion
+        if companion is None or not self.flies or self._reading is not None:
+            return
+        zones = len(companion.flight.controller.mission.zones)
+        if draw() is not None:
+            self._reading = (self._flight.now_s + _READ_S, zones)
+            self.ask(Reload())
+
+    def _look_after_reading(self, now_s: float) -> None:
+        """Whether the changed file was taken; what was not is taken out of it again."""
+        if self._reading is None:
+            return
+        until_s, zones = self._reading
+        companion, file = self._flight.companion, self._flight.file
+        if companion is not None and len(companion.flight.controller.mission.zones) != zones:
+            self._flight.happened(SceneEventKind.MISSION_FILE, file.text)
+        elif companion is not None and now_s < until_s:
+            return
+        else:
+            self._flight.happened(SceneEventKind.FILE_LEFT, (until_s - _READ_S, file.text))
+            file.undo()
+        self._reading = None
+
+    # What it knows, and waits for; places in the judge's metres, east and north
+
+    @property
+    def _ours(self) -> bool:
+        companion = self._flight.companion
+        return companion is not None and companion.in_charge
+
+    @property
+    def _space(self) -> FlyableSpace:
+        return flyable_space(self._flight.file.path, self._flight.file.text)
+
+    @property
+    def _here(self) -> Pair:
+        degrees = self._flight.mission.frame.to_geodetic(self._flight.place)
+        east, north = self._space.mission.frame.metres(*degrees)
+        return float(east), float(north)
+
+    @property
+    def _velocity_m_s(self) -> Pair:
+        airframe = self._flight.autopilot.airframe
+        return airframe.velocity_east_m_s, airframe.velocity_north_m_s
+
+    def _point(self, place: Pair) -> Point:
+        return self._flight.mission.frame.to_local(*self._space.mission.frame.degrees(*place))
+
+    def _go_to(self, place: Pair) -> None:
+        self.ask(GoTo((self._point(place),)))
+
+    def _at(self, seconds: float, what: Moment) -> None:
+        at_s = self._flight.now_s + seconds
+        self._waiting.append((math.inf, lambda: self._flight.now_s >= at_s and what()))
+
+    def _wait_for(self, moment: Moment) -> None:
+        self._waiting.append((self._flight.now_s + LOOKS_S, moment))
 
 
 def request_of(choice: float, dice: random.Random, mission: Mission, here: Point) -> AnyRequest:

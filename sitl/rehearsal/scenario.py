@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 import math
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
@@ -63,27 +64,12 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
-class FlightScript(Protocol):
-    """What happens in a flight, and when."""
-
-    @property
-    def done(self) -> bool:
-        """Whether everything that can happen has happened."""
-
-    def enter(self, phase: str, now_s: float) -> None:
-        """The flight has come to a phase."""
-
-    def step(self, now_s: float) -> None:
-        """Let happen what is due."""
-
-
-class Scenario:
+class Scenario(ABC):
     """Flies one scene; a `World` for the companion's loop.
 
     Args:
         scene: What goes wrong.
         path: The mission.
-        script_of: What happens on this scenario; see `script.scenario_of`.
 
     Attributes:
         vehicle: The vehicle.
@@ -97,9 +83,7 @@ class Scenario:
         now_s: Simulated seconds since the vehicle started.
     """
 
-    def __init__(
-        self, scene: Scene, path: Path, script_of: Callable[[Scenario], FlightScript]
-    ) -> None:
+    def __init__(self, scene: Scene, path: Path) -> None:
         self.scene = scene
         self._path = path
         self.now_s = 0.0
@@ -120,7 +104,19 @@ class Scenario:
         self.stations: Stations
         self.robots: Robots
         self.link = Link(scene.chance("link"))
-        self._script = script_of(self)
+
+    @property
+    @abstractmethod
+    def done(self) -> bool:
+        """Whether nothing more is to happen soon."""
+
+    @abstractmethod
+    def enter(self, phase: str) -> None:
+        """The flight has come to a phase, perhaps again."""
+
+    @abstractmethod
+    def let_happen(self) -> None:
+        """Let happen what is due."""
 
     # The flight
 
@@ -170,7 +166,7 @@ class Scenario:
         places = {name: anywhere(self._dice, waypoints) for name in self.seek}
         self.robots = Robots(mission.frame, places, lambda: EPOCH_S + self.now_s)
         link = self.link
-        link.loss = scene.loss
+        link.loss = scene.most("loss")
         if Fault.BURSTS in scene.faults:
             link.burst = Burst(self._dice.uniform(5, 20), self._dice.choice((0.5, 2.0, 5.0)), 1.0)
 
@@ -179,7 +175,7 @@ class Scenario:
         outcome = "killed"
         try:
             self._wait(lambda: self.now_s >= BOOT_S)
-            self._script.enter("ready", self.now_s)
+            self.enter("ready")
             self._restarts = True
             resume = False
             while True:
@@ -278,17 +274,16 @@ class Scenario:
     def _tick(self) -> None:
         companion, autopilot = self.companion, self.autopilot
         for phase in phases(autopilot, companion):
-            self._script.enter(phase, self.now_s)
-        self._script.step(self.now_s)
+            self.enter(phase)
+        self.let_happen()
         if companion is not None and not self.now_s < self._stalled_until_s < math.inf:
             node, place = companion.node, self.place
             self.call(lambda: self.robots.step(node, place, self.now_s))
         self._look_at_the_estimate()
         if autopilot.armed and not self._ending.flown:
-            self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
-            self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
+            self.link.late_s, self.link.old_s = map(self.scene.most, ("late_s", "old_s"))
         in_charge = None if companion is None else companion.in_charge
-        armed, done = autopilot.armed, self._script.done
+        armed, done = autopilot.armed, self.done
         if self._ending.has_come(self.now_s, in_charge, armed=armed, done=done):
             raise SceneOverError
 
@@ -298,21 +293,21 @@ class Scenario:
         """For the record."""
         self._seen.happened(self.now_s, what, value)
 
-    def stall(self, seconds: float) -> None:
+    def do_stall(self, seconds: float) -> None:
         """The companion's program stands still for so long."""
         if self.companion is not None:
             self._stalled_until_s = self.now_s + seconds
             self._deaf_from_s = self.now_s + SPARE_BYTES_S
             self.happened(SceneEventKind.STOPPED)
 
-    def kill(self) -> None:
+    def do_kill(self, _: None) -> None:
         """The companion's power is gone."""
         if self.companion is not None:
             self.happened(SceneEventKind.KILLED)
             self._inbox.clear()
             raise PowerCutError
 
-    def restart(self) -> None:
+    def do_restart(self, _: None) -> None:
         """The companion's power is back, and the flight is to be resumed."""
         if self.companion is None and self.autopilot.armed:
             self._restarts = True

@@ -40,7 +40,7 @@ from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
 from sitl.experiment.settings import RunSettings
 from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.script import scenario_of
+from sitl.rehearsal.simulated_flight import SimulatedFlight
 from tests.golden.plain import Tape, Tongue
 
 DAY = datetime(2026, 6, 1, 12, tzinfo=UTC)
@@ -261,7 +261,7 @@ def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Cont
 
 def fly(mission: Path, fault: str, seed: int) -> list[Tape]:
     """Rehearse a flight; one tape for every life of its companion."""
-    scenario = scenario_of(Scene(Fault[fault], seed), mission)
+    scenario = SimulatedFlight(Scene(Fault[fault], seed), mission)
     with _tapped(lambda: {"files": _files(scenario.file.text)}) as tapes:
         scenario.fly()
     return tapes

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import signal
 import tempfile
 import time
@@ -16,12 +17,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
+from sitl.px4sim.plan_store import MissionType
+from sitl.px4sim.state import FlightMode
+from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
+from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
 from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, free_port, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
-from sitl.rehearsal.programs.scenes import STREAMS, Act, WireScene
-from sitl.rehearsal.programs.station import MODES, intrusion, plan_of, station_at, upload
+from sitl.rehearsal.programs.scenes import WireScene
+from sitl.rehearsal.programs.station import intrusion, plan_of, station_at, upload
+from sitl.rehearsal.stand_ins.link import StreamFault
 from sitl.rehearsal.stand_ins.stations import Station
 
 SPEED: Final = 5.0
@@ -44,10 +50,10 @@ _MOVED: Final = 0.4
 _RESTS_S: Final = 0.5
 """Sticks are at rest first: what moves is taken for the pilot's."""
 
-_STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})
-_NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
+_NEED: Final = frozenset({Fault.PILOT, Fault.TWO_STATIONS, Fault.DISARMED, Fault.KILLED_IN_AIR})
 """Scenes that are none where the vehicle refused what was tried."""
 _OLD_S: Final = 2.0
+_STATE: Final = re.compile(r"-> ([A-Z]+)")
 _TAKEN: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.DISARMED})
 _HOLDERS: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.REQUEST})
 
@@ -76,17 +82,15 @@ class RealFlight:
         self._speed = speed
         self._px4 = px4
         self._program = companion
+        self._agenda = Agenda(scene.schedule())
         self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
         self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
         self._relay: LossyRelay  # from `fly` on, as the others that have no value here
+        self._seen: Recording  # by the relay
         self._companion: Companion  # the last that was started
         self._station: Station  # the pilot's, too
         self._arguments: list[str] = []  # of every companion
         self._programs: Programs  # all but the companion
-
-    @property
-    def _seen(self) -> Recording:
-        return self._relay.recording
 
     def fly(self) -> Evidence:
         """From starting the programs to the end."""
@@ -101,9 +105,9 @@ class RealFlight:
             stack.callback(programs.end_vehicles)
             ports = programs.start_px4() if self._px4 is not None else (0, 0)
             self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
-            programs.relay = self._relay
+            self._seen, programs.relay = self._relay.recording, self._relay
             self._relay.hold = programs.hold
-            self._relay.weather = Weather(loss=self.scene.loss)
+            self._relay.weather = Weather(loss=self.scene.most("loss"))
             self._station = station_at(self._relay)
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
@@ -132,7 +136,7 @@ class RealFlight:
         refused = self.scene.fault in _NEED and not taken
         return seen.evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
-            faults=frozenset({"NONE" if refused else self.scene.judged}),
+            faults=frozenset({"NONE"}) if refused else self.scene.judged,
             mission_path=mission,
             mission_text=text,
             exit_code=code,
@@ -142,40 +146,37 @@ class RealFlight:
         )
 
     def _run(self, began_s: float) -> None:
-        """Do what is to be done when it is to be done, until the flight is over."""
-        todo = self.scene.acts()
+        """Let happen what is to happen when it is to happen, until the flight is over."""
         wall_s = time.monotonic() + WALL_S
         gone_s: float | None = None
+        self._agenda.enter("armed", began_s)
         while time.monotonic() < wall_s and self._seen.time_s < began_s + FLIGHT_S:
             now_s = self._seen.time_s
-            entered_s = began_s if not todo or not todo[0].when else self._entered_s(todo[0].when)
-            if todo and now_s >= entered_s + todo[0].at_s:
-                act = todo.pop(0)
-                getattr(self, f"do_{act.what.replace(' ', '_')}")(act.value)
+            for line in tuple(self._companion.lines):
+                if state := _STATE.search(line.text):
+                    self._agenda.enter(state.group(1), line.time_s)
+            for each in self._agenda.take(now_s):
+                carry_out(each, self)
             self._watch(now_s)
-            waits = any(a.what == "restart" for a in todo)
+            waits = any(each.what == "restart" for each in self._agenda.left)
             if "-> DONE" in self._companion.last:
                 wait_until(lambda: not self._seen.armed, DISARMED_S)  # it reports once a second
                 self._watch(self._seen.time_s)  # that may be what was waited for
                 self._programs.end_vehicles()  # the companion draws its track meanwhile
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
-            if (self._companion.ended and not waits) or self._is_left_alone(todo):
+            if (self._companion.ended and not waits) or self._is_left_alone():
                 gone_s = now_s if gone_s is None else gone_s
                 down = not self._seen.armed and self._seen.above_m < 0.3
                 if (down and now_s > gone_s + 3.0) or now_s > gone_s + LET_GO_S:
                     return
             time.sleep(0.01)
 
-    def _is_left_alone(self, todo: list[Act]) -> bool:
+    def _is_left_alone(self) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
         told = [h.what for h in self._seen.happenings if h.what in _HOLDERS]
         taken = told[-1:] == [SceneEventKind.PILOT]  # and not given back since
-        return not todo and (taken or "-> PASSIVE" in self._companion.last)
-
-    def _entered_s(self, state: str) -> float:
-        entered = (line.time_s for line in self._companion.lines if f"-> {state}" in line.text)
-        return next(entered, math.inf)
+        return not self._agenda.left and (taken or "-> PASSIVE" in self._companion.last)
 
     def _watch(self, now_s: float) -> None:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
@@ -196,35 +197,36 @@ class RealFlight:
         if not shows():  # what is there already was not chosen now
             self._awaited = SceneEvent(self._seen.time_s, what, value), shows
 
-    def _await_mode(self, how: str, mode: str) -> None:
-        wanted = MODES[mode].custom_mode
-        self._await(SceneEventKind.PILOT, how, lambda: self._seen.mode == wanted)
+    def _await_mode(self, mode: FlightMode, how: str = "") -> None:
+        wanted = mode.custom_mode
+        self._await(SceneEventKind.PILOT, how or mode.name, lambda: self._seen.mode == wanted)
 
-    def _note_spell(self, what: str, *, begins: bool) -> None:
-        self._note(SceneEventKind.FAULT if begins else SceneEventKind.FAULT_OVER, what)
+    def _later(self, seconds: float, what: str, value: object = None) -> None:
+        self._agenda.add(self._seen.time_s + seconds, ScheduledFault(seconds, what, value))
 
     # What is done, by the names of `scenes`.
 
-    def do_mode(self, value: str) -> None:
+    def do_pilot(self, value: str) -> None:
         """The pilot chooses a mode; those of the sticks need sticks that are heard."""
-        if value in _STICK_MODES:
+        mode = FlightMode[value]
+        if mode.needs_pilot:
             self._sticks_moved_s = self._sticks_moved_s or (math.inf, math.inf)
             for _ in range(10):
                 self._station.sticks()
                 time.sleep(_BEAT_S)
-        self._await_mode(value, value)
-        self._station.choose(MODES[value])
+        self._await_mode(mode)
+        self._station.choose(mode)
 
-    def do_other_mode(self, value: str) -> None:
+    def do_second_station(self, value: str) -> None:
         """Another station chooses a mode."""
-        self._await_mode(value, value)
-        station_at(self._relay, 254).choose(MODES[value])
+        self._await_mode(FlightMode[value])
+        station_at(self._relay, 254).choose(FlightMode[value])
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
         from_s = self._seen.time_s + _RESTS_S
         self._sticks_moved_s = from_s, from_s + value
-        self._await_mode("sticks", "POSCTL")
+        self._await_mode(FlightMode.POSCTL, "sticks")
 
     def do_resume(self, _value: object) -> None:
         """The operator asks it to go on."""
@@ -236,41 +238,38 @@ class RealFlight:
         self._note(SceneEventKind.REQUEST, value)
         self._companion.type(value)
 
-    def do_silence(self, value: object) -> None:
+    def do_silent(self, value: bool | None) -> None:
         """Nothing passes, until it is said again."""
-        self._note_spell("silence", begins=bool(value))
+        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "silence")
         self._relay.weather.silent = bool(value)
 
-    def do_lose(self, value: str | None) -> None:
-        """One stream does not pass."""
-        self._relay.weather.lost = STREAMS[value] if value else frozenset()
-        self._note_spell("lost", begins=bool(value))
+    def do_stream(self, value: tuple[tuple[str, ...], StreamFault, float]) -> None:
+        """One stream, or all of them, are lost, frozen or late for so long."""
+        names, kind, lasts_s = value
+        self._relay.weather.late_s = _OLD_S / self._speed
+        self._relay.weather.streams = dict.fromkeys(names or ("",), kind)
+        self._note(SceneEventKind.FAULT, kind.value)
+        self._later(lasts_s, "stream over", kind.value)
 
-    def do_freeze(self, value: str | None) -> None:
-        """One stream says for ever what it said first."""
-        self._relay.weather.frozen = STREAMS[value] if value else frozenset()
-        self._note_spell("frozen", begins=bool(value))
+    def do_stream_over(self, value: str) -> None:
+        """They come as they are sent."""
+        self._relay.weather.streams = {}
+        self._note(SceneEventKind.FAULT_OVER, value)
 
-    def do_delay(self, value: str | None) -> None:
-        """One stream, or all of them, come late."""
-        self._relay.weather.late = STREAMS[value] if value else frozenset()
-        self._relay.weather.late_s = 0.0 if value is None else _OLD_S / self._speed
-        self._note_spell("late", begins=value is not None)
-
-    def do_delete(self, value: int) -> None:
-        """A station deletes mission or fence."""
+    def do_fence(self, _value: None) -> None:
+        """A station deletes the fence."""
         self._note(SceneEventKind.FENCE_CHANGED, "deleted")
-        self._station.say("MISSION_CLEAR_ALL", mission_type=value)
+        self._station.say("MISSION_CLEAR_ALL", mission_type=MissionType.FENCE)
 
-    def do_replan(self, value: str) -> None:
+    def do_plan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
 
         def stored() -> None:
             self._note(SceneEventKind.FENCE_CHANGED, f"{value} plan")
-            if value == "reversed":
+            if value == "other":
                 self._note(SceneEventKind.PILOT, "plan")
 
-        upload(self._relay, plan_of(self._seen.messages, backwards=value == "reversed"), stored)
+        upload(self._relay, plan_of(self._seen.messages, backwards=value == "other"), stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
@@ -294,10 +293,11 @@ class RealFlight:
         self._note(SceneEventKind.BATTERY, value)
         self._station.set_parameter("SIM_BAT_DRAIN", value)
 
-    def do_stop(self, _value: object) -> None:
-        """The companion's process gets no time."""
+    def do_stall(self, value: float) -> None:
+        """The companion's process gets no time for so long."""
         self._note(SceneEventKind.STOPPED)
         self._companion.signal(signal.SIGSTOP)
+        self._later(value, "go on")
 
     def do_go_on(self, _value: object) -> None:
         """It gets time again."""
@@ -341,8 +341,6 @@ class RealFlight:
         """An intruder sends something to the companion."""
         for data in intrusion(value, self.scene.chance("intruder")):
             self._relay.intrude(data)
-
-    # The programs.
 
     def _start(self, *how: str) -> None:
         self._note(SceneEventKind.STARTED)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from mocha_link import Team
+from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Line
 from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.programs.relay import LossyRelay
@@ -230,7 +231,7 @@ class Programs:
     def start_vehicle(self) -> None:
         """Start `sitl vehicle`."""
         more = []
-        if self._scene.fault == "GUSTS":
+        if self._scene.fault is Fault.GUSTS:
             dice = self._scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]

@@ -11,13 +11,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
 from sitl.mavlink.codec import frames
 from sitl.process.pace_link import PaceServer
 from sitl.rehearsal.judge.evidence import WireMessage
 from sitl.rehearsal.programs.recording import MISSION, Recording
+from sitl.rehearsal.stand_ins.link import StreamFault
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
@@ -33,18 +34,15 @@ class Weather:
     Attributes:
         loss: Share of datagrams that are lost, each way.
         silent: Nothing passes.
-        lost: Messages from the vehicle that do not pass, by number.
-        frozen: Messages that say for ever what they said first.
-        late_s: By how much these come late, wall clock.
-        late: Which messages; empty: all that the vehicle says.
+        streams: What is the matter with messages from the vehicle, by name ("": with all others):
+            they are lost, frozen or late.
+        late_s: By how much those that are late come late, wall clock.
     """
 
     loss: float = 0.0
     silent: bool = False
-    lost: frozenset[int] = frozenset()
-    frozen: frozenset[int] = frozenset()
+    streams: dict[str, StreamFault] = field(default_factory=dict)
     late_s: float = 0.0
-    late: frozenset[int] = frozenset()
 
 
 class LossyRelay:
@@ -94,7 +92,7 @@ class LossyRelay:
         self._granted = (0.0, time.monotonic())  # vehicle's time it may reach; when
         self._flown = False  # it was armed once: `_READY_SPEED` is over
         self._vehicle: Any = None  # address that it sent from last; None: not heard yet
-        self._first: dict[int, bytes] = {}  # frames that stand for the frozen, by number
+        self._first: dict[str, bytes] = {}  # frames that stand for the frozen, by name
         self._waiting: deque[tuple[float, bytes]] = deque()  # late frames: when, wall clock
         self._stop = threading.Event()
         self._paused = threading.Event()  # its ports are the vehicle's for a moment
@@ -207,17 +205,18 @@ class LossyRelay:
     def _spoilt(self, data: bytes, *, passes: bool) -> Iterator[bytes]:
         """What of a vehicle's datagram reaches the companion now."""
         weather = self.weather
-        fair = passes and not (weather.lost or weather.frozen or weather.late_s)
+        fair = passes and not weather.streams
         for frame in frames(data):
-            lost = frame.number in weather.lost or not passes
+            fault = weather.streams.get(frame.name, weather.streams.get(""))
+            lost = fault is StreamFault.LOST or not passes
             self.recording.look(frame, delivered=not lost)
             if frame.number in MISSION and self.recording.messages:
                 self.answers(self.recording.messages[-1])
             if lost or fair:
                 continue
-            if frame.number in weather.frozen:
-                yield self._first.setdefault(frame.number, frame.data)
-            elif weather.late_s and (not weather.late or frame.number in weather.late):
+            if fault is StreamFault.FROZEN:
+                yield self._first.setdefault(frame.name, frame.data)
+            elif fault is StreamFault.LATE:
                 self._waiting.append((time.monotonic() + weather.late_s, frame.data))
             else:
                 yield frame.data

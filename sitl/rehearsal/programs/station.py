@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.stand_ins.stations import Station
@@ -40,16 +39,6 @@ def intrusion(kind: str, dice: random.Random) -> list[bytes]:
 def _packed(sender: Any, message: Any) -> bytes:
     return bytes(message.pack(sender))
 
-
-MODES: Final[Mapping[str, FlightMode]] = {
-    "HOLD": FlightMode.AUTO_LOITER,
-    "MISSION": FlightMode.AUTO_MISSION,
-    "RETURN": FlightMode.AUTO_RTL,
-    "LAND": FlightMode.AUTO_LAND,
-    "ALTCTL": FlightMode.ALTCTL,
-    "POSCTL": FlightMode.POSCTL,
-}
-"""Modes by the words of `scenes`."""
 
 _SYSTEM: Final = 255
 _ITEM: Final = (

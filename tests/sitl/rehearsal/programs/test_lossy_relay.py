@@ -8,15 +8,17 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from sitl.px4sim.state import FlightMode
+from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.processes import ProcessPause
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
-from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes
+from sitl.rehearsal.programs.scenes import WIRE, wire_scenes
 from sitl.rehearsal.programs.station import station_at, upload
+from sitl.rehearsal.stand_ins.link import StreamFault
 
 LIMIT_S = 60.0
-POSITION, BATTERY = 33, 1
+POSITION = "GLOBAL_POSITION_INT"
 
 
 @pytest.fixture
@@ -96,10 +98,10 @@ def test_streams_are_lost_frozen_and_late_each_alone(ends):
 
         both = position(1) + heartbeat(armed=False)
         assert passed(Weather()) == [both]
-        assert passed(Weather(lost=frozenset({POSITION}))) == [heartbeat(armed=False)]
-        frozen = Weather(frozen=frozenset({POSITION}))
+        assert passed(Weather(streams={POSITION: StreamFault.LOST})) == [heartbeat(armed=False)]
+        frozen = Weather(streams={POSITION: StreamFault.FROZEN})
         assert passed(frozen, position(7)) == [position(7), position(7) + heartbeat(armed=False)]
-        late = Weather(late_s=0.01, late=frozenset({POSITION}))
+        late = Weather(streams={POSITION: StreamFault.LATE}, late_s=0.01)
         assert passed(late) == [heartbeat(armed=False)]
         assert companion.recvfrom(4096)[0] == position(1)
         heights_mm = [
@@ -168,12 +170,15 @@ def test_a_relay_that_comes_late_does_not_stop_a_released_vehicle(monkeypatch):
 
 def test_every_class_is_flown_in_about_three_hundred_scenes_and_has_its_row():
     scenes = wire_scenes()
-    takeovers = [scene.acts()[-1] for scene in scenes if scene.fault == "PILOT"]
-    in_a_meeting = {act.value for act in takeovers if act.when == "COMM"}
-    assert in_a_meeting == {"RETURN", "LAND", "POSCTL", "ALTCTL"}
-    assert {s.judged for s in scenes} - {s.fault for s in scenes} == {"BRIEF_STREAM"}
+    takeovers = [scene.schedule()[-1] for scene in scenes if scene.fault is Fault.PILOT]
+    in_a_meeting = {each.value for each in takeovers if each.phase == "COMM"}
+    assert in_a_meeting == {"AUTO_RTL", "AUTO_LAND", "POSCTL", "ALTCTL"}
+    judged = frozenset().union(*(s.judged for s in scenes))
+    assert judged - {s.fault.name for s in scenes} == {"BRIEF_STREAM"}
+    assert judged <= set(ACCEPTED)
     assert len(scenes) >= 300
-    assert {scene.fault for scene in scenes} == set(CLASSES) <= set(ACCEPTED)
+    assert {scene.fault for scene in scenes} == set(WIRE)
     for scene in scenes:
-        assert scene.acts() == scene.acts()
-        assert all(hasattr(RealFlight, f"do_{a.what.replace(' ', '_')}") for a in scene.acts())
+        assert scene.schedule() == scene.schedule()
+        for each in scene.schedule():
+            assert hasattr(RealFlight, f"do_{each.what.replace(' ', '_')}")

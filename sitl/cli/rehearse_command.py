@@ -25,7 +25,7 @@ from sitl.rehearsal.judge.judge_track import Responsible, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.processes import OURS
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
-from sitl.rehearsal.script import scenario_of
+from sitl.rehearsal.simulated_flight import SimulatedFlight
 
 
 def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:
@@ -154,7 +154,7 @@ def fly(path: Path, scene: Scene) -> Verdict:
     """Fly one scene of a mission, and judge it."""
     logging.disable(logging.ERROR)  # what goes wrong on purpose is not told a second time
     try:
-        return judge(scenario_of(scene, path).fly())
+        return judge(SimulatedFlight(scene, path).fly())
     except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
@@ -168,7 +168,7 @@ def _run_programs(arguments: argparse.Namespace) -> int:
     chosen = [
         scene
         for scene in wire_scenes(arguments.share)
-        if (not arguments.fault or scene.fault in arguments.fault)
+        if (not arguments.fault or scene.fault.name in arguments.fault)
         and arguments.seed in {None, scene.seed}
     ]
     began_s, bad = time.monotonic(), 0
