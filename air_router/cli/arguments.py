@@ -4,8 +4,9 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import datetime
 
+from air_router.files.zone_terms import moment_of
 from geo.frame import FrameError, Geodetic, LocalFrame
 
 
@@ -107,11 +108,6 @@ def moment(text: str) -> datetime:
         argparse.ArgumentTypeError: it is none.
     """
     try:
-        when = datetime.fromisoformat(text)
-    except ValueError:
-        when = None
-    if when is None or when.tzinfo is None:
-        raise argparse.ArgumentTypeError(
-            f"{text} is not a time with its time zone; write it like 2026-11-20T08:00:00Z"
-        )
-    return when.astimezone(UTC)
+        return moment_of(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text} is {error}") from None

@@ -28,7 +28,7 @@ from air_router.record.recorder import Recorder
 from air_router.record.recording import (
     add_recording,
     add_viewer,
-    recording_of,
+    folder_of,
     viewing,
 )
 from air_router.report.flight_table import write_report
@@ -71,7 +71,7 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
 def _fly(
     mission: Mission, team: Team, uav: str, arguments: argparse.Namespace, stem: str
 ) -> FlightResult:
-    recording, source = recording_of(arguments, stem), arguments.pace_from
+    folder, source = folder_of(arguments), arguments.pace_from
     clock = VehicleClock(ceiling=None if source is None else source.speed)
     mapper = Mapper(mission)
     gossip = Gossip(
@@ -89,12 +89,12 @@ def _fly(
         PaceClient(source, uav) as pace,
         viewing(arguments.foxglove, uav) as viewer,
         Recorder(
-            recording.folder,
+            folder,
             str(mission.path),
             unix_s=clock.now_s,
-            stem=recording.stem,
+            stem=stem,
             name=uav,
-            must=recording.must and not arguments.resume,
+            must=arguments.log_dir is not None and not arguments.resume,
             viewer=viewer,
         ) as recorder,
     ):
@@ -122,7 +122,7 @@ def _fly(
                 router,
                 team=team,
                 uav=uav,
-                log_dir=recording.folder,
+                log_dir=folder,
                 rate=lambda: clock.rate,
             ),
         )

@@ -16,7 +16,7 @@ from air_router.mission.mission import Mission
 from air_router.mission.team import team_of
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check
 from air_router.preflight.preflight_survey import PreflightSurvey
-from air_router.record.recording import add_recording, recording_of
+from air_router.record.recording import add_recording, folder_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
@@ -71,7 +71,7 @@ async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
         Router(WaypointGraph(mission)),
         team=team,
         uav=uav,
-        log_dir=recording_of(arguments).folder,
+        log_dir=folder_of(arguments),
         rate=lambda: clock.rate,
     )
     vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)

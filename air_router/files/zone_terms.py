@@ -3,6 +3,7 @@
 The names are those of the mission file, which map programs may use as properties too.
 """
 
+import contextlib
 import math
 import re
 from dataclasses import dataclass
@@ -17,6 +18,10 @@ from geo.airspace.zone import Band
 from geo.validity import DAYS, Hours, Period, Validity
 
 _YEARS = range(1970, 2200)
+_NO_MOMENT: Final = "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)"
+
+DAY_NUMBERS: Final = {word: number for number, name in enumerate(DAYS) for word in (name, name[:3])}
+"""Of the words for a day, Monday is 0."""
 
 
 class Reference(StrEnum):
@@ -124,18 +129,27 @@ NO_TERMS: Final = ZoneTerms()
 # The form in files
 
 
-def _moment(value: Any) -> datetime:
-    """A moment in UTC, from ISO 8601 text that says its time zone."""
+def moment_of(value: Any) -> datetime:
+    """A moment in UTC, from ISO 8601 text that says its time zone.
+
+    Raises:
+        ValueError: it is none; says what to write.
+    """
     try:
         moment = datetime.fromisoformat(value)
-        if moment.tzinfo is not None and moment.year in _YEARS:
+        if moment.tzinfo is not None:
             return moment.astimezone(UTC)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
-    raise PydanticCustomError(
-        "not-a-time",
-        "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)",
-    )
+    raise ValueError(_NO_MOMENT)
+
+
+def _moment(value: Any) -> datetime:
+    with contextlib.suppress(ValueError):
+        moment = moment_of(value)
+        if moment.year in _YEARS:
+            return moment
+    raise PydanticCustomError("not-a-time", _NO_MOMENT)
 
 
 def _time_of_day(value: Any) -> time:
@@ -148,10 +162,8 @@ def _time_of_day(value: Any) -> time:
 
 
 def _day(value: Any) -> int:
-    word = str(value).lower()
-    for number, name in enumerate(DAYS):
-        if word in {name, name[:3]}:
-            return number
+    if str(value).lower() in DAY_NUMBERS:
+        return DAY_NUMBERS[str(value).lower()]
     raise PydanticCustomError("not-a-day", "not a day of the week; write it like monday or mon")
 
 

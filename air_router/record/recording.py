@@ -6,7 +6,6 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,21 +13,6 @@ from air_router.errors import UsageError
 from air_router.record.log import Log
 from air_router.record.recorder import RecordViewer
 from mocha_link.errors import needs_extra
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingOptions:
-    """Where a flight is recorded.
-
-    Attributes:
-        folder: Where its file goes; None: nowhere.
-        stem: How the file's name begins.
-        must: The operator has named the folder: the flight does not start if it cannot be used.
-    """
-
-    folder: Path | None = None
-    stem: str = "flight"
-    must: bool = False
 
 
 def default_folder() -> Path:
@@ -149,10 +133,8 @@ def viewer_file(log: Log, *, foxglove: bool) -> bytes:
     return rerun_file(log)
 
 
-def recording_of(arguments: argparse.Namespace, stem: str = "flight") -> RecordingOptions:
-    """What `add_recording`'s options say."""
+def folder_of(arguments: argparse.Namespace) -> Path | None:
+    """Where a flight is recorded, as `add_recording`'s options say; None: nowhere."""
     if arguments.no_record:
-        return RecordingOptions(None, stem)
-    if arguments.log_dir is not None:
-        return RecordingOptions(arguments.log_dir, stem, must=True)
-    return RecordingOptions(default_folder(), stem)
+        return None
+    return default_folder() if arguments.log_dir is None else Path(arguments.log_dir)

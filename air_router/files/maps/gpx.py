@@ -20,7 +20,7 @@ from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import NO_TERMS
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.geodesic import polar
-from mocha_link.team.problem import DocumentError, ProblemList
+from mocha_link.team.problem import DocumentError
 
 _HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"
 """Types of points and lines with a meaning."""
@@ -55,20 +55,19 @@ class GpxLine:
 class GpxDocument:
     """All of a GPX file that is read."""
 
-    source: PlacedSource
+    reading: ZoneReading  # takes zones, and what is wrong with the file
     points: list[GpxPoint] = field(default_factory=list)  # waypoints outside of routes and tracks
     routes: list[GpxLine] = field(default_factory=list)
     tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
-    problems: ProblemList = field(default_factory=ProblemList)  # what is wrong with it
 
 
 def read_gpx(raw: bytes, path: Path) -> GpxDocument:
     """A GPX file's bytes. Raises DocumentError: it is not XML, or not GPX."""
     root = parse_xml(raw, path)
-    document = GpxDocument(PlacedSource(path))
+    document = GpxDocument(ZoneReading(PlacedSource(path), "GPX"))
     if root.name != "gpx":
         message = f"the outermost element is <{root.name[:30]}>, not <gpx>; choose another file"
-        raise DocumentError([document.source.problem(root.keys, message, "unknown-format")])
+        raise DocumentError.at(path, message, "unknown-format", *root.keys)
     document.points = _points(document, root, "wpt")
     document.routes = [_line(document, route, route, "rtept") for route in root.all("rte")]
     document.tracks = [
@@ -104,8 +103,7 @@ def _place(document: GpxDocument, element: Element) -> Geodetic | None:
         if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
             return Geodetic(latitude_deg, longitude_deg)
         message, code = f"there is no place {words[0]:.20}, {words[1]:.20}", "not-on-earth"
-    problem = document.source.problem(element.keys, f"{message}; correct it", code)
-    document.problems.add(document.source.path, code, lambda: problem)
+    document.reading.report(element.keys, f"{message}; correct it", code)
     return None
 
 
@@ -115,9 +113,7 @@ def _place(document: GpxDocument, element: Element) -> Geodetic | None:
 def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
     """The zones of a GPX file. Raises DocumentError: it is no GPX."""
     document = read_gpx(raw, path)
-    reading = ZoneReading(document.source, "GPX")
-    for problem in document.problems:
-        reading.report((problem.line, problem.column), problem.message, problem.code)
+    reading = document.reading
     lines = [*document.routes, *document.tracks]
     zones = [line for line in lines if line.kind == _ZONE] or lines
     for number, line in enumerate(zones, start=1):
@@ -157,9 +153,8 @@ def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
         document: The file.
         altitude_m: Where to fly, above home: the file does not say.
     """
-    source = document.source
-    draft = MissionDocument(source, source.path.stem)
-    draft.problems = list(document.problems)
+    reading = document.reading
+    draft = MissionDocument(reading.source, reading.path.stem, problems=reading.problems)
     draft.altitude_m, draft.speed_m_s = altitude_m, DEFAULT_SPEED_M_S
     free = [point for point in document.points if point.kind not in (_HOME, _RALLY_POINT)]
     lines = [line for line in (*document.routes, *document.tracks) if line.points]

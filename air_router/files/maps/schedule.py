@@ -5,10 +5,11 @@ Whatever is not certain makes the zone apply longer, never shorter.
 
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime, time
+from datetime import time
 from typing import Any
 
 from air_router.files.mission_document import Keys
+from air_router.files.zone_terms import DAY_NUMBERS, moment_of
 from geo.validity import DAYS, Hours, Period, Validity
 
 Doubt = Callable[[Keys, ValueError], None]
@@ -21,8 +22,7 @@ _CLOCK = re.compile(
 )
 _ALL_DAYS = frozenset(range(len(DAYS)))
 _DAY_WORDS: dict[str, frozenset[int]] = {
-    **{name[:3].upper(): frozenset({number}) for number, name in enumerate(DAYS)},
-    **{name.upper(): frozenset({number}) for number, name in enumerate(DAYS)},
+    **{word.upper(): frozenset({number}) for word, number in DAY_NUMBERS.items()},
     "ANY": _ALL_DAYS,
 }
 
@@ -48,7 +48,7 @@ def _period(entry: Any, keys: Keys, doubt: Doubt) -> Period:
     if str(entry.get("permanent")).upper() == "YES":
         bounds = [None, None]
     try:
-        start, end = (None if text is None else _moment(text) for text in bounds)
+        start, end = (None if text is None else moment_of(text) for text in bounds)
         return Period(start, end, tuple(daily))
     except ValueError as error:
         doubt(keys, error)
@@ -100,19 +100,3 @@ def _minutes(text: Any, *, up: bool) -> int:
         offset_min = int(match["hours"]) * 60 + int(match["minutes"])
         minutes += offset_min if match["sign"] == "-" else -offset_min
     return minutes
-
-
-def _moment(text: Any) -> datetime:
-    """A moment with its time zone, as UTC."""
-    if not isinstance(text, str) or len(text) > 40:
-        raise ValueError("it is no date and time")
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        raise ValueError(f"'{text}' is no date and time like 2026-11-20T08:00:00Z") from None
-    if moment.tzinfo is None:
-        raise ValueError(f"'{text}' has no time zone; add Z for UTC")
-    try:
-        return moment.astimezone(UTC)
-    except OverflowError:
-        raise ValueError(f"'{text}' is out of all calendars") from None

@@ -184,12 +184,18 @@ def test_ed269_as_it_was_written_years_ago(tmp_path):
     zones = [
         ed269(geometry=[volume], applicability=[{**period, "dailyPeriod": [daily]}]),
         ed269(applicability=[{**period, "dailyPeriod": [{**daily, "day": ["MON"]}]}]),
+        ed269(
+            applicability=[
+                {"startDateTime": "2026-07-22T07:00:00Z", "endDateTime": "9999-12-31T23:59:59Z"}
+            ]
+        ),
     ]
     path = tmp_path / "z.json"
     path.write_text(json.dumps({"formatVersion": "1.0.0", "UASZoneList": zones}))
     reading = read_zones(path)
     assert reading.problems == reading.notes == []
-    every, mondays = reading.zones
+    every, mondays, for_good = reading.zones
+    assert str(for_good.terms.validity) == "from 2026-07-22 07:00 until 9999-12-31 23:59 UTC"
     assert every.terms.altitudes == Altitudes(lower=AltitudeLimit(pytest.approx(30.48), GROUND))
     assert every.terms.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
     assert not mondays.terms.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
