@@ -1,11 +1,14 @@
 """A mission as a file has it: read, but not yet judged; every part knows its place in the file."""
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
@@ -17,8 +20,8 @@ from air_router.files.settings import (
 )
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
-from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from geo.geodesic import dense_ring
+from geo.frame import FrameError, Geodetic, LocalFrame, Point, check_on_earth
+from geo.geodesic import STEP_M, dense_ring
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -28,6 +31,25 @@ Keys = tuple[str | int, ...]
 
 _EARTH_M = 2e7
 """No two places are farther from each other."""
+
+_DEGREE_M = 111_000.0
+_MOST_STEPS = 20_000
+"""Corners that a ring of long sides gets in between, more or less."""
+
+
+def local_ring(ring: Sequence[Geodetic], frame: LocalFrame) -> Ring:
+    """A ring of the map in a local frame, its long sides with corners in between.
+
+    Raises:
+        FrameError: a corner is not on Earth.
+    """
+    for corner in ring:
+        check_on_earth(*corner)
+    sides = np.diff(np.array([*ring, ring[0]]), axis=0)
+    sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
+    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
+    dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
+    return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
 
 
 class DocumentSource(Protocol):
@@ -237,11 +259,8 @@ class MissionDocument:
     def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
         if not self.in_metres and self.frame is not None and corners:
             places = [Geodetic(float(corner[0]), float(corner[1])) for corner in corners]
-            try:
-                points = self.frame.to_local_many(*zip(*dense_ring(places), strict=True))
-                return tuple(Point(east_m, north_m) for east_m, north_m in points.tolist())
-            except FrameError:
-                pass  # the corner that is wrong is told below
+            with contextlib.suppress(FrameError):  # the corner that is wrong is told below
+                return local_ring(places, self.frame)
         spots = []
         for index, corner in enumerate(corners):
             spot = self.spot(f"{name}, corner {index + 1}", corner, (*keys, index))

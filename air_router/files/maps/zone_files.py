@@ -21,13 +21,12 @@ from air_router.files.maps.geozones import is_ed318, read_ed269, read_ed318, zon
 from air_router.files.maps.gpx import read_gpx_zones
 from air_router.files.maps.kml import read_kml
 from air_router.files.maps.openair import read_openair
-from air_router.files.maps.zone_reading import MapArea, MapCircle, MapRing, ZoneReading
-from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument
+from air_router.files.maps.zone_reading import MapArea, MapCircle, ZoneReading
+from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument, local_ring
 from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.xml_document import kml_in
-from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
+from geo.airspace.zone import Circle, Outline, Shape, ZoneError
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from geo.geodesic import STEP_M, dense_ring
 from mocha_link.team.problem import DocumentError, Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024
@@ -44,8 +43,6 @@ MOST_ZONES: Final = 3_000
 _XML_READERS: Final = {".kml": read_kml, ".gpx": read_gpx_zones}
 _OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
 _DEGREE_M: Final = 111_000.0
-_MOST_STEPS = 20_000
-"""Corners that a ring of long sides gets in between, more or less."""
 
 
 def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
@@ -117,21 +114,12 @@ def placed(zone: MapArea, frame: LocalFrame, what: str = "no-fly zone ") -> Shap
     try:
         if isinstance(zone.shape, MapCircle):
             return Circle(frame.to_local(*zone.shape.centre), zone.shape.radius_m)
-        ring, *holes = (_local_ring(ring, frame) for ring in (zone.shape.ring, *zone.shape.holes))
+        ring, *holes = (local_ring(ring, frame) for ring in (zone.shape.ring, *zone.shape.holes))
         return Outline(ring, tuple(holes))
     except (ZoneError, FrameError) as error:
         code = error.code if isinstance(error, ZoneError) else "not-on-earth"
         message = f"{what}'{zone.name}' cannot be an area: {error}; draw it again"
         return zone.problem(message, code)
-
-
-def _local_ring(ring: MapRing, frame: LocalFrame) -> Ring:
-    corners = np.array([*ring, ring[0]])
-    sides = np.diff(corners, axis=0)
-    sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
-    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
-    dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
-    return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
 
 
 def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:

@@ -88,14 +88,6 @@ def test_a_record_that_was_cut_is_shown_as_far_as_it_goes(record, tmp_path):
     assert "/scene" in messages_of(target)
 
 
-def test_what_is_no_record_is_not_shown(tmp_path, capsys):
-    (tmp_path / "a.mcap").write_bytes(b"nothing")
-    arguments = ["convert", str(tmp_path / "a.mcap"), str(tmp_path / "b.mcap")]
-    assert main(arguments) == ExitCode.INVALID_FILE
-    assert "not an MCAP file" in capsys.readouterr().err
-    assert not (tmp_path / "b.mcap").exists()
-
-
 def topics_in(layout):
     """All topics that a layout's panels name."""
     if isinstance(layout, dict):
