@@ -165,7 +165,8 @@ class Airspace:
 
     def leg_clear(self, start: Point, end: Point) -> bool:
         """Whether every point of the straight leg is clear."""
-        return self._clear(leg_line(start, end))
+        leg = leg_line(start, end)
+        return not self._index.leg_close(start, end, leg) and self._within_fences(leg)
 
     def legs_clear(self, start: Point, ends: Sequence[Point]) -> list[bool]:
         """`leg_clear` from one place to many, in bulk."""
@@ -182,7 +183,7 @@ class Airspace:
         for fence in self._fences:
             clear[clear] = fence.keeps(lines[clear], self._fence_threshold_m)
         rest = np.flatnonzero(clear)
-        clear[rest[self._index.too_close(lines[rest])]] = False
+        clear[rest[self._index.legs_close(starts[rest], ends[rest], lines[rest])]] = False
         return clear
 
     def swept_clear(self, points: Sequence[Point]) -> bool:

@@ -32,16 +32,15 @@ class Fence:
         """Which of these connected geometries are inside, and farther than this from the border."""
         if len(things) == 0:
             return np.zeros(0, dtype=bool)
-        points, owners = shapely.get_coordinates(things, return_index=True)
         if self._circle is not None:
             # A circle is convex: it holds all of a thing when it holds the corners.
+            points, owners = shapely.get_coordinates(things, return_index=True)
             reach_m = np.hypot(*(points - self._circle.centre).T)
             farthest_m = np.zeros(len(things))
             np.maximum.at(farthest_m, owners, reach_m)
             return farthest_m < self._circle.radius_m - threshold_m
-        # A connected thing that stays away from the border lies on the side of any of its points.
-        first = points[np.searchsorted(owners, np.arange(len(things)))]
-        inside = shapely.contains_xy(self._inside, first)
+        # A connected thing that stays away from the border is inside where any part of it is.
+        inside = shapely.intersects(self._inside, things)
         return np.asarray(inside & ~shapely.dwithin(self._border, things, threshold_m))
 
     def depth_m(self, place: ShapelyPoint) -> float:

@@ -58,10 +58,17 @@ class ZoneIndex:
         """Of each zone whether a shape keeps its distance."""
         return ~_dwithin(self._geometries, shape, self._thresholds_m)
 
-    def too_close(self, shapes: Geometries) -> Numbers:
-        """Which of many shapes are too near to some zone; one may be named several times."""
-        numbers, zones = self._tree.query(shapes)
-        close = _dwithin(self._geometries[zones], shapes[numbers], self._thresholds_m[zones])
+    def leg_close(self, start: Point, end: Point, leg: BaseGeometry) -> bool:
+        """Whether a straight leg (its ends, and its line) is too near to any zone."""
+        near = np.flatnonzero(self._in_line(slice(None), start, end))
+        return bool(_dwithin(self._geometries[near], leg, self._thresholds_m[near]).any())
+
+    def legs_close(self, starts: Floats, ends: Floats, legs: Geometries) -> Numbers:
+        """Which of many legs are too near to some zone; one may be named several times."""
+        numbers, zones = self._tree.query(legs)
+        near = self._in_line(zones, starts[numbers].T, ends[numbers].T)
+        numbers, zones = numbers[near], zones[near]
+        close = _dwithin(self._geometries[zones], legs[numbers], self._thresholds_m[zones])
         return np.asarray(numbers[close])
 
     def holding(self, place: ShapelyPoint) -> Numbers:
@@ -87,15 +94,33 @@ class ZoneIndex:
         """At these distances or less from `_geometries` nothing is clear."""
         return self._radii_m + [threshold_m(distance_m) for distance_m in self._distances_m]
 
+    def _in_line(self, zones: Numbers | slice, start: Point | Floats, end: Point | Floats) -> Flags:
+        """Which zones' boxes the line through a leg meets: it is near no other zone.
+
+        A leg's own box is as wide as the map where it runs across it; of what lies in there, this
+        leaves a tenth to be measured.
+        """
+        (start_e, start_n), (end_e, end_n) = start, end
+        along_e, along_n = end_e - start_e, end_n - start_n
+        east_m, north_m, half_east_m, half_north_m = self._boxes[:, zones]
+        hand_m2 = along_e * (north_m - start_n) - along_n * (east_m - start_e)
+        reach_m2 = abs(along_e) * half_north_m + abs(along_n) * half_east_m
+        return np.asarray(abs(hand_m2) <= reach_m2)
+
+    @cached_property
+    def _boxes(self) -> Floats:
+        """Centres and half widths (east, north) of boxes around all that is not clear by a zone."""
+        west, south, east, north = shapely.bounds(self._geometries).reshape(-1, 4).T
+        reach_m = self._thresholds_m + TOLERANCE_M
+        half_m = (east - west) / 2 + reach_m, (north - south) / 2 + reach_m
+        return np.array([(west + east) / 2, (south + north) / 2, *half_m])
+
     @cached_property
     def _tree(self) -> STRtree:
-        """Boxes around all that is not clear because of each zone."""
-        bounds = shapely.bounds(self._geometries)
-        reach_m = self._thresholds_m + TOLERANCE_M
-        west, south, east, north = bounds.reshape(-1, 4).T
-        return STRtree(
-            shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
-        )
+        """The boxes."""
+        east_m, north_m, half_east_m, half_north_m = self._boxes
+        west, south = east_m - half_east_m, north_m - half_north_m
+        return STRtree(shapely.box(west, south, east_m + half_east_m, north_m + half_north_m))
 
 
 def threshold_m(distance_m: float) -> float:
