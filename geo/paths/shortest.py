@@ -150,9 +150,11 @@ class ShortestPaths:
         return None
 
     def _clear_path(self, start: Point, end: Point) -> Path | None:
-        if self.airspace.leg_clear(start, end) and self._same_part(start, end):
-            return (start, end)
         here, there = self._landing(self.mesh, start), self._landing(self.mesh, end)
+        # No gap without width lies between two places of one part that see each other.
+        joined = here is None or there is None or here[1] == there[1]
+        if joined and self.airspace.leg_clear(start, end):
+            return (start, end)
         if here is None and there is None:
             return self._pocket_path(start, end)
         if here is None or there is None or here[1] != there[1]:
@@ -160,13 +162,7 @@ class ShortestPaths:
         path = self._between(self.mesh, here[0], there[0])
         if path is None:
             return None
-        beside_m = path_length_m(here[0]) + path_length_m(there[0])
-        return self._closer(self._with_fewer_corners(path), beside_m)
-
-    def _same_part(self, a: Point, b: Point) -> bool:
-        """Whether no gap without width lies between two places that see each other."""
-        one, other = self.part_of(a), self.part_of(b)
-        return one is None or other is None or one == other
+        return self._closer(path, path_length_m(here[0]) + path_length_m(there[0]))
 
     def _between(self, mesh: Mesh, here: Path, there: Path) -> Path | None:
         """The shortest path in a mesh between the ends of two paths that lead there."""
@@ -175,7 +171,7 @@ class ShortestPaths:
             return None
         path = self._begun_at(here[:-1], path)
         path = self._begun_at(there[:-1], path[::-1])[::-1]
-        return path if self._all_clear(path) else None
+        return self._clear_and_blunt(path)
 
     def _landing(self, mesh: Mesh, point: Point) -> tuple[Path, int] | None:
         """A path from a clear place into a mesh, and the part of it that this leads to.
@@ -241,19 +237,17 @@ class ShortestPaths:
         nearby = Mesh(self.space.tight((west, south, east, north)))
         here, there = self._landing(nearby, path[0]), self._landing(nearby, path[-1])
         closer = here and there and self._between(nearby, here[0], there[0])
-        if closer is None:
-            return path
-        closer = self._with_fewer_corners(closer)
-        return closer if path_length_m(closer) < length_m else path
+        return closer if closer is not None and path_length_m(closer) < length_m else path
 
-    def _with_fewer_corners(self, path: Path) -> Path:
-        """A path along arcs as one that turns less often, where that is clear."""
-        if len(path) < 4:
-            return path
-        back = path[0] > path[-1]  # the same corners both ways
-        blunt = _blunted(path[::-1] if back else path, self._kept_m)
-        blunt = blunt[::-1] if back else blunt
-        return blunt if len(blunt) < len(path) and self._all_clear(blunt) else path
+    def _clear_and_blunt(self, path: Path) -> Path | None:
+        """A path along arcs as one that turns less often, where that is clear; else as it is."""
+        if len(path) > 3:
+            back = path[0] > path[-1]  # the same corners both ways
+            blunt = _blunted(path[::-1] if back else path, self._kept_m)
+            blunt = blunt[::-1] if back else blunt
+            if len(blunt) < len(path) and self._all_clear(blunt):
+                return blunt
+        return path if self._all_clear(path) else None
 
     def _path_by_doors(
         self, start: Point, end: Point, first: Callable[[Point], bool], doors: list[Point]
