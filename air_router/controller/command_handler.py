@@ -10,12 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
+from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import ReturnMonitor
-from air_router.controller.model.actions import Announce, CommandAck, Refusal
-from air_router.controller.model.mission_context import (
-    MissionContext,
-)
+from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
+from air_router.controller.model.mission_context import Ending, MissionContext, OnBoard, ZoneChange
 from air_router.controller.model.requests import (
     AnyRequest,
     ComeHome,
@@ -23,6 +22,9 @@ from air_router.controller.model.requests import (
     GoOn,
     GoTo,
     HoldNow,
+    LandNow,
+    Reload,
+    RequestRefusedError,
     SeekNow,
 )
 from air_router.controller.model.states import Requests, Signal, State
@@ -31,245 +33,303 @@ from air_router.controller.states.goto_state import (
     Accepted,
     GotoState,
     GotoValidator,
-    Held,
-    Refused,
+    HoldState,
 )
+from air_router.controller.states.return_state import LandState
 from air_router.controller.states.search_state import SearchState
 from air_router.vehicle.input_limits import NO_FIX
 
 NOT_HEARD_S: Final = 3.0
 """A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
 
+_NOT_IN_THE_AIR: Final = {
+    Requests.NOT_YET: Refusal.NOT_FLYING,
+    Requests.NOT_OURS: Refusal.NOT_OURS,
+    Requests.OVER: Refusal.FLIGHT_OVER,
+}
+"""Why a vehicle that does not fly this mission just now is asked in vain."""
+
 
 @dataclass(slots=True, eq=False)
-class RequestHandler:
-    """Answers requests, and says whether the vehicle may be told anything just now.
+class CommandHandler:
+    """Answers every request.
 
     Args:
         context: What the mission is doing; where answers go.
         returns: Says which way home may not be called off.
-        authority: What the operator can do about a vehicle that is not ours.
+        authority: Takes the vehicle back; what the operator can do about one that is not ours.
+        validator: Whether it may be sent somewhere, and comes home from there.
+        exploration: What is left to explore; None: this vehicle only searches.
+        search_state: Seeks a robot.
+        goto_state: Flies to points.
+        hold_state: Remembers what was held for that, and goes on with it.
+        land_state: Says whether it may land where it hovers.
+        airspace_update: Puts the plan on board again.
+
+    Attributes:
+        later: Points that wait until the vehicle flies on; None: none do.
     """
 
     _context: MissionContext
     _returns: ReturnMonitor
     _authority: ControlAuthority
-
-    # what answers a request, by its type
-    _answers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted | Refused]]] = {}
+    _validator: GotoValidator
+    _exploration: Exploration | None
+    _search_state: SearchState
+    _goto_state: GotoState
+    _hold_state: HoldState
+    _land_state: LandState
+    _airspace_update: AirspaceUpdate
+    later: GoTo | None = None
 
     def asked(self, request: AnyRequest) -> None:
-        """A request of the pilot, the operator or a program."""
-        answer = self._answers[type(request)](self, request)
-        zones_change = self._context.zones is not None and self._context.in_air
+        """A request of the pilot, the operator or a program; points may wait for their time."""
+        if isinstance(request, GoTo) and request.waits and self._context.spec.puts_off:
+            self._put_off(request)
+            return
+        context, number, by = self._context, request.request_id, request.by
+        try:
+            what, points = self._answers[type(request)](self, request)
+        except RequestRefusedError as refused:
+            context.actions.append(CommandAck(number, by, False, str(refused), refused.code))
+            return
         # A hold is begun at once, and a plan that is put on board says so itself.
         sets_out = isinstance(request, SeekNow | ExploreNow | ComeHome | GoTo) or (
             isinstance(request, GoOn) and not request.upload
         )
-        if isinstance(answer, Accepted) and zones_change and sets_out:
-            what = f"{answer.what}; it sets out once the changed zones are on board"
-            answer = answer._replace(what=what)
-        self._context.actions.append(_ack(request, answer))
+        if sets_out and context.zones is not None and context.in_air:
+            what = f"{what}; it sets out once the changed zones are on board"
+        context.actions.append(CommandAck(number, by, True, what, None, points))
 
-    # Whether the vehicle may be told anything just now; None: nothing stands against it.
+    # What may stand against it: each raises RequestRefusedError.
 
-    def _not_to_stop(self) -> Refused | None:
+    def _check_may_stop(self) -> None:
         """It is ours, in the air, and not on a way home that may not be called off.
 
         A way home is only called off if it was requested, and nothing else demands it.
         """
         context, requests = self._context, self._context.spec.requests
-        if context.giving_up is not None:
-            return self._not_to_decide()
+        self._check_kept()
         if requests is Requests.ANY:
-            return None
+            return
         if requests is not Requests.CALL_OFF:
-            return self._not_in_the_air()
+            self._check_in_the_air()
         ending = context.ending
-        if context.state is State.HOME and ending is not None and ending.by_request:
-            why = self._returns.due(context.heard)
-        else:
-            why = None if ending is None else ending.why
-        return None if why is None else _comes_home(why)
+        by_request = context.state is State.HOME and ending is not None and ending.by_request
+        why = self._returns.due(context.heard) if by_request else self._ending_why
+        if why is not None:
+            raise _comes_home(why)
 
-    def _not_to_move(self) -> Refused | None:
+    def _check_may_move(self) -> None:
         """And beside that it is known where it is."""
-        return self._not_to_stop() or self._not_without_position()
+        self._check_may_stop()
+        self._check_position()
 
-    def _not_without_position(self) -> Refused | None:
+    def _check_position(self) -> None:
         """It is known where it is: legs are checked from there."""
         context = self._context
         if context.telemetry is not None and not context.telemetry.fix:
-            return Refused(Refusal.NO_FIX, NO_FIX)
+            raise RequestRefusedError(Refusal.NO_FIX, NO_FIX)
         missing = next(iter(context.inputs.stopped), None)
         if missing is not None:
-            return Refused(Refusal.NOT_HEARD, missing)
-        return self._not_unheard()
+            raise RequestRefusedError(Refusal.NOT_HEARD, missing)
+        self._check_heard()
 
-    def _not_unheard(self) -> Refused | None:
+    def _check_heard(self) -> None:
         """It was heard just now."""
         telemetry = self._context.telemetry
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         # Its clock stands still while nothing is heard of it: then the link says for how long.
         silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
-        if silent_s <= NOT_HEARD_S:
-            return None
-        what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
-        return Refused(Refusal.NOT_HEARD, f"{what} heard from it for {silent_s:.0f} s")
+        if silent_s > NOT_HEARD_S:
+            what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
+            silent = f"{what} heard from it for {silent_s:.0f} s"
+            raise RequestRefusedError(Refusal.NOT_HEARD, silent)
 
-    def _not_to_decide(self) -> Refused | None:
+    def _check_kept(self) -> None:
         """It is not about to be given away."""
         why = self._context.giving_up
-        if why is None:
-            return None
-        return Refused(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
+        if why is not None:
+            raise RequestRefusedError(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
 
-    def _not_in_the_air(self) -> Refused | None:
+    def _check_in_the_air(self) -> None:
         """It flies this mission."""
         requests = self._context.spec.requests
-        if requests is Requests.NOT_YET:
-            return Refused(Refusal.NOT_FLYING, requests.value)
-        if requests is Requests.OVER:
-            return Refused(Refusal.FLIGHT_OVER, requests.value)
-        if requests is Requests.NOT_OURS:
+        code, why = _NOT_IN_THE_AIR.get(requests), requests.value
+        if code is Refusal.NOT_OURS:
             taker = self._context.taken_by
             who = taker.value if taker else "the pilot"
-            return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}")
-        return None
+            why = f"{who} has the vehicle; {self._authority.way_back}"
+        if code is not None:
+            raise RequestRefusedError(code, why)
 
+    # What is asked.
 
-@dataclass(slots=True, eq=False)
-class CommandHandler(RequestHandler):
-    """Sends the vehicle elsewhere, or has it hold; what was held for that it remembers itself.
-
-    Args:
-        validator: Whether it may be sent somewhere, and comes home from there.
-        exploration: What is left to explore; None: this vehicle only searches.
-        search_state: Seeks a robot.
-        goto_state: Flies to points.
-
-    Attributes:
-        held: What it did before it was told to hold; None: it was not, or went on.
-        later: Points that wait until the vehicle flies on; None: none do.
-    """
-
-    _validator: GotoValidator
-    _exploration: Exploration | None
-    search_state: SearchState
-    goto_state: GotoState
-    held: Held | None = None
-    later: GoTo | None = None
-
-    def asked(self, request: AnyRequest) -> None:
-        """A request; points that came by gossip may wait for their time."""
-        if isinstance(request, GoTo) and request.waits and self._context.spec.puts_off:
-            self._put_off(request)
-        else:
-            RequestHandler.asked(self, request)  # of dataclasses with slots super() knows nothing
-
-    def _asked_to_hold(self, request: HoldNow) -> Accepted | Refused:
+    def _asked_to_hold(self, request: HoldNow) -> Accepted:
         context = self._context
         if context.state is State.HOLD:
             return Accepted("it holds already")
-        objection = self._not_to_stop()
-        if objection is not None:
-            return objection
-        # A robot is sought again, a way home flown on; time does not run meanwhile.
-        left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
-        goto_task, explores = self.goto_state.goto_task, context.spec.explores
-        self.held = Held(context.state, explores, context.robot, goto_task, left_s)
-        context.actions.append(Announce(f"holding, as {request.by} asked"))
-        context.signal(Signal.HOLD)
+        self._check_may_stop()
+        self._hold_state.stop(request.by)
         return Accepted("it stops and hovers")
 
-    def _asked_to_seek(self, request: SeekNow) -> Accepted | Refused:
-        robot, search = request.robot, self.search_state.search
+    def _asked_to_seek(self, request: SeekNow) -> Accepted:
+        robot, search = request.robot, self._search_state.search
         names = search.targets.names
         if robot not in names:
             known = ", ".join(names) or "none"
-            return Refused(
-                Refusal.UNKNOWN_ROBOT, f"no robot '{robot}' is sought in this mission: {known}"
-            )
+            unknown = f"no robot '{robot}' is sought in this mission: {known}"
+            raise RequestRefusedError(Refusal.UNKNOWN_ROBOT, unknown)
         if robot == self._context.robot and self._context.state is State.COMM:
             return Accepted(f"it hovers over {robot} already")
-        objection = self._not_to_move()
-        if objection is not None:
-            return objection
+        self._check_may_move()
         point = search.search_point(robot, self._context.now_s)
-        refused = self._validator.way([point.goal])
-        if refused is not None:
-            return refused
-        self.search_state.seek(robot)
+        self._validator.check_way([point.goal])
+        self._search_state.seek(robot)
         return Accepted(f"it seeks {robot}: {point.reason}")
 
-    def _asked_to_explore(self, request: ExploreNow) -> Accepted | Refused:
+    def _asked_to_explore(self, request: ExploreNow) -> Accepted:
         del request
         exploration = self._exploration
         if exploration is None:
-            return Refused(Refusal.ONLY_SEARCHES, "this vehicle only searches")
-        objection = self._not_to_move()
-        if objection is not None:
-            return objection
+            raise RequestRefusedError(Refusal.ONLY_SEARCHES, "this vehicle only searches")
+        self._check_may_move()
         if not exploration.remaining:
-            return Refused(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
+            raise RequestRefusedError(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
         left = f"{exploration.remaining} waypoints are left"
         if self._context.spec.explores:
             return Accepted(f"it explores already: {left}")
         self._context.signal(Signal.EXPLORE)
         return Accepted(f"it explores: {left}")
 
-    def _asked_to_go_to(self, request: GoTo) -> Accepted | Refused:
+    def _asked_to_go_to(self, request: GoTo) -> Accepted:
         context = self._context
-        objection = self._not_to_move()
-        if objection is not None:
-            return objection
         if request.waits and context.state is State.HOME:  # the operator asked for that
-            return _comes_home(context.ending.why if context.ending else None)
+            raise _comes_home(self._ending_why)
+        self._check_may_move()
         hold_s = context.mission.timers.hold_s if request.hold_s is None else request.hold_s
-        goto_task = self._validator.goto_task(request.points, hold_s, request.by)
-        if isinstance(goto_task, Refused):
-            return goto_task
-        self.goto_state.set_out(goto_task)
-        count = len(goto_task.stops)
+        task = self._validator.goto_task(request.points, hold_s, request.by)
+        self._goto_state.set_out(task)
+        count = len(task.stops)
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
-        return Accepted("; ".join((what, *goto_task.notes)), goto_task.stops)
+        return Accepted("; ".join((what, *task.notes)), task.stops)
 
-    _answers = {  # noqa: RUF012 - of the class, as the base class says
+    def _asked_to_go_on(self, request: GoOn) -> Accepted:
+        context, state = self._context, self._context.state
+        self._check_kept()
+        if state in {State.READY, State.PASSIVE}:
+            if context.in_air:
+                self._check_heard()
+            upload = request.upload
+            if upload and self._authority.why_not_back(flies_plan=False) is None:
+                self._airspace_update.upload_again()
+            why = self._authority.resume(upload=upload)
+            if why is not None:
+                raise RequestRefusedError(self._why_ours_not(), why)
+            first = "the plan is put on board again, then " if upload else ""
+            return Accepted(f"{first}the mission goes on from here")
+        if state is not State.HOLD:
+            self._check_in_the_air()
+            nothing = f"nothing is held: it is in {state.name}"
+            raise RequestRefusedError(Refusal.NOTHING_TO_DO, nothing)
+        self._check_may_move()
+        return Accepted(self._hold_state.go_on(request.by))
+
+    def _why_ours_not(self) -> Refusal:
+        """Whether all that keeps a vehicle from being taken back is the plan on board."""
+        other = self._context.on_board is OnBoard.ANOTHER
+        only = other and self._authority.why_not_back(flies_plan=False) is None
+        return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
+
+    def _asked_to_come_home(self, request: ComeHome) -> Accepted:
+        context, state = self._context, self._context.state
+        self._check_kept()
+        if state in {State.HOME, State.LAND}:
+            return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
+        if context.in_air and not context.in_charge and state is not State.DONE:
+            self._check_heard()
+            why = self._authority.take_home()
+            if why is not None:
+                raise RequestRefusedError(Refusal.NOT_OURS, why)
+        elif state is not State.READY:
+            self._check_in_the_air()
+        answer = Accepted(self._how_it_comes_home())
+        context.come_home(f"{request.by}'s request", by_request=state is not State.READY)
+        return answer
+
+    def _asked_to_land(self, request: LandNow) -> Accepted:
+        context, state = self._context, self._context.state
+        if state is State.LAND:
+            return Accepted("it lands already")
+        self._check_may_move()
+        if state is not State.HOLD:
+            raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
+        why = self._land_state.why_no_landing()
+        if why is not None:
+            raise RequestRefusedError(Refusal.NO_WAY, why)
+        context.say(f"landing here, as {request.by} asked")
+        place = f"where it hovered, as {request.by} asked"
+        context.ending = Ending(f"{request.by} asked to land here", place=place)
+        context.signal(Signal.LAND_HERE)
+        return Accepted("it lands where it hovers")
+
+    def _how_it_comes_home(self) -> str:
+        """What follows when it is told to, in words."""
+        if self._context.telemetry is None:
+            return "the mission ends before it begins; the vehicle is left as it is"
+        if not self._context.in_air:
+            return "the mission ends on the ground"
+        try:
+            self._check_position()
+        except RequestRefusedError as unknown:
+            return f"it comes home as soon as it is known where it is: {unknown}"
+        return "it comes home"
+
+    def _asked_to_reload(self, request: Reload) -> Accepted:
+        del request
+        if self._context.state is State.DONE:
+            raise RequestRefusedError(Refusal.FLIGHT_OVER, "the flight is over")
+        self._check_kept()
+        if self._context.zones is ZoneChange.UPLOADING:
+            raise RequestRefusedError(Refusal.BUSY, "zones are being changed just now; ask again")
+        self._context.actions.append(ReadAgain())
+        later = "; what has changed goes on board after the plan"
+        return Accepted(f"the mission file is read again{'' if self._context.telemetry else later}")
+
+    # what answers a request, by its type
+    _answers: ClassVar[Mapping[type, Callable[[Any, Any], Accepted]]] = {
         HoldNow: _asked_to_hold,
         SeekNow: _asked_to_seek,
         ExploreNow: _asked_to_explore,
         GoTo: _asked_to_go_to,
+        GoOn: _asked_to_go_on,
+        ComeHome: _asked_to_come_home,
+        LandNow: _asked_to_land,
+        Reload: _asked_to_reload,
     }
 
     # What is not done at once.
 
     def _put_off(self, request: GoTo) -> None:
         """Keep a request that waits until the vehicle flies its mission; of several the newest."""
-        if self.later is not None:
-            replaced = Refused(Refusal.REPLACED, "a newer request came")
-            self._context.actions.append(_ack(self.later, replaced))
-        self.later = request
+        before, self.later = self.later, request
+        if before is not None:
+            why, code = "a newer request came", Refusal.REPLACED
+            self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
         self._context.say(f"points from {request.by} wait until the vehicle flies on")
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
-        if self.later is None or self._context.spec.puts_off:
-            return
-        request, self.later = self.later, None
-        ending = self._context.ending
-        if self._context.state is State.HOME:  # that was asked for later
-            answer: Accepted | Refused = _comes_home(ending.why if ending else None)
-        else:
-            answer = self._asked_to_go_to(request)
-        self._context.actions.append(_ack(request, answer))
+        if self.later is not None and not self._context.spec.puts_off:
+            request, self.later = self.later, None
+            self.asked(request)
+
+    @property
+    def _ending_why(self) -> str | None:
+        """Why it comes home, or lands, if it does."""
+        return None if self._context.ending is None else self._context.ending.why
 
 
-def _comes_home(why: str | None) -> Refused:
+def _comes_home(why: str | None) -> RequestRefusedError:
     """A request or a trigger had it come home, and that counts."""
-    return Refused(Refusal.COMING_HOME, f"it comes home: {why}")
-
-
-def _ack(request: AnyRequest, answer: Accepted | Refused) -> CommandAck:
-    if isinstance(answer, Refused):
-        return CommandAck(request.request_id, request.by, False, answer.why, answer.code)
-    return CommandAck(request.request_id, request.by, True, answer.what, None, answer.points)
+    return RequestRefusedError(Refusal.COMING_HOME, f"it comes home: {why}")

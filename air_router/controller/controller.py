@@ -10,6 +10,7 @@ leads to, and in which order, in `mission_loop`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
@@ -29,16 +30,7 @@ from air_router.controller.model.events import (
     RobotSought,
 )
 from air_router.controller.model.mission_context import MissionContext, StateHandler
-from air_router.controller.model.requests import (
-    ComeHome,
-    ExploreNow,
-    GoOn,
-    GoTo,
-    HoldNow,
-    LandNow,
-    Reload,
-    SeekNow,
-)
+from air_router.controller.model.requests import AnyRequest
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import ClimbWatch, InitialClimb
@@ -55,7 +47,6 @@ from air_router.controller.states.return_state import (
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import CommState, SearchState
 from air_router.controller.states.table import STATES, transitions
-from air_router.controller.vehicle_requests import VehicleRequests
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
@@ -116,6 +107,7 @@ class Controller(MissionLoop):
         search = SearchState(context, gate, navigator, self.search, to_explore, name)
         comm = CommState(context, gate, search)
         goto = self._goto_state = GotoState(context, navigator)
+        hold = HoldState(context, gate, goto, search)
         land = LandState(context, gate)
         handlers: tuple[StateHandler, ...] = (
             StateHandler(),
@@ -123,7 +115,7 @@ class Controller(MissionLoop):
             search,
             comm,
             goto,
-            HoldState(context, gate),
+            hold,
             ReturnState(context, gate, navigator),
             land,
             HandsOffState(self._let_go),
@@ -140,18 +132,17 @@ class Controller(MissionLoop):
         self._returns = ReturnMonitor(context, reachability)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
-        returns = self._returns
         commands = self._commands = CommandHandler(
             context,
-            returns,
+            self._returns,
             authority,
             GotoValidator(context, navigator),
             to_explore,
             search,
             goto,
-        )
-        vehicle_requests = VehicleRequests(
-            context, returns, authority, commands, land, self.airspace_update
+            hold,
+            land,
+            self.airspace_update,
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
         self._reactions = {
@@ -173,8 +164,7 @@ class Controller(MissionLoop):
             PeerFault: lambda event: context.say(event.words),
             PlanReplaced: authority.plan_replaced,
             PlanCompared: authority.plan_compared,
-            **dict.fromkeys((HoldNow, SeekNow, ExploreNow, GoTo), commands.asked),
-            **dict.fromkeys((GoOn, ComeHome, LandNow, Reload), vehicle_requests.asked),
+            **dict.fromkeys(get_args(AnyRequest), commands.asked),
         }
 
     # What others ask, and read.

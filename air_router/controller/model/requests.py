@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from air_router.controller.model.actions import Refusal
+from air_router.errors import AirRouterError
 from geo.frame import Point
 
 OPERATOR: Final = "the operator"
@@ -86,3 +88,16 @@ class Reload(Asked):
 
 
 AnyRequest = HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | LandNow | GoTo | Reload
+
+
+class RequestRefusedError(AirRouterError):
+    """A request is not done; the message is a sentence for people.
+
+    Args:
+        code: The reason, for programs; see docs/errors.md.
+        why: The message.
+    """
+
+    def __init__(self, code: Refusal, why: str) -> None:
+        super().__init__(why)
+        self.code = code

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, Refusal
+from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, Refusal
 from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
+from air_router.controller.model.requests import RequestRefusedError
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.controller.motion.navigator import STANDING_M_S, Navigator
+from air_router.controller.states.search_state import SearchState
 from air_router.messages import FARTHEST_M
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.routing.return_planner import LANDING_MARGIN, Way
@@ -55,14 +57,6 @@ class GotoTask:
         return True
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """Why something is not done."""
-
-    code: Refusal  # see docs/errors.md
-    why: str  # in words
-
-
 class Accepted(NamedTuple):
     """What is done."""
 
@@ -82,27 +76,36 @@ class GotoValidator:
     _context: MissionContext
     _navigator: Navigator
 
-    def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask | Refused:
-        """Look at every point, the ways between them, and what the way home then takes."""
+    def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask:
+        """Look at every point, the ways between them, and what the way home then takes.
+
+        Raises:
+            RequestRefusedError: a point cannot be flown to, or the way home not after it.
+        """
         stops: list[Point] = []
         notes: list[str] = []
         for number, point in enumerate(points, start=1):
             name = "the point" if len(points) == 1 else f"point {number}"
             if not math.hypot(*point) <= FARTHEST_M:
                 away = f"{name} is more than {FARTHEST_M / 1000:.0f} km away"
-                return Refused(Refusal.OUTSIDE_FENCE, away)
+                raise RequestRefusedError(Refusal.OUTSIDE_FENCE, away)
             if FENCE in self._context.mission.airspace.holders(point):
-                return Refused(Refusal.OUTSIDE_FENCE, f"{name} lies outside of the fence")
+                outside = f"{name} lies outside of the fence"
+                raise RequestRefusedError(Refusal.OUTSIDE_FENCE, outside)
             hover, why = self._navigator.hover(point)
             if why:
                 beside_m = math.dist(point, hover)
                 notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
             stops.append(hover)
-        refused = self.way([*map(Goal, stops)], hold_s)
-        return refused or GotoTask(tuple(stops), hold_s, by, tuple(notes))
+        self.check_way([*map(Goal, stops)], hold_s)
+        return GotoTask(tuple(stops), hold_s, by, tuple(notes))
 
-    def way(self, goals: Sequence[Goal], hold_s: float = 0.0) -> Refused | None:
-        """Why these goals cannot be flown to, one after the other, and home from there."""
+    def check_way(self, goals: Sequence[Goal], hold_s: float = 0.0) -> None:
+        """Whether these goals can be flown to, one after the other, and home from there.
+
+        Raises:
+            RequestRefusedError: they cannot.
+        """
         telemetry = self._context.telemetry
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         here = telemetry.position
@@ -111,14 +114,14 @@ class GotoValidator:
             name = "it" if len(goals) == 1 else f"point {number}"
             route = self._first(telemetry, goal) if number == 1 else self._route(here, goal)
             if isinstance(route, NoRoute):
-                return Refused(Refusal.NO_WAY, f"no clear way to {name}: {route.reason}")
+                no_way = f"no clear way to {name}: {route.reason}"
+                raise RequestRefusedError(Refusal.NO_WAY, no_way)
             here = goal.position
             length_m, legs = length_m + route.length_m, legs + len(route.legs)
             stay_s = hold_s if number == len(goals) else 0.0
             short = self._short(telemetry.battery, Way(length_m, legs), here, stay_s)
             if short is not None:
-                return Refused(Refusal.RESERVE, f"{short} {name}")
-        return None
+                raise RequestRefusedError(Refusal.RESERVE, f"{short} {name}")
 
     def _first(self, telemetry: Telemetry, goal: Goal) -> Route | NoRoute:
         """From where the vehicle is; or, where its speed allows no way, from where it stops."""
@@ -240,15 +243,47 @@ class Held:
 
 @dataclass(slots=True, eq=False)
 class HoldState(StateHandler):
-    """Stops, and stays there; or at the end of the leg, where that is as near.
+    """Stops, and stays there; or at the end of the leg, where that is as near. Then goes on.
 
     Args:
         context: How fast the vehicle is, and where.
         gate: Stops it.
+        goto_state: Flies on to points that are left.
+        search_state: Seeks a robot again.
     """
 
     _context: MissionContext
     _gate: CommandGate
+    _goto_state: GotoState
+    _search_state: SearchState
+    _held: Held | None = None
+
+    def stop(self, by: str) -> None:
+        """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
+        context, goto_task = self._context, self._goto_state.goto_task
+        left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
+        explores = context.spec.explores
+        self._held = Held(context.state, explores, context.robot, goto_task, left_s)
+        context.actions.append(Announce(f"holding, as {by} asked"))
+        context.signal(Signal.HOLD)
+
+    def go_on(self, by: str) -> str:
+        """Go on with what was held, as `by` asked: a robot is sought again; what, in words."""
+        held, context = self._held, self._context
+        assert held is not None  # noqa: S101 - what HOLD is entered with
+        if held.state is State.HOME:
+            context.come_home(f"{by}'s request", by_request=True)
+            return "it comes home"
+        if held.state is State.GOTO and held.goto_task is not None:
+            self._goto_state.set_out(held.goto_task, held.left_s)
+            return "it flies on to the points that are left"
+        if held.robot is not None:
+            self._search_state.seek(held.robot)
+            return f"it seeks {held.robot} again"
+        if held.explores and held.left_s is not None:
+            context.carried_s = held.left_s
+        context.signal(Signal.RESUMED)
+        return "it goes on"
 
     def begin(self) -> None:
         """Stop."""
