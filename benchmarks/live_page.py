@@ -28,12 +28,12 @@ from playwright.sync_api import sync_playwright
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.events import RobotPose
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.flight.flight_loop import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.joint import JointPage
 from air_router.live.page_address import PageAddress
 from air_router.live.server import LivePage
-from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -80,7 +80,7 @@ class _Flight:
         self.mission = dataclasses.replace(mission, uav=f"uav{number}")
         self._number = number
         self._names = names = tuple(f"robot{robot:02d}" for robot in range(robots))
-        self._controller = Controller(self.mission, FlightPlan.of(mission), router, names)
+        self._controller = Controller(FlightSetup(self.mission, names), router)
         links = {name: LinkMetrics(name, rssi_dbm=-60.0 - n % 20) for n, name in enumerate(names)}
         self.page = LivePage(
             self.mission,

@@ -28,15 +28,8 @@ from air_router.controller.model.requests import (
     SeekNow,
 )
 from air_router.controller.model.states import Requests, Signal, State
-from air_router.controller.states.explore_state import Exploration
-from air_router.controller.states.goto_state import (
-    Accepted,
-    GotoState,
-    GotoValidator,
-    HoldState,
-)
-from air_router.controller.states.return_state import LandState
-from air_router.controller.states.search_state import SearchState
+from air_router.controller.states.goto_state import Accepted, GotoValidator
+from air_router.controller.states.table import StateHandlers
 from air_router.vehicle.input_limits import NO_FIX
 
 NOT_HEARD_S: Final = 3.0
@@ -59,11 +52,7 @@ class CommandHandler:
         returns: Says which way home may not be called off.
         authority: Takes the vehicle back; what the operator can do about one that is not ours.
         validator: Whether it may be sent somewhere, and comes home from there.
-        exploration: What is left to explore; None: this vehicle only searches.
-        search_state: Seeks a robot.
-        goto_state: Flies to points.
-        hold_state: Remembers what was held for that, and goes on with it.
-        land_state: Says whether it may land where it hovers.
+        states: Seek a robot, fly to points, hold and go on with what was held for that.
         airspace_update: Puts the plan on board again.
 
     Attributes:
@@ -74,11 +63,7 @@ class CommandHandler:
     _returns: ReturnMonitor
     _authority: ControlAuthority
     _validator: GotoValidator
-    _exploration: Exploration | None
-    _search_state: SearchState
-    _goto_state: GotoState
-    _hold_state: HoldState
-    _land_state: LandState
+    _states: StateHandlers
     _airspace_update: AirspaceUpdate
     later: GoTo | None = None
 
@@ -116,7 +101,7 @@ class CommandHandler:
             self._check_in_the_air()
         ending = context.ending
         by_request = context.state is State.HOME and ending is not None and ending.by_request
-        why = self._returns.due(context.heard) if by_request else self._ending_why
+        why = self._returns.due(context.heard) if by_request else self._context.ending_why
         if why is not None:
             raise _comes_home(why)
 
@@ -170,11 +155,11 @@ class CommandHandler:
         if context.state is State.HOLD:
             return Accepted("it holds already")
         self._check_may_stop()
-        self._hold_state.stop(request.by)
+        self._states.hold.stop(request.by)
         return Accepted("it stops and hovers")
 
     def _asked_to_seek(self, request: SeekNow) -> Accepted:
-        robot, search = request.robot, self._search_state.search
+        robot, search = request.robot, self._states.search.search
         names = search.targets.names
         if robot not in names:
             known = ", ".join(names) or "none"
@@ -185,12 +170,12 @@ class CommandHandler:
         self._check_may_move()
         point = search.search_point(robot, self._context.now_s)
         self._validator.check_way([point.goal])
-        self._search_state.seek(robot)
+        self._states.search.seek(robot)
         return Accepted(f"it seeks {robot}: {point.reason}")
 
     def _asked_to_explore(self, request: ExploreNow) -> Accepted:
         del request
-        exploration = self._exploration
+        exploration = self._states.search.search.to_explore
         if exploration is None:
             raise RequestRefusedError(Refusal.ONLY_SEARCHES, "this vehicle only searches")
         self._check_may_move()
@@ -205,11 +190,11 @@ class CommandHandler:
     def _asked_to_go_to(self, request: GoTo) -> Accepted:
         context = self._context
         if request.waits and context.state is State.HOME:  # the operator asked for that
-            raise _comes_home(self._ending_why)
+            raise _comes_home(self._context.ending_why)
         self._check_may_move()
         hold_s = context.mission.timers.hold_s if request.hold_s is None else request.hold_s
         task = self._validator.goto_task(request.points, hold_s, request.by)
-        self._goto_state.set_out(task)
+        self._states.goto.set_out(task)
         count = len(task.stops)
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
         return Accepted("; ".join((what, *task.notes)), task.stops)
@@ -233,7 +218,7 @@ class CommandHandler:
             nothing = f"nothing is held: it is in {state.name}"
             raise RequestRefusedError(Refusal.NOTHING_TO_DO, nothing)
         self._check_may_move()
-        return Accepted(self._hold_state.go_on(request.by))
+        return Accepted(self._states.hold.go_on(request.by))
 
     def _why_ours_not(self) -> Refusal:
         """Whether all that keeps a vehicle from being taken back is the plan on board."""
@@ -264,7 +249,7 @@ class CommandHandler:
         self._check_may_move()
         if state is not State.HOLD:
             raise RequestRefusedError(Refusal.BUSY, "it lands where it hovers: have it hold first")
-        why = self._land_state.why_no_landing()
+        why = self._states.land.why_no_landing()
         if why is not None:
             raise RequestRefusedError(Refusal.NO_WAY, why)
         context.say(f"landing here, as {request.by} asked")
@@ -323,11 +308,6 @@ class CommandHandler:
         if self.later is not None and not self._context.spec.puts_off:
             request, self.later = self.later, None
             self.asked(request)
-
-    @property
-    def _ending_why(self) -> str | None:
-        """Why it comes home, or lands, if it does."""
-        return None if self._context.ending is None else self._context.ending.why
 
 
 def _comes_home(why: str | None) -> RequestRefusedError:

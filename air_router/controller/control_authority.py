@@ -217,7 +217,7 @@ class ControlAuthority:
         if not context.in_air:
             return
         if context.state is State.READY:  # it hovers, stopped in its climb
-            context.ours_again()
+            self._gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         else:
             context.handler.replan()
@@ -293,7 +293,7 @@ class ControlAuthority:
         return why
 
     def _take_back(self) -> None:
-        self._context.ours_again()
+        self._gate.ours_in_the_air()
         self._context.taken_by = None
         self._gate.assume(self._context.heard.mode)
         self._context.climbs_first = True

@@ -3,25 +3,36 @@
 Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
 the discrete-event world, and a recorded flight replays to the same decisions.
 
-When it explores, searches and talks stands in one table, `states.table.STATES`; what each event
-leads to, and in which order, in `mission_loop`.
+Of each telemetry message the gravest matter counts first. Who has the vehicle comes before
+everything else: a pilot, a failsafe, or one who is about to get it. Then what is wrong with the
+flight, and only then the mission. When that explores, searches and talks stands in one table,
+`states.table.STATES`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import get_args
+import math
+from collections.abc import Callable
+from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority, SilenceReminder
 from air_router.controller.deviations import Deviations, ReturnMonitor
-from air_router.controller.mission_loop import MissionLoop
-from air_router.controller.model.actions import Motion
+from air_router.controller.missing_inputs import MissingInputs
+from air_router.controller.model.actions import (
+    Action,
+    ControlHolder,
+    Finish,
+    FlyToNode,
+    Seeking,
+    StateChanged,
+)
 from air_router.controller.model.events import (
     AirspaceChanged,
     CommandConfirmed,
     CommandFailed,
+    Event,
     FlownBefore,
     PeerFault,
     PlanRenewed,
@@ -29,28 +40,22 @@ from air_router.controller.model.events import (
     RobotPose,
     RobotSought,
 )
-from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller.model.mission_context import MissionContext, Progress
 from air_router.controller.model.requests import AnyRequest
-from air_router.controller.model.states import State
+from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import ClimbWatch, InitialClimb
+from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.safety_monitor import FlightPhase, HomeWatch, SafetyMonitor
-from air_router.controller.states.explore_state import Exploration, ExploreState
-from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator, HoldState
-from air_router.controller.states.return_state import (
-    HandsOffState,
-    HomeReachability,
-    LandState,
-    ReturnState,
-)
+from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
+from air_router.controller.states.explore_state import PASSING_M, Exploration
+from air_router.controller.states.goto_state import GotoValidator
 from air_router.controller.states.search_points import Search
-from air_router.controller.states.search_state import CommState, SearchState
-from air_router.controller.states.table import STATES, transitions
+from air_router.controller.states.table import STATES, StateHandlers, transitions
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.input_limits import CALM
 from air_router.vehicle.vehicle import (
     ItemReached,
     LinkSilent,
@@ -61,35 +66,35 @@ from air_router.vehicle.vehicle import (
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 
-class Controller(MissionLoop):
-    """Flies one mission: its parts put together, and what others ask it.
+class Controller:
+    """Flies one mission: events in, actions out.
 
     Args:
-        mission: What to fly.
-        plan: The plan on board, for the autopilot's item numbers.
-        router: Routes over the mission's graph.
-        seek: Names of the robots to seek, in order.
-        pilot_arms: The pilot arms: if it is disarmed again on the ground, wait on.
-        explore: Explore between two searches; otherwise only search.
-        name: The UAV's name in the team: of two that seek the same robot, the lower name keeps it.
+        setup: What to fly, and how.
+        router: Routes over the mission's graph; None: made here.
+        plan: The plan on board, for the autopilot's item numbers; None: made here.
 
     Attributes:
+        context: What is known now; others read it.
+        gate: What the vehicle was told.
+        navigator: Takes the vehicle to one goal at a time.
+        exploration: Which waypoint is next.
         search: Whom to seek, and where.
+        states: What is flown in each state.
+        returns: When the mission ends, and whether a way leads home.
+        airspace_update: Zones that change.
     """
 
-    def __init__(  # noqa: PLR0913 - what a flight is decided with
-        self,
-        mission: Mission,
-        plan: FlightPlan,
-        router: Router,
-        seek: tuple[str, ...],
-        *,
-        pilot_arms: bool = False,
-        explore: bool = True,
-        name: str = "",
+    def __init__(
+        self, setup: FlightSetup, router: Router | None = None, plan: FlightPlan | None = None
     ) -> None:
-        self._plan, self._pilot_arms = plan, pilot_arms
+        mission, explore = setup.mission, setup.explore
+        router = router if router is not None else Router(WaypointGraph(mission))
+        plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
+        self._pilot_arms = setup.pilot_arms
         self._transitions = transitions(explores=explore)
+        self._left = State.READY  # the state before this one
+        self._told_sought: str | None = None  # the robot in the last `Seeking`
         # What is known and kept.
         context = self.context = MissionContext(
             mission, router, self._signal, spec=STATES[State.READY]
@@ -100,64 +105,40 @@ class Controller(MissionLoop):
         gate.climb_first = climb.first
         # Of a flight that is gone on with some waypoints may be skipped already.
         exploration = self.exploration = Exploration(mission.waypoints, mission.skipped)
-        self.search = Search(context, navigator, seek, exploration, explore=explore)
-        reachability = self._reachability = HomeReachability(context)
-        # What is flown.
-        to_explore = exploration if explore else None
-        search = SearchState(context, gate, navigator, self.search, to_explore, name)
-        comm = CommState(context, gate, search)
-        goto = self._goto_state = GotoState(context, navigator)
-        hold = HoldState(context, gate, goto, search)
-        land = LandState(context, gate)
-        handlers: tuple[StateHandler, ...] = (
-            StateHandler(),
-            ExploreState(context, gate, navigator, exploration, reachability),
-            search,
-            comm,
-            goto,
-            hold,
-            ReturnState(context, gate, navigator),
-            land,
-            HandsOffState(self._let_go),
-        )
-        of_class = {type(handler): handler for handler in handlers}
-        self._handlers = {state: of_class[spec.handler] for state, spec in STATES.items()}
+        self.search = Search(context, navigator, setup, exploration)
+        states = self.states = StateHandlers(context, gate, navigator, self.search, self._let_go)
         # What is watched, in this order.
-        self._phase = FlightPhase(context)
+        self._phase = FlightPhase(context, gate)
         self._home = HomeWatch(context)
-        self._rise = ClimbWatch()
         self._silence = SilenceReminder()
         self._monitor = SafetyMonitor(context, gate, plan)
         self._deviations = Deviations(context, gate, self._home)
-        self._returns = ReturnMonitor(context, reachability)
+        self.returns = ReturnMonitor(context, states.reachability)
+        self._missing = MissingInputs(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
         commands = self._commands = CommandHandler(
             context,
-            self._returns,
+            self.returns,
             authority,
             GotoValidator(context, navigator),
-            to_explore,
-            search,
-            goto,
-            hold,
-            land,
+            states,
             self.airspace_update,
         )
         # Who takes which event in; others (links of others, metrics) only concern the record.
-        self._reactions = {
+        self._reactions: dict[type, Callable[[Any], None]] = {
             Telemetry: self._vehicle_heard,
             ItemReached: self._item_reached,
             LinkSilent: self._nothing_heard,
             CommandConfirmed: self._confirmed,
             CommandFailed: gate.failed,
-            RobotPose: search.pose_heard,
-            RobotPath: search.path_heard,
-            RobotSought: search.sought_by_other,
-            ContactBegan: search.radio_heard,
-            ContactEnded: search.radio_heard,
-            SyncStarted: comm.sync_started,
-            SyncEnded: comm.sync_ended,
+            RobotPose: states.search.pose_heard,
+            RobotPath: states.search.path_heard,
+            RobotSought: states.search.sought_by_other,
+            ContactBegan: states.search.radio_heard,
+            ContactEnded: states.search.radio_heard,
+            SyncStarted: states.comm.sync_started,
+            SyncEnded: states.comm.sync_ended,
             AirspaceChanged: self.airspace_update.airspace_changed,
             PlanRenewed: self.airspace_update.plan_renewed,
             FlownBefore: self._flown_before,
@@ -167,33 +148,184 @@ class Controller(MissionLoop):
             **dict.fromkeys(get_args(AnyRequest), commands.asked),
         }
 
-    # What others ask, and read.
+    def handle(self, event: Event, now_s: float) -> list[Action]:
+        """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
+        context = self.context
+        context.actions = []
+        context.now_s = max(context.now_s, now_s)
+        reaction = self._reactions.get(type(event))
+        if reaction is not None:
+            reaction(event)
+        sought = context.robot if context.spec.seeks else None
+        if sought != self._told_sought:
+            self._told_sought = sought
+            context.actions.append(Seeking(sought))
+        return context.actions
 
-    def objection(self, motion: Motion, now_s: float) -> str | None:
-        """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
-        return self.navigator.objection(motion, now_s)
+    # The vehicle, the gravest matter first.
 
-    def prepare(self, router: Router) -> None:
-        """The router among changed zones, made elsewhere because it takes a while.
+    def _vehicle_heard(self, telemetry: Telemetry) -> None:
+        context, authority, phase = self.context, self._authority, self._phase
+        context.telemetry = telemetry
+        context.silent_s = self._silence.told_s = 0.0
+        phase.note(telemetry)
+        moved = self._home.look(telemetry) if telemetry.in_air else None
+        ours = context.handed_over if context.state is State.READY else context.spec.ours
+        # On the ground the autopilot changes its mode by itself, when it disarms. A failsafe may
+        # act in the very mode that we asked for: a fence holds a vehicle that hovers in Hold.
+        flies = telemetry.in_air and telemetry.armed
+        chosen = telemetry.failsafe or telemetry.mode not in self.gate.modes
+        grounded = Signal.GROUNDED in context.spec.on
+        if grounded and not phase.flies and phase.over(telemetry):
+            self._grounded()
+        elif not phase.flies and (killed := phase.killed_now()) is not None:
+            authority.fallen(killed)
+        elif ours and flies and chosen:
+            authority.taken(telemetry)
+        elif context.giving_up is not None or context.compares is not None:
+            authority.check()
+        elif context.state is State.READY:
+            self._take_off(telemetry, moved)
+        elif context.state is State.PASSIVE:
+            authority.look_on(telemetry)
+        elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
+            authority.take_over(ControlHolder.PILOT, foreign)
+        elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
+            authority.give_up(f"{breach} is not resumed by itself")
+        elif ours:
+            self._go_on(telemetry, moved)
 
-        The same is made here if there is none when the change comes.
-        """
-        self.airspace_update.prepared = router
+    def _grounded(self) -> None:
+        if self._pilot_arms and self.context.state is State.READY and self._phase.again():
+            self.states.ready.disarmed()
+        else:
+            self.context.signal(Signal.GROUNDED)
 
-    @property
-    def mission(self) -> Mission:
-        """The mission, with the zones and fences of now."""
-        return self.context.mission
+    def _take_off(self, telemetry: Telemetry, moved: Response | None) -> None:
+        context = self.context
+        if context.handed_over and telemetry.in_air:
+            status = context.inputs.look(telemetry)
+            if status is not CALM:
+                self._missing.follow(status, telemetry)  # the climb ends above home by itself
+        if context.state is State.READY:
+            self.states.ready.watch(telemetry)
+        if moved is Response.HOLD and context.in_charge:
+            context.come_home("home was moved in the climb")
 
-    @property
-    def router(self) -> Router:
-        """Plans among the zones and fences of now."""
-        return self.context.router
+    def _go_on(self, telemetry: Telemetry, moved: Response | None) -> None:
+        """It is ours, and where it may be: all inputs are there; then on with the mission."""
+        context, exploration = self.context, self.exploration
+        status = context.inputs.look(telemetry)
+        if status is not CALM and self._missing.follow(status, telemetry):
+            return
+        climbs = self._climb.climb is not None
+        if context.spec.cruises and context.zones is None and not climbs:
+            self._deviations.keep(telemetry, moved)
+        else:
+            self._deviations.forget()
+        exploration.here = telemetry.position
+        if exploration.began_s is None:
+            exploration.began_s = context.now_s
+        for waypoint in exploration.waypoints:
+            if math.dist(telemetry.position, waypoint.position) <= PASSING_M:
+                exploration.passed(waypoint.number, context.now_s)
+        self.returns.check(telemetry)
+        held_up = context.zones is not None or self._climb.climb is not None or context.jumped
+        if held_up and self._waits(telemetry):
+            return
+        ends_s = math.inf if context.ends_s is None else context.ends_s
+        if context.now_s >= ends_s or self._commands.later is not None:
+            self._time_has_come()
+        motion = self.navigator.update(telemetry)
+        if motion is not None or context.way.progress is not Progress.FLYING:
+            self.navigator.advance(motion)
+        if context.retry_at_s is not None and not self.gate.pending and context.take_retry():
+            context.handler.retry()
 
-    @property
-    def telemetry(self) -> Telemetry | None:
-        """What the vehicle said last."""
-        return self.context.telemetry
+    def _waits(self, telemetry: Telemetry) -> bool:
+        """Whether the mission waits: zones change, it climbs first, or its altitude has jumped."""
+        climb = self._climb
+        if self.context.zones is not None:
+            self.airspace_update.go_on(telemetry)
+            return True
+        if climb.climb is not None and climb.go_on(telemetry):
+            if climb.stuck(telemetry):
+                self._authority.give_up("the climb to the mission's altitude does not go on")
+            return True
+        return self.context.jumped
+
+    def _time_has_come(self) -> None:
+        """The state's time is over, or points wait for another state."""
+        if self.context.left_s == 0.0:
+            self.context.signal(Signal.TIMER)
+        self._commands.now_what_waited()
+
+    def _item_reached(self, event: ItemReached) -> None:
+        """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
+        context = self.context
+        if context.telemetry is None or not context.in_charge or context.zones is not None:
+            return
+        if isinstance(self.gate.pending, FlyToNode):
+            return  # the report may be of the node before; the vehicle has not confirmed the jump
+        node = self._plan.node_of(event.item)
+        self.navigator.advance(self.navigator.update(context.telemetry, reached_node=node))
+
+    def _nothing_heard(self, event: LinkSilent) -> None:
+        """The vehicle says nothing."""
+        self.context.silent_s = event.silent_s
+        news = self._silence.news(event.silent_s)
+        if news is not None:
+            self.context.say(news)
+
+    def _confirmed(self, event: CommandConfirmed) -> None:
+        """It follows; if that was the hold before hands are off, it is let go."""
+        self.gate.confirmed(event)
+        self._authority.check()
+
+    # From state to state.
+
+    def _signal(self, signal: Signal) -> None:
+        """Something has happened to the mission: another state is entered, or the same anew."""
+        context, left = self.context, self.context.state
+        target = self._transitions[left].get(signal)
+        if target is None:
+            return
+        self._left = left
+        spec, handler = STATES[target], self.states.of[target]
+        context.state, context.spec, context.handler = target, spec, handler
+        own_s = None if spec.timer is None else getattr(context.mission.timers, spec.timer)
+        limit_s = context.limit_s = own_s if context.carried_s is None else context.carried_s
+        context.ends_s = None
+        if limit_s is not None and spec.timer_from is From.ENTRY:
+            context.ends_s = context.now_s + limit_s
+        context.carried_s = context.retry_at_s = None
+        if spec.requests is Requests.ANY:  # a way home that was flown before is called off
+            context.ending = None
+        context.actions.append(StateChanged(left, signal, target, context.robot))
+        if not spec.keeps_target:
+            context.robot = None
+        handler.begin()
+
+    def _flown_before(self, event: FlownBefore) -> None:
+        self.context.airborne_s = event.airborne_s
+        self.exploration.go_on(event.visited, event.left_out)
+
+    def _let_go(self) -> None:
+        """Hands are off, or the flight is over."""
+        context = self.context
+        done = context.state is State.DONE
+        context.giving_up = context.compares = None
+        if done:
+            self.gate.stop()
+        self._commands.now_what_waited()
+        if not done:
+            self.gate.let_go()
+            return
+        landed_by_us = self._left is State.LAND
+        why = self._phase.ending(landed_by_us=landed_by_us)
+        context.actions.append(Finish(landed_by_us, why, context.taken_by))
+
+    # What others read.
 
     @property
     def flown(self) -> FlownBefore | None:
@@ -208,71 +340,3 @@ class Controller(MissionLoop):
     def state(self) -> State:
         """What the mission is doing."""
         return self.context.state
-
-    @property
-    def time_left_s(self) -> float | None:
-        """Seconds until the state's timer, None while it does not run."""
-        return self.context.left_s
-
-    @property
-    def robot(self) -> str | None:
-        """Who is sought or hovered over, or was when the vehicle was given away."""
-        return self.context.robot
-
-    @property
-    def goto_task(self) -> GotoTask | None:
-        """The points that it was sent to on request."""
-        return self._goto_state.goto_task
-
-    @property
-    def came_home_why(self) -> str | None:
-        """Why the vehicle comes home, once it does."""
-        return None if self.context.ending is None else self.context.ending.why
-
-    @property
-    def need_home(self) -> float | None:
-        """The charge that flying home from here takes; None when unknown, or on the way already."""
-        return self._returns.need_home
-
-    @property
-    def no_way_home(self) -> bool:
-        """Whether zones that were drawn in flight leave no clear way home from here."""
-        return self._reachability.walls is not None
-
-    @property
-    def in_charge(self) -> bool:
-        """Whether the vehicle in the air flies by our commands."""
-        return self.context.in_charge
-
-
-@dataclass(frozen=True, slots=True)
-class FlightSetup:
-    """One flight's mission and how it is flown.
-
-    Attributes:
-        mission: What to fly, as it was judged: with the zones that applied at that time.
-        seek: The robots to seek, in order.
-        pilot_arms: The pilot arms.
-        explore: False: it only searches.
-        name: The UAV's name in the team.
-    """
-
-    mission: Mission
-    seek: tuple[str, ...] = ()
-    pilot_arms: bool = False
-    explore: bool = True
-    name: str = ""
-
-    def controller(
-        self, router: Router | None = None, plan: FlightPlan | None = None
-    ) -> Controller:
-        """A fresh controller, and with it a router and a plan if there are none yet."""
-        return Controller(
-            self.mission,
-            plan if plan is not None else FlightPlan.of(self.mission),
-            router if router is not None else Router(WaypointGraph(self.mission)),
-            self.seek,
-            pilot_arms=self.pilot_arms,
-            explore=self.explore,
-            name=self.name,
-        )

@@ -1,4 +1,4 @@
-"""What telemetry shows that we have not decided: take-off, landing, home moved, others' orders.
+"""What telemetry shows that we have not decided: landing, home moved, others' orders, breaches.
 
 Pure; each sentence that comes back is for the pilot and the operator.
 """
@@ -14,7 +14,6 @@ from typing import Final, NamedTuple
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import ALTITUDE_M
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.height_frame import HomeMove
@@ -23,9 +22,6 @@ from geo.frame import Point
 
 DISARMED_S: Final = 10.0
 """A landed vehicle of which no HEARTBEAT has come for so long counts as disarmed."""
-
-HOME_TOLERANCE_M: Final = 20.0
-"""The vehicle must start this close to the mission's home, or it is another place's mission."""
 
 KILLED_M: Final = 3.0
 """Disarmed in the air lower than this it has landed, for all that an altitude above home tells."""
@@ -72,6 +68,7 @@ class FlightPhase:
 
     Args:
         context: Told when the flight is handed over to us.
+        gate: Takes it over in Mission mode.
 
     Attributes:
         flies: In the air with its motors on, as it said last.
@@ -79,6 +76,7 @@ class FlightPhase:
     """
 
     _context: MissionContext
+    _gate: CommandGate
     flies: bool = False
     killed: str | None = None
     _flew: bool = False  # seen in the air
@@ -86,18 +84,18 @@ class FlightPhase:
     _news: bool = False  # it was killed, and not said yet
     _rest: tuple[float, float] = (0.0, 0.0)  # altitude that stays the same, and since when
 
-    def note(self, telemetry: Telemetry) -> bool:
-        """Take in what the vehicle says of itself; True when it is handed over to us just now."""
+    def note(self, telemetry: Telemetry) -> None:
+        """Take in what the vehicle says of itself; armed in Mission mode it is handed over."""
         flew = self.flies
         self.flies = telemetry.armed and telemetry.in_air and not telemetry.terminated
         if not (self.flies and flew):
             self._fall(telemetry, flew=flew)
         self._flew |= telemetry.in_air
         self._was_armed |= telemetry.armed
-        if self._context.handed_over or telemetry.mode is not FlightMode.MISSION:
-            return False
-        self._context.handed_over = telemetry.armed
-        return telemetry.armed
+        mission_mode = telemetry.armed and telemetry.mode is FlightMode.MISSION
+        if mission_mode and not self._context.handed_over:
+            self._context.handed_over = True
+            self._gate.assume(FlightMode.MISSION)
 
     def _fall(self, telemetry: Telemetry, *, flew: bool) -> None:
         """PX4 says of a vehicle that was disarmed in the air within a second that it has landed."""
@@ -146,42 +144,6 @@ class FlightPhase:
         if self._flew:
             return "landed, but not by our command"
         return f"{context.stayed_why}, before take-off"
-
-
-class TakeOff(Enum):
-    """How far the take-off is."""
-
-    TO_COME = "on the ground, climbing above home, or not in Mission mode"
-    COMPLETE = "in Mission mode at the mission's altitude"
-    MISPLACED = "in Mission mode, low and away from home: PX4 flies home from there unchecked"
-    TOO_HIGH = "in Mission mode, in the layer of another UAV, or above it"
-
-
-HELD: Final = {
-    TakeOff.MISPLACED: "Mission was chosen low and away from home; land, and start there",
-    TakeOff.TOO_HIGH: "Mission was chosen in another UAV's layer; descend, then have it resumed",
-}
-"""Take-offs that are not led on, and what the pilot should do."""
-
-
-def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
-    """Where the take-off stands, whether we lead it or a pilot.
-
-    It is complete at the mission's altitude, wherever that is: from there on every leg is checked
-    from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
-    this mission: a pilot who flew away by hand has chosen Mission mode. Where several UAVs fly it
-    may be too high: on its first leg it would come down through the layers of others.
-    """
-    if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
-        return TakeOff.TO_COME
-    mission = context.mission
-    if telemetry.altitude_m > context.layer_top_m:
-        return TakeOff.TOO_HIGH
-    altitude_m = mission.altitude_above_home_m
-    if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
-        return TakeOff.COMPLETE
-    away_m = math.dist(telemetry.position, mission.home)
-    return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
 
 
 class Response(Enum):
@@ -301,6 +263,9 @@ class SafetyMonitor:
                 order = self._moved_from_hold(hold, telemetry)
         if order is None:
             self._foreign_since_s, self._context.doubts = None, False
+            if self._context.put_off:
+                self._context.put_off = False
+                self._context.retry_in(0.0)
             return None
         if self._foreign_since_s is None:
             self._foreign_since_s = telemetry.told_s

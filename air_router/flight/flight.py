@@ -17,7 +17,8 @@ from functools import partial
 from typing import Final
 
 from air_router.control.control_server import ControlServer
-from air_router.controller.controller import FlightSetup
+from air_router.controller.controller import Controller
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
 from air_router.controller.motion.initial_climb import why_not_started
@@ -115,7 +116,7 @@ class Flight(FlightLoop):
             name=mission.uav or "",
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
-        self.controller = setup.controller(self.router, self._plan)
+        self.controller = Controller(setup, self.router, self._plan)
         self.stats = FlightStats.of(mission, mapper, seek)  # what the flight result says
         view = FlightView(mission, self.controller, self.stats, gossip.links)
         self.commands = CommandService(
@@ -129,7 +130,7 @@ class Flight(FlightLoop):
         self._motions = MotionSender(
             vehicle,
             self._plan,
-            lambda motion: self.controller.objection(motion, clock.boot_s()),
+            lambda motion: self.controller.navigator.objection(motion, clock.boot_s()),
             self._on_event,
         )
         self._interrupted = False  # by a signal of the operating system
@@ -248,7 +249,7 @@ class Flight(FlightLoop):
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
-        telemetry = self.controller.telemetry
+        telemetry = self.controller.context.telemetry
         why = telemetry and why_not_started(self._first.result(), telemetry, armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
@@ -338,7 +339,7 @@ class Flight(FlightLoop):
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         stamps_s = self._gossip.newest_stamps()
         report = self.stats.report(outcome, self._clock.now_s(), stamps_s)
-        report["came_home_because"] = self.controller.came_home_why
+        report["came_home_because"] = self.controller.context.ending_why
         self._recorder.note("Report", self._clock.boot_s(), report)
         track, meetings = self.stats.flown.points, self.stats.meetings
         return FlightResult(outcome, exit_code, report, tuple(track), tuple(meetings))

@@ -198,7 +198,7 @@ class FlightLoop:
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
-                aborted_why = None if self.stats.flew else self.controller.came_home_why
+                aborted_why = None if self.stats.flew else self.controller.context.ending_why
                 self._end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
@@ -243,9 +243,9 @@ class FlightLoop:
             loop.default_exception_handler(context)
 
     def _flies_by_us(self) -> bool:
-        controller, telemetry = self.controller, self.controller.telemetry
+        controller, telemetry = self.controller, self.controller.context.telemetry
         if telemetry is None or telemetry.in_air:
-            return telemetry is not None and controller.in_charge
+            return telemetry is not None and controller.context.in_charge
         # Armed in Mission mode on the ground it is about to take off, with no companion.
         about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
         return about_to and controller.state in {State.READY, State.DONE}

@@ -51,7 +51,7 @@ class FlightView:
 
     def tell(self, command: View) -> dict[str, Any]:
         """What is asked for, in JSON's values."""
-        router = self._controller.router
+        router = self._controller.context.router
         if router is not self._router:  # zones have changed: with them comes another router
             self._router = router
             self._revision += 1
@@ -128,18 +128,18 @@ def situation(
 
     `reading`: what became of the latest reading of the mission file.
     """
-    telemetry = controller.telemetry
-    goal, goto_task = controller.context.way.goal, controller.goto_task
-    left_s = controller.time_left_s
+    telemetry = controller.context.telemetry
+    goal, goto_task = controller.context.way.goal, controller.states.goto.goto_task
+    left_s = controller.context.left_s
     about: dict[str, Any] = {
         "state": controller.state.name,
-        "robot": controller.robot,
+        "robot": controller.context.robot,
         "robots": list(controller.search.targets.names),
         "time_left_s": None if left_s is None else round(left_s, 1),
         "goal": None if goal is None else _pair(frame, goal.position),
         "points_left": 0,
         "waypoints_left": controller.exploration.remaining,
-        "walled_in": controller.no_way_home,
+        "walled_in": controller.states.reachability.no_way_home,
         "reload": None if reading is None else dataclasses.asdict(reading),
     }
     if controller.state.name == "GOTO" and goto_task is not None:
@@ -158,7 +158,7 @@ def situation(
         "mode": telemetry.mode.value,
         "armed": telemetry.armed,
         "in_air": telemetry.in_air,
-        "in_charge": controller.in_charge,
+        "in_charge": controller.context.in_charge,
         "time_s": telemetry.time_s,
     }
 

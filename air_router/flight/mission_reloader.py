@@ -136,7 +136,7 @@ class MissionReloader:
         self._say = say
         self.latest: ReloadReport | None = None
         self._reading = self._once_more = False  # the file is read; asked again meanwhile
-        self._on_board = FlightPlan.of(controller.mission)  # the plan last sent
+        self._on_board = FlightPlan.of(controller.context.mission)  # the plan last sent
         # the first; nothing is under way
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
@@ -184,15 +184,15 @@ class MissionReloader:
 
     async def _read(self) -> ReloadReport:
         try:
-            event, router = await asyncio.to_thread(_read, self._controller.mission)
+            event, router = await asyncio.to_thread(_read, self._controller.context.mission)
         except AirRouterError as error:
             return self._failed(f"not reloaded: {error}")
         except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
-            _log.exception("%s was not reloaded", self._controller.mission.path)
+            _log.exception("%s was not reloaded", self._controller.context.mission.path)
             return self._failed(f"not reloaded, by a fault of this program: {error!r}")
-        self._controller.prepare(router)
+        self._controller.airspace_update.prepared = router
         self._deliver(event)
-        now = self._controller.mission
+        now = self._controller.context.mission
         if (now.fences, now.zones) != (event.fences, event.zones):
             return ReloadReport(
                 under_way=False, why="not reloaded: the flight did not take the zones"
@@ -208,7 +208,7 @@ class MissionReloader:
     async def board(self) -> None:
         """Put the changed plan on board; if that fails, what was there before."""
         await self._uploaded.wait()
-        plan = FlightPlan.of(self._controller.mission)
+        plan = FlightPlan.of(self._controller.context.mission)
         try:
             async with asyncio.timeout(BOARD_S):
                 await self._vehicle.renew(plan)

@@ -82,7 +82,7 @@ def _recorded(
     setup = next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
     if setup is None or _identity(setup.mission) != _identity(mission):
         return None
-    controller: Controller = setup.controller()
+    controller = Controller(setup)
     until_s = replay(Log(path), controller).until_s
     if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
         return None  # it was switched off since

@@ -77,17 +77,17 @@ class StatusLine:
 def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
     """State, target, time left in the state, next node, battery and links in one line."""
     parts = [controller.state.name.ljust(6)]
-    if controller.no_way_home:
+    if controller.states.reachability.no_way_home:
         parts.append("NO WAY HOME")
     signals = {
         peer: f"{link.rssi_dbm:.0f}"
         for peer, link in sorted(links.items())
         if link.rssi_dbm is not None
     }
-    sought = controller.robot
+    sought = controller.context.robot
     if sought is not None:
         parts.append(f"{sought} {signals.pop(sought)} dBm" if sought in signals else sought)
-    left_s = controller.time_left_s
+    left_s = controller.context.left_s
     if left_s is not None:
         parts.append(f"{left_s:4.0f} s left")
     elif controller.state is State.SEARCH:
@@ -96,8 +96,8 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if leg is not None:
         node = {None: "point", 0: "home"}.get(leg.node, f"waypoint {leg.node}")
         parts.append(f"-> {node}")
-    if controller.telemetry is not None:
-        parts += _vehicle(controller, controller.telemetry)
+    if controller.context.telemetry is not None:
+        parts += _vehicle(controller, controller.context.telemetry)
     if signals:
         parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()) + " dBm")
     return " | ".join(parts)
@@ -106,7 +106,7 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
 def _vehicle(controller: Controller, telemetry: Telemetry) -> list[str]:
     parts = [f"{telemetry.altitude_m:z.0f} m"]
     if telemetry.battery is not None:
-        need = controller.need_home
+        need = controller.returns.need_home
         home = "" if need is None else f" (home takes {need:.0%})"
         parts.append(f"battery {telemetry.battery:.0%}{home}")
     if telemetry.wind_m_s is not None:

@@ -12,8 +12,9 @@ from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
-from air_router.controller.controller import Controller, FlightSetup
+from air_router.controller.controller import Controller
 from air_router.controller.model.actions import PublishMap
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
@@ -76,7 +77,7 @@ class RecordedFlight:
 
     def rewind(self) -> None:
         """Back to the beginning."""
-        self._replayer = Replayer(self._setup.controller())
+        self._replayer = Replayer(Controller(self._setup))
         self.mapper = Mapper(self._setup.mission)
         self.links: Mapping[str, LinkMetrics] = {}
         self.now_s = self.begin_s
@@ -85,7 +86,7 @@ class RecordedFlight:
 
     def plotted(self) -> dict[str, Any]:
         """What the timeline shows of the whole flight; afterwards it begins again."""
-        scene = LiveScene(self.controller.mission, self.controller, self.name)
+        scene = LiveScene(self.controller.context.mission, self.controller, self.name)
         while not self.go_on(self.end_s, scene):
             pass
         self.rewind()
@@ -130,7 +131,9 @@ class Playback:
         self._paused = False  # a viewer has paused it
         self._wanted_s: float | None = None  # where a viewer wants to go
         record = recorded.plotted()
-        mission = dataclasses.replace(recorded.controller.mission, uav=recorded.name or None)
+        mission = dataclasses.replace(
+            recorded.controller.context.mission, uav=recorded.name or None
+        )
         self._page = LivePage(
             mission,
             recorded.controller,

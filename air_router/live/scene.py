@@ -147,18 +147,18 @@ class LiveScene:
 
     def vehicle(self) -> dict[str, Any]:
         """The vehicle and its mission, as of now."""
-        controller, telemetry = self._controller, self._controller.telemetry
-        left_s = controller.time_left_s
+        controller, telemetry = self._controller, self._controller.context.telemetry
+        left_s = controller.context.left_s
         shown: dict[str, Any] = {
             "name": self._name,
             "state": controller.state.name,
             "what": controller.state.value,
-            "robot": controller.robot,
+            "robot": controller.context.robot,
             "left_s": None if left_s is None else round(left_s, 1),
-            "in_charge": controller.in_charge,
+            "in_charge": controller.context.in_charge,
             "robots": list(controller.search.targets.names),
             "waypoints_left": controller.exploration.remaining,
-            "need_home": _shown(controller.need_home, 3),
+            "need_home": _shown(controller.returns.need_home, 3),
             "at": None,
             "route": [],
         }
@@ -224,7 +224,7 @@ class LiveScene:
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
-        airspace = self._controller.router.graph.mission.airspace
+        airspace = self._controller.context.router.graph.mission.airspace
         away_m, to = airspace.nearest(telemetry.position)
         self.rows.add(
             [

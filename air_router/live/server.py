@@ -107,7 +107,7 @@ class LivePage:
                 _LOG.exception("the page could not be updated")
 
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
-        mission = controller.mission
+        mission = controller.context.mission
         self.scene = LiveScene(mission, controller, self._name)
         self._map_feed = MapFeed(mapper, mission.frame)
         self._controller = controller
@@ -160,7 +160,7 @@ class LivePage:
         """Tell all pages what is new."""
         scene = self.scene
         self._ticks += 1
-        if self._controller.router is not self._router:
+        if self._controller.context.router is not self._router:
             self._draw_scenery()
             self._browsers.broadcast("scenery", self._scenery)
         self.tell("vehicle", scene.vehicle())
@@ -191,7 +191,7 @@ class LivePage:
 
     def _draw_scenery(self) -> None:
         """Zones may change in flight: with them comes another router."""
-        self._router = self._controller.router
+        self._router = self._controller.context.router
         mission = self._router.graph.mission
         self._scenery = as_json({"type": "scenery", **scenery(mission, self._router)})
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from air_router.compass import wind_words
-from air_router.controller.safety_monitor import HOME_TOLERANCE_M
+from air_router.controller.states.ready_state import HOME_TOLERANCE_M
 from air_router.mission.fleet import STANDING_SHARE
 from air_router.mission.flight_plan import FENCE_TOO_LONG
 from air_router.mission.mission import Mission

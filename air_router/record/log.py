@@ -25,8 +25,8 @@ from mcap.records import (
 )
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Motion
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization
 from air_router.record.record_file import FORMAT, LIBRARY

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Motion
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.gossip.mapper import Mapper
 from air_router.record import serialization
 from air_router.record.drawing import Drawn, FlightDrawing, grid, schema_text

@@ -119,7 +119,7 @@ class Replayer:
     def prepare(self, entry: RecordEntry) -> None:
         """Take in what the shell did to the controller beside handing it events."""
         if entry.kind == "setup" and self.controller is None:
-            self.controller = entry.value.controller()
+            self.controller = Controller(entry.value)
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
             self.controller.gate.reaction_s = entry.value.fields["reaction_s"]
 

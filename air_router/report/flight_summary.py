@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
 from air_router.controller.model.events import CommandFailed, RobotPose
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import Asked, GoTo, SeekNow
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode

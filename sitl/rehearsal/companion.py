@@ -192,7 +192,7 @@ class Companion:
     @property
     def in_charge(self) -> bool:
         """Whether it holds the vehicle for its own."""
-        return self.flight.controller.in_charge
+        return self.flight.controller.context.in_charge
 
     def receive(self, name: str, fields: Fields) -> None:
         """A message of the vehicle has come."""

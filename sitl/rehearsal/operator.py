@@ -261,7 +261,7 @@ class Operator:
         companion = self._flight.companion
         if companion is None or not self.flies or self._reading is not None:
             return
-        zones = len(companion.flight.controller.mission.zones)
+        zones = len(companion.flight.controller.context.mission.zones)
         if draw() is not None:
             self._reading = (self._flight.now_s + _READ_S, zones)
             self.ask(Reload())
@@ -272,7 +272,10 @@ class Operator:
             return
         until_s, zones = self._reading
         companion, file = self._flight.companion, self._flight.file
-        if companion is not None and len(companion.flight.controller.mission.zones) != zones:
+        if (
+            companion is not None
+            and len(companion.flight.controller.context.mission.zones) != zones
+        ):
             self._flight.happened(SceneEventKind.MISSION_FILE, file.text)
         elif companion is not None and now_s < until_s:
             return

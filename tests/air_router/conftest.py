@@ -31,6 +31,7 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
 )
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
@@ -147,7 +148,7 @@ class PretendFlight(Airframe):
         self.plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self.name = how.get("name", "")
-        self.controller = Controller(mission, self.plan, self.router, seek, **how)
+        self.controller = Controller(FlightSetup(mission, seek, **how), self.router, self.plan)
         self.radius_m = radius_m
         self.robots = {}
         self.destinations = {}

@@ -18,8 +18,9 @@ from unittest.mock import patch
 
 import yaml
 
-from air_router.controller.controller import Controller, FlightSetup
+from air_router.controller.controller import Controller
 from air_router.controller.model import actions, events, requests
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
@@ -225,7 +226,7 @@ def construction_of(setup: Mapping[str, Any]) -> Callable[[], Controller]:
         name=setup["name"],
     )
     router, plan = Router(WaypointGraph(mission)), FlightPlan.of(mission)
-    return partial(flight.controller, router, plan)
+    return partial(Controller, flight, router, plan)
 
 
 @cache

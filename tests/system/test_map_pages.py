@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from air_router.control.command_request import CommandRequestError
-from air_router.controller.controller import FlightSetup
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.editor.mission_file import MissionFile, write_starter
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
@@ -223,7 +223,9 @@ class Refusing:
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
     film = RecordedFlight(record)
-    page = LivePage(film.controller.mission, film.controller, Refusing(), dict, mapper=film.mapper)
+    page = LivePage(
+        film.controller.context.mission, film.controller, Refusing(), dict, mapper=film.mapper
+    )
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
         hold = looker.page.locator('[data-verb="hold"]')

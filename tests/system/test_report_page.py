@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import StateChanged
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Note, RecordEntry

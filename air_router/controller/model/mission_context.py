@@ -227,6 +227,11 @@ class MissionContext:
         return self.telemetry
 
     @property
+    def ending_why(self) -> str | None:
+        """Why the vehicle comes home or lands, once it does."""
+        return None if self.ending is None else self.ending.why
+
+    @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
         return self.handed_over if self.state is State.READY else self.spec.ours
@@ -234,12 +239,6 @@ class MissionContext:
     def knows(self, signal: Signal) -> bool:
         """Whether the state reacts to a signal."""
         return signal in self.spec.on
-
-    def ours_again(self) -> None:
-        """A flight that was under way before us, or given away, is ours from now on."""
-        self.handed_over = True
-        if self.airborne_s is None:
-            self.airborne_s = self.now_s
 
     def come_home(self, why: str, *, by_request: bool = False) -> None:
         """End the mission, in the air by flying home; nothing where it cannot be ended any more."""

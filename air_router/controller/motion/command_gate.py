@@ -281,6 +281,13 @@ class CommandGate:
         self.pending = None
         self.modes = frozenset({mode})
 
+    def ours_in_the_air(self) -> None:
+        """The vehicle in the air flies by our commands from now on."""
+        context = self._context
+        context.handed_over = True
+        if context.airborne_s is None:
+            context.airborne_s = context.now_s
+
     def confirmed(self, event: CommandConfirmed) -> None:
         """The vehicle follows; an older command's late confirmation changes no mode."""
         motion = event.action

@@ -57,6 +57,11 @@ class HomeReachability:
     _tell_at_s: float = -math.inf  # when it is announced again
     _due: bool = False  # it should be on its way home, as announced
 
+    @property
+    def no_way_home(self) -> bool:
+        """Whether zones that were drawn in flight leave no clear way home from here."""
+        return self.walls is not None
+
     def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
         """What to say now, if anything.
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import Exploration
@@ -39,12 +40,14 @@ class Search:
     Args:
         context: The airspace, and how long the vehicle would fly.
         navigator: Where to hover for a place.
-        seek: Names of the robots to seek, in order.
+        setup: Whom to seek, in order, and whether the vehicle explores between two searches.
         exploration: Where the vehicle is, and where a robot may be that was never heard.
-        explore: Whether it explores between two searches.
 
     Attributes:
         targets: The robots, and what is known of each.
+        name: This UAV's: of two that seek the same robot, the lower name keeps it.
+        exploration: Where the vehicle is, and was.
+        to_explore: The same, as what else there is to do; None: this vehicle only searches.
         policy: Whom to seek, and where; the mission's.
         foresees: A robot is sought where it will be, so that news of its path matters too.
     """
@@ -53,19 +56,19 @@ class Search:
         self,
         context: MissionContext,
         navigator: Navigator,
-        seek: tuple[str, ...],
+        setup: FlightSetup,
         exploration: Exploration,
-        *,
-        explore: bool = True,
     ) -> None:
-        self.targets = TargetList(seek)
+        self.name = setup.name
+        self.targets = TargetList(setup.seek)
         self.policy: Policy = POLICIES[context.mission.seek_policy]
         self.foresees = self.policy.foresees
         self._context, self._navigator = context, navigator
         self.exploration = exploration
+        self.to_explore = exploration if setup.explore else None
         timers = context.mission.timers
         # a search, a talk, and exploring between them
-        self._round_s = timers.search_s + timers.communicate_s + explore * timers.explore_s
+        self._round_s = timers.search_s + timers.communicate_s + setup.explore * timers.explore_s
 
     def search_points(self, now_s: float) -> Iterator[SearchPoint]:
         """The robots in the order in which they are to be tried."""

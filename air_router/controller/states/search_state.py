@@ -18,7 +18,6 @@ from air_router.controller.model.mission_context import (
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets.target_list import Sighting
 from mocha_link.links.metrics import (
@@ -48,16 +47,12 @@ class SearchState(StateHandler):
         gate: Has it hold.
         navigator: Flies there.
         search: The robots, and where to seek them.
-        exploration: What else there is to do; None: this vehicle only searches.
-        name: This UAV's: of two that seek the same robot, the lower name keeps it.
     """
 
     _context: MissionContext
     _gate: CommandGate
     _navigator: Navigator
     search: Search
-    _exploration: Exploration | None
-    _name: str
     _wanted: str | None = None  # by a request, to be sought next
     _asked_for: str | None = None  # by a request, sought now
 
@@ -122,7 +117,8 @@ class SearchState(StateHandler):
     def _no_target(self) -> None:
         self._context.robot = None
         self._gate.stop()
-        if self._exploration is not None and self._exploration.remaining:
+        to_explore = self.search.to_explore
+        if to_explore is not None and to_explore.remaining:
             self._context.signal(Signal.NO_TARGET)
         else:
             self._gate.hold("no robot can be sought from here")
@@ -188,7 +184,7 @@ class SearchState(StateHandler):
         free = context.state is State.SEARCH and context.robot != self._asked_for
         ours = free and context.robot is not None and context.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
-        if ours and news and event.by < self._name and targets.free(context.now_s):
+        if ours and news and event.by < self.search.name and targets.free(context.now_s):
             context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
             context.signal(Signal.YIELDED)
 

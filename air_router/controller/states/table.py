@@ -6,15 +6,24 @@ diagram in docs/ is drawn from it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from air_router.controller.model.mission_context import StateHandler
+from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState, HoldState
-from air_router.controller.states.return_state import HandsOffState, LandState, ReturnState
+from air_router.controller.states.ready_state import ReadyState
+from air_router.controller.states.return_state import (
+    HandsOffState,
+    HomeReachability,
+    LandState,
+    ReturnState,
+)
+from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import CommState, SearchState
 
 # Common to states in the air: home when duration, battery or operator demand it; hands off when a
@@ -32,7 +41,7 @@ _ASKED: Final = {
 }
 # fmt: off
 STATES: Final[Mapping[State, Spec]] = MappingProxyType({
-    State.READY: Spec(StateHandler, requests=Requests.NOT_YET, puts_off=True,
+    State.READY: Spec(ReadyState, requests=Requests.NOT_YET, puts_off=True,
         on={Signal.AIRBORNE: State.INIT, **_ENDS}),
     State.INIT: Spec(ExploreState, timer="init_s", explores=True, cruises=True,
         on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
@@ -78,3 +87,49 @@ def transitions(*, explores: bool) -> Mapping[State, Mapping[Signal, State]]:
         }
         for state, spec in STATES.items()
     }
+
+
+class StateHandlers:
+    """The handler of each state, over one context.
+
+    Args:
+        context: What they share.
+        gate: Commands what they decide.
+        navigator: Flies where they say.
+        search: Whom to seek, and where; which waypoint is next.
+        let_go: Ends what is commanded, in PASSIVE and DONE.
+
+    Attributes:
+        reachability: Whether zones leave a way home.
+        ready, search, comm, goto, hold, land: Those of one state that others ask, too.
+        of: All by their state.
+    """
+
+    def __init__(
+        self,
+        context: MissionContext,
+        gate: CommandGate,
+        navigator: Navigator,
+        search: Search,
+        let_go: Callable[[], None],
+    ) -> None:
+        self.reachability = HomeReachability(context)
+        self.ready = ReadyState(context, gate)
+        self.search = SearchState(context, gate, navigator, search)
+        self.comm = CommState(context, gate, self.search)
+        self.goto = GotoState(context, navigator)
+        self.hold = HoldState(context, gate, self.goto, self.search)
+        self.land = LandState(context, gate)
+        handlers: tuple[StateHandler, ...] = (
+            self.ready,
+            ExploreState(context, gate, navigator, search.exploration, self.reachability),
+            self.search,
+            self.comm,
+            self.goto,
+            self.hold,
+            ReturnState(context, gate, navigator),
+            self.land,
+            HandsOffState(let_go),
+        )
+        of_class = {type(handler): handler for handler in handlers}
+        self.of = {state: of_class[spec.handler] for state, spec in STATES.items()}

@@ -15,7 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from air_router.controller.controller import FlightSetup
+from air_router.controller.controller import Controller
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.errors import UsageError
 from air_router.files.settings import SeekPolicy
 from air_router.gossip.gossip import MAP_INTERVAL_S
@@ -124,7 +125,7 @@ class WorldRun:
         setup = FlightSetup(mission, mission.seek or roles.ground, name=roles.vehicles[0])
         self.uav = uav = Uav(
             *(roles.vehicles[0], mission, flight_plan, settings, queue, log),
-            setup.controller(router, flight_plan),
+            Controller(setup, router, flight_plan),
             MapPainter(mission.frame.origin, self._world.settings.raster, plan.camera),
             plan.picture_interval_s,
         )

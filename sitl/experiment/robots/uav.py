@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from air_router.controller.controller import Controller, FlightSetup
+from air_router.controller.controller import Controller
 from air_router.controller.model.actions import (
     Action,
     FlyToNode,
@@ -32,6 +32,7 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
 )
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.targets.seeking import Rendezvous
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
@@ -257,7 +258,7 @@ class Uav:
         if motion is None:
             raise AssertionError("a motion was waiting")
         now_s = self._queue.now_s
-        objection = self.controller.objection(motion, now_s)
+        objection = self.controller.navigator.objection(motion, now_s)
         if objection is not None:
             self._tell(CommandFailed(motion, objection))
             return
@@ -284,7 +285,7 @@ def controllers_of(fleet: Fleet, scenery: Scenery, settings: RunSettings) -> dic
         FlightSetup(scenery.mission, seek, explore=number == 0 or settings.passive, name=name)
         for number, name in enumerate(fleet.uavs)
     ]
-    controllers = {setup.name: setup.controller(scenery.router, scenery.plan) for setup in setups}
+    controllers = {setup.name: Controller(setup, scenery.router, scenery.plan) for setup in setups}
     if settings.policy == "oracle":
         values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
         for controller in controllers.values():

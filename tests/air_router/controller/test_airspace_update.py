@@ -71,7 +71,9 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
     stops_m = speed * (flight.controller.gate.reaction_s + speed / 4.0)
     zone = Zone("new", Circle(Point(*ahead(flight, share * stops_m + 20.0)), 20.0))
     now = before.with_areas(before.fences, (*before.zones, zone))
-    found = flight.controller.airspace_update._reached(before, now, flight.controller.telemetry)
+    found = flight.controller.airspace_update._reached(
+        before, now, flight.controller.context.telemetry
+    )
     assert (zone.name in found) is reached
 
 
@@ -136,7 +138,7 @@ def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
     change(flight, zone)
     flight.step()
     while not boarding(flight):
-        robot = flight.controller.robot or "io"
+        robot = flight.controller.context.robot or "io"
         flight.give(RobotPose(robot, Point(10.0, 10.0), flight.now_s, robot))
         flight.step()
         assert flight.now_s < 400.0
@@ -151,7 +153,7 @@ def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
     flight.fly_until(lambda: flight.controller.exploration.remaining < 36, 300.0)
     inside = next(w for w in flight.mission.waypoints if w.number == 10)
     change(flight, box(inside.position))
-    skipped = flight.controller.mission.skipped
+    skipped = flight.controller.context.mission.skipped
     assert skipped == {10}
     assert "waypoint 10 left out: no clear way leads there" in flight.said
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
@@ -204,7 +206,7 @@ def test_without_the_fence_on_board_it_comes_home_among_the_new_zones(pretend):
     flight.fly_until(lambda: boarding(flight) == 1, 10.0)
     flight.give(PlanRenewed("the fence was not taken: TIMEOUT"))
     assert flight.controller.state is State.HOME
-    assert flight.controller.came_home_why == "the changed fence is not on board"
+    assert flight.controller.context.ending_why == "the changed fence is not on board"
     to_the_end(flight)
     assert clear_of(flight, zone) >= 5.0
 
@@ -260,14 +262,14 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(pretend
     flight.take_off()
     if asked_for:
         flight.operator_asks(SeekNow("callisto"))
-    assert flight.controller.robot == "callisto"
+    assert flight.controller.context.robot == "callisto"
     east_m, north_m = flight.position
     change(flight, box((east_m, north_m), half_m=1.0, name="above"))
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
     flight.give(PlanRenewed())
-    assert (flight.controller.state, flight.controller.robot) == (State.SEARCH, "callisto")
+    assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "callisto")
     flight.give(RobotSought("atlas", "callisto", 1.0))
-    assert flight.controller.robot == ("callisto" if asked_for else "europa")
+    assert flight.controller.context.robot == ("callisto" if asked_for else "europa")
 
 
 def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
@@ -279,7 +281,7 @@ def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
             changed = flight.mission.with_areas(
                 flight.mission.fences, (*flight.mission.zones, zone)
             )
-            flight.controller.prepare(Router(WaypointGraph(changed)))
+            flight.controller.airspace_update.prepared = Router(WaypointGraph(changed))
         change(flight, zone)
         flight.fly_until(lambda flight=flight: boarding(flight) == 1, 10.0)
         flight.give(PlanRenewed())
@@ -299,7 +301,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
     while flight.finished is None:
         flight.step()
         assert flight.now_s < 900.0, (flight.controller.state, flight.said[-3:])
-        flying = flight.in_air and flight.controller.in_charge
+        flying = flight.in_air and flight.controller.context.in_charge
         if flying and len(zones) < 3 and due is None and chance.random() < 0.004:
             place = [p + chance.uniform(-40.0, 40.0) for p in flight.position]
             zone = box(place, chance.uniform(3.0, 15.0), f"new {len(zones)}")
@@ -455,7 +457,7 @@ def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
     commanded = len(flight.motions)
     change(flight, box(ahead(flight, 60.0)))
     assert "'new' is new; they go on board when the mission is resumed" in flight.said[-1]
-    assert "new" in {zone.name for zone in flight.controller.mission.zones}
+    assert "new" in {zone.name for zone in flight.controller.context.mission.zones}
     assert (boarding(flight), flight.motions[commanded:]) == (0, [])
     flight.deaf = False
     flight.fly_to_state(State.PASSIVE, 5.0)
@@ -511,7 +513,9 @@ def enclosed(pretend, **changes):
         flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
-        if flight.controller.no_way_home:  # what the mission has beside it is a wall too
+        if (
+            flight.controller.states.reachability.no_way_home
+        ):  # what the mission has beside it is a wall too
             return flight, drawn
     raise AssertionError(drawn)
 
@@ -554,7 +558,7 @@ def test_without_a_way_home_it_comes_home_once_a_zone_is_taken_away(pretend):
     since = len(flight.track)
     flight.step()
     assert flight.said.count("a clear way leads home again") == 1
-    assert not flight.controller.no_way_home
+    assert not flight.controller.states.reachability.no_way_home
     flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
     flight.give(PlanRenewed())
     to_the_end(flight)

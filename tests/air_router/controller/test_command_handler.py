@@ -166,7 +166,7 @@ def is_taken_over(flight):
 
 
 def time_passes(flight):
-    flight.now_s += flight.controller.time_left_s or 0.0
+    flight.now_s += flight.controller.context.left_s or 0.0
     flight.step()
 
 
@@ -212,7 +212,7 @@ def test_every_event_in_every_state(in_state, event):
 def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(in_state):
     flight = in_state(State.INIT)
     fly_to(flight, at_least_m=15.0)
-    left_s = flight.controller.time_left_s
+    left_s = flight.controller.context.left_s
     answer, commanded = ask(flight, HoldNow(by="the tower"))
     assert [type(m) for m in commanded] == [HoldHere]
     assert any("holding, as the tower asked" in text for text in flight.said)
@@ -220,13 +220,13 @@ def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(
     place, moved = flight.position, len(flight.motions)
     flight.fly_for(500.0)
     assert flight.controller.state is State.HOLD
-    assert flight.controller.time_left_s is None
+    assert flight.controller.context.left_s is None
     assert math.dist(place, flight.position) < 0.1
     assert len(flight.motions) == moved
     answer, _ = ask(flight, GoOn())
     assert answer.accepted
     assert flight.controller.state is State.EXPL
-    assert flight.controller.time_left_s == pytest.approx(left_s)
+    assert flight.controller.context.left_s == pytest.approx(left_s)
     flight.fly_to_state(State.SEARCH, left_s + 1.0)
 
 
@@ -246,15 +246,15 @@ def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
 @pytest.mark.parametrize("state", [State.SEARCH, State.COMM, State.GOTO, State.HOME])
 def test_what_was_held_is_gone_on_with(in_state, state):
     flight = in_state(state)
-    robot, goto_task = flight.controller.robot, flight.controller.goto_task
+    robot, goto_task = flight.controller.context.robot, flight.controller.states.goto.goto_task
     ask(flight, HoldNow())
-    assert (flight.controller.robot, flight.controller.context.way.goal) == (None, None)
+    assert (flight.controller.context.robot, flight.controller.context.way.goal) == (None, None)
     ask(flight, HoldNow())  # once more changes nothing
     answer, _ = ask(flight, GoOn())
     assert answer.accepted
     after = State.SEARCH if state is State.COMM else state
-    assert (flight.controller.state, flight.controller.robot) == (after, robot)
-    assert flight.controller.goto_task is goto_task
+    assert (flight.controller.state, flight.controller.context.robot) == (after, robot)
+    assert flight.controller.states.goto.goto_task is goto_task
 
 
 def test_a_hold_that_fails_is_asked_for_again(in_state):
@@ -284,9 +284,9 @@ def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it
     in_state,
 ):
     flight = in_state(State.HOME, duration_s=100.0)
-    assert flight.controller.came_home_why == "the operator's request"
+    assert flight.controller.context.ending_why == "the operator's request"
     assert ask(flight, ExploreNow())[0].accepted
-    assert flight.controller.came_home_why is None
+    assert flight.controller.context.ending_why is None
     ask(flight, ComeHome())
     ask(flight, HoldNow())
     flight.fly_to_state(State.HOME, 120.0)  # its time is over
@@ -309,10 +309,10 @@ def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
     answer, _ = ask(flight, SeekNow("io"))
     assert answer.why == "it seeks io: its last position"
-    assert (flight.controller.state, flight.controller.robot) == (State.SEARCH, "io")
+    assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "io")
     assert flight.controller.context.way.goal.position == ROBOT
     flight.give(RobotSought("aardvark", "io", 1.0))
-    assert flight.controller.robot == "io"
+    assert flight.controller.context.robot == "io"
     flight.fly_to_state(State.EXPL)  # no robot was met there
     assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
 
@@ -365,7 +365,7 @@ def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_stat
     for point in FAR:
         flight.fly_until(lambda p=point: math.dist(flight.position, p) < 2.0, 300.0)
         assert flight.controller.state is State.GOTO
-    flight.fly_until(lambda: flight.controller.time_left_s is not None, 30.0)
+    flight.fly_until(lambda: flight.controller.context.left_s is not None, 30.0)
     began_s = flight.now_s
     flight.fly_to_state(State.EXPL)
     assert flight.now_s - began_s == pytest.approx(30.0, abs=0.3)
@@ -382,7 +382,7 @@ def test_gusts_do_not_keep_it_at_a_point_for_ever(in_state):
     for second in range(12):
         flight.give(dataclasses.replace(shaken, time_s=flight.now_s + second))
         flight.now_s += 1.0
-    assert flight.controller.goto_task.done == 1
+    assert flight.controller.states.goto.goto_task.done == 1
 
 
 def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refused(in_state):
@@ -477,7 +477,7 @@ def test_a_flight_is_not_resumed_while_nothing_is_heard_of_it(in_state):
 
 def test_what_waits_for_changed_zones_is_answered_so(in_state):
     flight = in_state(State.INIT)
-    mission = flight.controller.mission
+    mission = flight.controller.context.mission
     flight.give(AirspaceChanged(mission.fences, mission.zones[1:]))
     flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions), 30.0)
     answer, commanded = ask(flight, ComeHome())
@@ -509,7 +509,7 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     assert flight.controller.state is State.HOLD
     ask(flight, GoOn())
     flight.step()
-    assert flight.controller.goto_task.stops == FAR
+    assert flight.controller.states.goto.goto_task.stops == FAR
     ask(flight, HoldNow())
     flight.give(GoTo(FAR, waits=True, request_id="4"))
     flight.pilot_chooses(FlightMode.OTHER)

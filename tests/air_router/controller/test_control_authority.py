@@ -63,7 +63,7 @@ def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
     for mode in (FlightMode.OTHER, FlightMode.HOLD):
         flight.pilot_chooses(mode)
     assert flight.controller.state is State.READY
-    assert not flight.controller.in_charge
+    assert not flight.controller.context.in_charge
     flight.altitude_m = flight.mission.altitude_above_home_m
     flight.pilot_chooses(FlightMode.MISSION)
     assert flight.controller.state is State.INIT

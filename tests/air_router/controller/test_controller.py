@@ -31,7 +31,7 @@ def test_the_paper_s_times(pretend):
     began_s = flight.now_s
     flight.fly_to_state(State.SEARCH)
     assert flight.now_s - began_s == pytest.approx(180.0, abs=0.2)
-    flight.fly_until(lambda: flight.controller.time_left_s is not None)
+    flight.fly_until(lambda: flight.controller.context.left_s is not None)
     arrived_s = flight.now_s
     flight.fly_to_state(State.EXPL)
     assert flight.now_s - arrived_s == pytest.approx(45.0, abs=0.2)
@@ -46,8 +46,8 @@ def test_the_search_timer_waits_for_the_arrival(pretend):
     flight.take_off()
     flight.give(RobotPose("callisto", Point(-160.0, 60.0), 1.0, "europa"))
     flight.fly_to_state(State.SEARCH)
-    assert flight.controller.time_left_s is None
-    flight.fly_until(lambda: flight.controller.time_left_s is not None)
+    assert flight.controller.context.left_s is None
+    flight.fly_until(lambda: flight.controller.context.left_s is not None)
     assert math.dist(flight.position, Point(-160.0, 60.0)) < 3.0
 
 
@@ -67,7 +67,7 @@ def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
     flight.robots = dict(CORNERS)
     flight.take_off()
     flight.fly_to_state(State.COMM)
-    robot, began_s = flight.controller.robot, flight.now_s
+    robot, began_s = flight.controller.context.robot, flight.now_s
     flight.robots = {}
     flight.give(SyncStarted(robot, 0.0, Direction.IN))
     flight.give(SyncEnded(robot, 0.0, Direction.IN, 1, 1, 0.1))
@@ -80,7 +80,7 @@ def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
     flight.robots = dict(CORNERS)
     flight.take_off()
     flight.fly_to_state(State.COMM)
-    robot = flight.controller.robot
+    robot = flight.controller.context.robot
     flight.robots = {}
     for direction in Direction:
         flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1))
@@ -91,7 +91,7 @@ def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
     flight = pretend()
     flight.take_off()
     flight.fly_to_state(State.SEARCH)
-    robot = flight.controller.robot
+    robot = flight.controller.context.robot
     flight.give(RobotPose(robot, CORNERS["io"], 10.0, "europa"))
     assert flight.controller.state is State.SEARCH
     assert flight.controller.context.way.goal.position == CORNERS["io"]
@@ -256,15 +256,15 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     flight.fly_away()
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
-    assert "called off" in controller.objection(motion, now_s)
+    assert "called off" in controller.navigator.objection(motion, now_s)
     controller.gate.send(motion)
-    assert controller.objection(motion, now_s) is None
-    assert "too old" in controller.objection(motion, now_s + 1.0)
+    assert controller.navigator.objection(motion, now_s) is None
+    assert "too old" in controller.navigator.objection(motion, now_s + 1.0)
     across = FlyToPoint(Point(1e4, 0.0), 40.0)
     controller.gate.send(across)
-    assert "no longer clear" in controller.objection(across, now_s)
+    assert "no longer clear" in controller.navigator.objection(across, now_s)
     flight.pilot_chooses(FlightMode.OTHER)
-    assert "called off" in controller.objection(across, flight.now_s)
+    assert "called off" in controller.navigator.objection(across, flight.now_s)
 
 
 def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):

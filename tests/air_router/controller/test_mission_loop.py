@@ -76,7 +76,7 @@ def in_comm(flight):
     flight.take_off()
     flight.fly_to_state(State.COMM)
     flight.robots = {}
-    return flight.controller.robot
+    return flight.controller.context.robot
 
 
 def has_moved(robot, flight):
@@ -167,7 +167,7 @@ def test_between_a_breach_and_hands_off_nothing_moves_the_vehicle(pretend):
     assert controller.handle(has_moved(robot, flight), flight.now_s) == []
     (answer,) = controller.handle(ComeHome(), flight.now_s)
     assert "hands off in a moment" in answer.why
-    assert controller.objection(hold, flight.now_s) is None
+    assert controller.navigator.objection(hold, flight.now_s) is None
     flight.give(CommandConfirmed(hold))
     assert controller.state is State.PASSIVE
 
@@ -245,7 +245,7 @@ def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_me
     flight = pretend()
     flight.take_off()
     flight.fly_to_state(State.SEARCH)
-    robot = flight.controller.robot
+    robot = flight.controller.context.robot
     flight.fix, flight.deaf = False, True
     flight.step()
     flight.give(RobotPose(robot, Point(60.0, 0.0), flight.now_s, robot))

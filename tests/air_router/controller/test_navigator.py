@@ -112,7 +112,7 @@ class LateFlight:
             flight.give(CommandFailed(motion, "it does not show"))
         if self.sending is None and self.waiting is not None:
             motion, self.waiting = self.waiting, None
-            objection = flight.controller.objection(motion, now_s)
+            objection = flight.controller.navigator.objection(motion, now_s)
             if objection is not None:
                 flight.give(CommandFailed(motion, objection))
             else:

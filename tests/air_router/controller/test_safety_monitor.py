@@ -9,9 +9,8 @@ from air_router.controller.safety_monitor import (
     FOREIGN_ORDER_S,
     FlightPhase,
     SafetyMonitor,
-    TakeOff,
-    take_off,
 )
+from air_router.controller.states.ready_state import TakeOff, take_off
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
@@ -122,16 +121,24 @@ def context(pennovation):
 
 
 @pytest.fixture
-def flight_phase(context):
-    return FlightPhase(context)
+def gate(context, plan):
+    return CommandGate(context, plan)
 
 
-def test_armed_in_mission_mode_hands_the_flight_over_once(context, flight_phase):
-    assert not flight_phase.note(seen(mode=FlightMode.MISSION))
-    assert not flight_phase.note(seen(armed=True))
-    assert flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
-    assert not flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
-    assert context.handed_over
+@pytest.fixture
+def flight_phase(context, gate):
+    return FlightPhase(context, gate)
+
+
+def test_armed_in_mission_mode_hands_the_flight_over_once(context, gate, flight_phase):
+    flight_phase.note(seen(mode=FlightMode.MISSION))
+    flight_phase.note(seen(armed=True))
+    assert (context.handed_over, gate.modes) == (False, set())
+    flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
+    assert (context.handed_over, gate.modes) == (True, {FlightMode.MISSION})
+    gate.assume(FlightMode.HOLD)
+    flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
+    assert gate.modes == {FlightMode.HOLD}
 
 
 def test_it_is_over_when_down_and_disarmed_after_having_been_armed(flight_phase):

@@ -4,6 +4,7 @@ import json
 import math
 from types import SimpleNamespace
 
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_points import Search
@@ -38,7 +39,8 @@ def searching(folder, zones):
     )
     router = Router(WaypointGraph(mission))
     context = MissionContext(mission, router)
-    return mission, Search(context, Navigator(context, None), ("io",), exploration)
+    setup = FlightSetup(mission, ("io",))
+    return mission, Search(context, Navigator(context, None), setup, exploration)
 
 
 def point_for(search, place):

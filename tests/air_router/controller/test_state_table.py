@@ -66,12 +66,13 @@ def signalled(flight, signal):
 @pytest.mark.parametrize("state", State)
 def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, state, signal):
     flight = in_state(pretend, state)
-    controller, told = flight.controller, (flight.controller.robot, flight.controller.time_left_s)
+    controller, context = flight.controller, flight.controller.context
+    told = (context.robot, context.left_s)
     entered = [a for a in signalled(flight, signal) if isinstance(a, StateChanged)]
     if signal not in STATES[state].on:
         assert entered == []
         assert controller.state is state
-        assert (controller.robot, controller.time_left_s) == told
+        assert (context.robot, context.left_s) == told
         return
     target = STATES[state].on[signal]
     assert (entered[0].source, entered[0].signal, entered[0].target) == (state, signal, target)
@@ -80,9 +81,9 @@ def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, sta
         limit_s = getattr(flight.mission.timers, spec.timer)
         waits = spec.timer_from is From.ARRIVAL
         left_s = None if waits else pytest.approx(limit_s)
-        assert controller.time_left_s == left_s
+        assert context.left_s == left_s
     if not spec.keeps_target:
-        assert controller.robot is None
+        assert context.robot is None
 
 
 @pytest.mark.parametrize("state", State)

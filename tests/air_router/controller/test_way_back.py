@@ -64,7 +64,7 @@ def replaced(flight, difference, *, only_fence):
     flight.give(PlanReplaced(flight.now_s, only_fence))
     flight.give(PlanCompared(flight.now_s, difference))
     flight.fly_for(5.0)
-    if flight.controller.in_charge:  # it lands, and needs no plan for that
+    if flight.controller.context.in_charge:  # it lands, and needs no plan for that
         flight.pilot_chooses(FlightMode.HOLD)
 
 
@@ -150,7 +150,7 @@ def goes_on(flight, since):
         return any(isinstance(action, FlyToNode) for action in new)
 
     flight.fly_until(flies, 120.0)
-    assert flight.controller.in_charge
+    assert flight.controller.context.in_charge
     assert flight.altitude_m > up_m
 
 

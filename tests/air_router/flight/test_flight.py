@@ -11,9 +11,9 @@ from datetime import UTC, datetime
 import pytest
 
 from air_router.control.command_request import View
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import FlyToNode, StateChanged
 from air_router.controller.model.events import CommandConfirmed
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import HoldNow
 from air_router.errors import (
     ArmingRefusedError,
@@ -109,7 +109,7 @@ def test_a_flight_from_connecting_to_landing(rig):
     steps = [(change["number"], change["left"], change["signal"]) for change in view["changes"]]
     assert steps[:2] == [(1, "READY", "AIRBORNE"), (2, "INIT", "COME_HOME")]
     assert (view["uav"], view["state"], view["known_cells"]) == ("titan", "DONE", 0)
-    assert view["areas"]["name"] == flight.flight.controller.router.graph.mission.name
+    assert view["areas"]["name"] == flight.flight.controller.context.router.graph.mission.name
     assert SemanticGrid.decode(zlib.decompress(base64.b64decode(view["map"]))).known_cells == 0
 
 
@@ -452,7 +452,7 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
     def step():
         if not airframe.in_air and "waiting for the pilot" in flight.out.getvalue():
             start()
-        elif airframe.in_air and flight.flight.controller.in_charge and not interrupted:
+        elif airframe.in_air and flight.flight.controller.context.in_charge and not interrupted:
             interrupted.append(True)
             os.kill(os.getpid(), signal.SIGINT)
 
@@ -540,7 +540,8 @@ def test_called_off_before_the_climb_it_does_not_climb_alone(rig):
     async def start():
         airframe.mode = FlightMode.MISSION  # armed, and about to climb
         flight.at(
-            lambda: flight.flight.controller.in_charge, lambda: os.kill(os.getpid(), signal.SIGUSR1)
+            lambda: flight.flight.controller.context.in_charge,
+            lambda: os.kill(os.getpid(), signal.SIGUSR1),
         )
 
     flight.vehicle.start = start

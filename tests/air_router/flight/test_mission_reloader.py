@@ -5,6 +5,7 @@ import io
 import shutil
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -218,7 +219,8 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rereading, "_read", read)
-            controller = type("Controller", (), {"mission": mission})()
+            context = SimpleNamespace(mission=mission)
+            controller = SimpleNamespace(context=context, airspace_update=SimpleNamespace())
             reader = rereading.MissionReloader(controller, None, events.append, said.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
             assert reader.latest == ReloadReport()

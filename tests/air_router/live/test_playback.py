@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.controller import FlightSetup
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
 from air_router.live.playback import Playback, RecordedFlight
@@ -136,7 +136,9 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
 
 def test_a_page_that_fails_to_show_something_says_so_some_times_and_goes_on(record, caplog):
     film = RecordedFlight(record)
-    page = LivePage(film.controller.mission, film.controller, None, dict, mapper=film.mapper)
+    page = LivePage(
+        film.controller.context.mission, film.controller, None, dict, mapper=film.mapper
+    )
     page.scene.step = lambda *_: 1 / 0
     for _ in range(10):
         page.step(record[5].value, (), 1.0)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
 from air_router.controller.model.events import RobotPose
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.states import Signal, State
 from air_router.gossip.mapper import Mapper
 from air_router.record.recorder import Recorder

@@ -20,9 +20,9 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
 from air_router.controller.model.events import RobotPose
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import Signal, State
 from air_router.gossip.mapper import Mapper

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
 from air_router.record.log import Log, Note, RecordEntry

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import CommandAck, FlyToNode, StateChanged
 from air_router.controller.model.events import AirspaceChanged, CommandFailed
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record import values

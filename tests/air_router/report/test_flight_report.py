@@ -10,7 +10,6 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.controller import FlightSetup
 from air_router.controller.model.actions import (
     Announce,
     CommandAck,
@@ -26,6 +25,7 @@ from air_router.controller.model.events import (
     PlanRenewed,
     RobotPose,
 )
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import Signal, State
 from air_router.record.log import Note, RecordEntry

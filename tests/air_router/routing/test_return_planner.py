@@ -236,8 +236,8 @@ def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):
     flight.fly_until(drain)
     (why,) = [text for text in flight.said if text.startswith("coming home")]
     assert "the way home takes" in why
-    assert flight.controller.need_home is None  # it is home
-    assert flight.controller.came_home_why in why
+    assert flight.controller.returns.need_home is None  # it is home
+    assert flight.controller.context.ending_why in why
     assert flight.finished.landed_by_us
     assert 0.07 <= flight.battery <= 0.25  # not later than PX4's own return, and not much too early
     assert flight.mission.airspace.track_distance_m(flight.track)[0] >= 5.0
@@ -250,7 +250,7 @@ def test_the_reserve_still_brings_it_home_first(pretend):
     flight.battery = 0.5
     flight.step()
     assert flight.controller.state is State.HOME
-    assert flight.controller.came_home_why == "battery at 50%"
+    assert flight.controller.context.ending_why == "battery at 50%"
 
 
 def test_the_margin_covers_px4_s_own_return():

@@ -114,7 +114,7 @@ def test_the_duration_goes_on_without_positions(pretend):
     began_s = flight.now_s
     Missing(flight, "position_s")
     flight.fly_until(lambda: flight.controller.state is State.HOME, 60.0)
-    assert flight.controller.came_home_why in {
+    assert flight.controller.context.ending_why in {
         "60 s of mission are over",
         "position not heard for 30 s",
     }

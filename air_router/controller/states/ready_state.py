@@ -1,0 +1,92 @@
+"""Off the ground, whether we lead it or a pilot: the state READY, up to the altitude."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from air_router.controller.model.actions import HoldHere
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+
+HOME_TOLERANCE_M: Final = 20.0
+"""The vehicle must start this close to the mission's home, or it is another place's mission."""
+
+
+class TakeOff(Enum):
+    """How far the take-off is."""
+
+    TO_COME = "on the ground, climbing above home, or not in Mission mode"
+    COMPLETE = "in Mission mode at the mission's altitude"
+    MISPLACED = "in Mission mode, low and away from home: PX4 flies home from there unchecked"
+    TOO_HIGH = "in Mission mode, in the layer of another UAV, or above it"
+
+
+HELD: Final = {
+    TakeOff.MISPLACED: "Mission was chosen low and away from home; land, and start there",
+    TakeOff.TOO_HIGH: "Mission was chosen in another UAV's layer; descend, then have it resumed",
+}
+"""Take-offs that are not led on, and what the pilot should do."""
+
+
+def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
+    """Where the take-off stands, whether we lead it or a pilot.
+
+    It is complete at the mission's altitude, wherever that is: from there on every leg is checked
+    from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
+    this mission: a pilot who flew away by hand has chosen Mission mode. Where several UAVs fly it
+    may be too high: on its first leg it would come down through the layers of others.
+    """
+    if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
+        return TakeOff.TO_COME
+    mission = context.mission
+    if telemetry.altitude_m > context.layer_top_m:
+        return TakeOff.TOO_HIGH
+    altitude_m = mission.altitude_above_home_m
+    if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
+        return TakeOff.COMPLETE
+    away_m = math.dist(telemetry.position, mission.home)
+    return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
+
+
+@dataclass(slots=True, eq=False)
+class ReadyState(StateHandler):
+    """Watches the take-off; it flies nothing, but may hold a climb, or end the mission.
+
+    Args:
+        context: Whether the flight was handed over to us; where it signals that it is at altitude.
+        gate: Has it hold.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    _rise: ClimbWatch = field(default_factory=ClimbWatch)
+
+    def disarmed(self) -> None:
+        """It was armed and disarmed on the ground, and the pilot may begin anew."""
+        self._rise = ClimbWatch()
+        self._context.say("disarmed before take-off: waiting on")
+
+    def watch(self, telemetry: Telemetry) -> None:
+        """Go on with the mission at its altitude; hold where it does not begin like this."""
+        context, gate = self._context, self._gate
+        stage = take_off(context, telemetry)
+        if stage is TakeOff.COMPLETE:
+            gate.assume(FlightMode.MISSION)
+            gate.ours_in_the_air()
+            context.signal(Signal.AIRBORNE)
+        elif stage in HELD and gate.pending is None:
+            context.say(f"holding: {HELD[stage]}")
+            gate.command(HoldHere(stage.value))
+        elif self._stuck(telemetry) and gate.pending is None:
+            context.come_home("the climb does not go on")
+
+    def _stuck(self, telemetry: Telemetry) -> bool:
+        """Whether the climb that was handed over to us has not gone on for some time."""
+        rises = self._context.handed_over and telemetry.in_air
+        return rises and self._rise.stuck(telemetry)
