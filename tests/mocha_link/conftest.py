@@ -45,6 +45,11 @@ trigger: {interval_s: 2}
 """
 
 
+def team_of(text: str) -> Team:
+    """The team of a team file's text."""
+    return Team.from_document(Document.from_text(text, Path("team.yaml")))
+
+
 def own_host() -> str:
     """A loopback address that no other test uses, so that ports found free stay free."""
     number = next(_hosts)
@@ -103,7 +108,7 @@ class Field:
         self._stack = stack
         self.clock = ManualClock()
         self.host = own_host()
-        team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+        team = team_of(text)
         counts = [len(robot.clients) for robot in team.robots.values()]
         base = free_ports(self.host, sum(counts))
         firsts = [base, *(base + sum(counts[: index + 1]) for index in range(len(counts)))]
@@ -148,4 +153,4 @@ def clock() -> ManualClock:
 
 @pytest.fixture
 def team() -> Team:
-    return Team.from_document(Document.from_text(TEAM, Path("team.yaml")))
+    return team_of(TEAM)

@@ -9,7 +9,6 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 from mocha_link.clock import Instant
 from mocha_link.store import wire
@@ -22,8 +21,8 @@ from mocha_link.sync.frames import SyncFrameError, record_id
 from mocha_link.sync.peer import NodeContext, Peer
 from mocha_link.sync.sync_receiver import SyncReceiver, read_chunks
 from mocha_link.sync.sync_sender import SyncSender
-from mocha_link.team.document import Document
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 
 NOW = Instant(1_795_175_900.0, 1.0)
 START_MS = 1_795_175_000_000
@@ -32,16 +31,13 @@ KINDS = ", ".join(
     f"{{name: /t{topic}, type: a/B, history: {3 if topic % 4 == 3 else 1}}}"
     for topic in range(TOPICS)
 )
-TEAM = Team.from_document(
-    Document.from_text(
-        "robots:\n"
-        + "".join(
-            f"  r{robot:03}: {{kind: k, address: a{robot}, base_port: 10, clients: []}}\n"
-            for robot in range(ROBOTS)
-        )
-        + f"kinds: {{k: {{topics: [{KINDS}]}}}}\n",
-        Path("team.yaml"),
+TEAM = team_of(
+    "robots:\n"
+    + "".join(
+        f"  r{robot:03}: {{kind: k, address: a{robot}, base_port: 10, clients: []}}\n"
+        for robot in range(ROBOTS)
     )
+    + f"kinds: {{k: {{topics: [{KINDS}]}}}}\n"
 )
 
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import heapq
 import itertools
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mocha_link.clock import Instant
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import wire
 from mocha_link.sync.protocol import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
-from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link import original
+from tests.mocha_link.conftest import team_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -45,7 +44,7 @@ robots:
 kinds:
   rover: {{topics: [{listed}]}}
 """
-    return Team.from_document(Document.from_text(text, FilePath("team.yaml")))
+    return team_of(text)
 
 
 class Carried(NamedTuple):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from mocha_link.team.team_file import RobotModel, TopicModel, Trigger
+from tests.mocha_link.conftest import team_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -32,8 +32,7 @@ def test_every_key_is_documented_with_its_default(model):
 def test_the_examples_are_teams():
     text = (DOCS / "team-file.md").read_text()
     team, two_nodes = (
-        Team.from_document(Document.from_text(example, Path("team.yaml")))
-        for example in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+        team_of(example) for example in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
     )
     assert team.robot("titan").port_for("io") == 24400
     assert two_nodes.robot("a").peers == ("b",)

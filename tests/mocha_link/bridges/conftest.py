@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from pathlib import Path
 
 import pytest
 
@@ -12,8 +11,7 @@ from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 
 TEAM = """\
 robots:
@@ -36,7 +34,7 @@ definitions:
 def team(field):
     ports = field.team.robot("titan").base_port
     place = {"address": field.host, "listen": field.host}
-    plain = Team.from_document(Document.from_text(TEAM, Path("team.yaml")))
+    plain = team_of(TEAM)
     return plain.with_robots(
         {"one": {"base_port": ports, **place}, "two": {"base_port": ports + 1, **place}}
     )

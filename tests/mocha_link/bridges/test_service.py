@@ -24,7 +24,6 @@ from mocha_link.service.service_client import (
     ServiceClient,
     ServiceError,
     ServiceUnreachableError,
-    split,
 )
 
 POSE = {"header": {"frame_id": "map"}}
@@ -128,19 +127,6 @@ def test_in_the_form_of_either_ros(client, one, two, pulled):
 
 def said(*words, ros=1):
     return [RosCodec().encode("std_msgs/String", {"data": word}, ros) for word in words]
-
-
-def test_several_messages_in_one(client, one, two, pulled):
-    for data in said("goes at once", "a", "bcd", ros=2):
-        two.publish("/log", data)
-    two.flush("/log")
-    pulled("/goal", b"1")
-    found = {about["topic"]: (about, data) for about, data in client.since(ros=1)[1]}
-    about, data = found["/log"]
-    assert about["parts"] == [5, 7]
-    assert split(about, data) == said("a", "bcd")
-    assert Typed(one.team).plain(one.latest("two", "/log")) == [{"data": "a"}, {"data": "bcd"}]
-    assert split(*found["/goal"]) == [b"1"]
 
 
 def test_a_damaged_batch(client, one, monkeypatch):

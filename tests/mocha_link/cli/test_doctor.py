@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -15,9 +14,7 @@ from mocha_link.cli import doctor_command
 from mocha_link.cli.cli import main
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
-from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.conftest import TEAM, team_of
 
 PAIR = """\
 robots:
@@ -75,7 +72,7 @@ def test_beside_the_node_of_the_robot(pair):
 def test_another_team_file(pair, field_of):
     document = yaml.safe_load(PAIR)
     document["kinds"]["rover"]["topics"].append({"name": "/map", "type": "a/B"})
-    other = Team.from_document(Document.from_text(yaml.safe_dump(document), Path("team.yaml")))
+    other = team_of(yaml.safe_dump(document))
     keys = {"base_port", "address", "listen"}
     places = {
         name: {key: getattr(robot, key) for key in keys} for name, robot in pair.team.robots.items()

@@ -71,8 +71,8 @@ class Bench:
         return max(self._free_s - self.now_s, 0.0)
 
 
-@pytest.mark.parametrize("rate", [MBIT / 4, MBIT, 8 * MBIT])
-@pytest.mark.parametrize("rtt_s", [0.005, 0.05, 0.3])
+@pytest.mark.parametrize("rate", [MBIT / 4, 8 * MBIT])
+@pytest.mark.parametrize("rtt_s", [0.005, 0.3])
 def test_an_unknown_link_is_soon_known(rate, rtt_s):
     bench = Bench(rate, rtt_s)
     assert bench.pacing.phase is Phase.START

@@ -145,15 +145,6 @@ def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
     assert read(connection, len(request(b"four"))) == request(b"four")
 
 
-def test_a_peer_that_is_quick_gets_the_requests_at_once(line, peer):
-    line.send(b"one")
-    line.turn(100.0)
-    connection = peer.accept()
-    connection.sendall(GREETING + READY)
-    turn_until(line, lambda: line._protocol.ready, 100.001)
-    assert read(connection, HELLO_BYTES + 7)[-7:] == request(b"one")
-
-
 def test_requests_that_came_together_with_the_handshake_are_sent_again(line, peer):
     """A libzmq that reads them together closes; then they wait for it."""
     line.send(b"one")

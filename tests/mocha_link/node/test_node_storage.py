@@ -14,10 +14,8 @@ from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
-from mocha_link.team.document import Document
 from mocha_link.team.keys import KeyMismatchError
-from mocha_link.team.team import Team
-from tests.mocha_link.conftest import TEAM, Field, Witness
+from tests.mocha_link.conftest import TEAM, Field, Witness, team_of
 
 IN, OUT = Direction.IN, Direction.OUT
 TRAILS = TEAM.replace("priority: medium}", "priority: medium, history: 3}")
@@ -118,9 +116,7 @@ def test_a_team_that_has_lost_a_topic(field, file):
         for i, line in enumerate(lines[begin + 1 :], begin + 1)
         if "- name:" in line or not line.startswith(" " * 4)
     )
-    field.team = Team.from_document(
-        Document.from_text("".join(lines[:begin] + lines[end:]), Path("team.yaml"))
-    )
+    field.team = team_of("".join(lines[:begin] + lines[end:]))
     io, _, saw = field.node("io")
     with running(field, "titan", storage=file) as (titan, _):
         assert [message.data for message in titan.messages()] == [b"grid"]

@@ -23,7 +23,7 @@ kinds:
 """
 MANY = (
     PAIR.split("      - {name: /log", maxsplit=1)[0]
-    + "".join(f"      - {{name: /t{number}, type: a/B}}\n" for number in range(200))
+    + "".join(f"      - {{name: /t{number}, type: a/B}}\n" for number in range(100))
     + "trigger: {interval_s: 1000}\n"
 )
 
@@ -71,12 +71,6 @@ def test_a_message_of_an_original_robot_is_no_batch(field_of):
     assert {message.topic for _, message in io.stored_since(0)} == {"/log", "/map"}
 
 
-# --- versions
-
-
-# --- a budget
-
-
 # --- many and large
 
 
@@ -87,13 +81,13 @@ def test_many_large_messages_over_one_connection(field_of, way):
     if way == "original":  # the peer is new, but the team file says that it is not
         field.team = field.team.with_robots({"titan": {"original": True}})
     titan, _, _ = field.node("titan")
-    for number in range(200):
+    for number in range(100):
         titan.publish(f"/t{number}", noise(100_000, number))
     io, _, saw = field.node("io", timeout_s=60)
     for _ in range(2):
         io.sync("titan")
         saw.wait(SyncEnded, direction=IN)
-        for number in range(200):
+        for number in range(100):
             assert io.latest("titan", f"/t{number}").data == noise(100_000, number)
             titan.publish(f"/t{number}", noise(100_000, number))
     assert io.links()["titan"].timeouts == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +12,8 @@ from mocha_link.store.config_hash import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync.protocol import Send
 from mocha_link.sync.sync_messages import Hello, Reception
-from mocha_link.team.document import Document
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network_sim import NetworkSim, OldNode
 
 TEXT = """\
@@ -33,10 +32,6 @@ FIRST_TOPIC = "topics:\n      - {name: /goal, type: json/Goal}"
 OTHER_KIND = "kinds:\n  boat: {topics: [{name: /x, type: a/B}, {name: /y, type: z/Z}]}"
 IN, OUT = Direction.IN, Direction.OUT
 WHY = "has another team file (robots or topics differ); give all robots the same"
-
-
-def team_of(text: str) -> Team:
-    return Team.from_document(Document.from_text(text, Path("team.yaml")))
 
 
 TEAM = team_of(TEXT)

@@ -294,17 +294,6 @@ def test_what_waits_does_not_hold_up_another_connection(shell, kind, titan, clie
     assert port.flush(route) is (kind is ProtectedPort)
 
 
-def test_replies_do_not_wait_for_frames_that_wait(shell, titan, clients):
-    """They belong to another connection."""
-    stuck(shell, titan, clients)
-    other = clients.dial(titan)
-    other.send_multipart([b"", b"?"])
-    route, _ = shell.request()
-    shell.port.reply(route, b"reply")
-    assert other.poll(WAIT_MS)
-    assert other.recv_multipart() == [b"", b"reply"]
-
-
 def test_a_connection_that_sleeps_does_not_hold_up_the_next_one(field, clients, monkeypatch):
     """The link broke in mid-sync, TCP has not noticed; the peer comes again and is served."""
     held_up, flush = threading.Event(), OpenPort.flush

@@ -67,17 +67,6 @@ def test_an_early_message_waits_and_the_newest_one_is_stored(publisher, database
     assert publisher.publish(slow, b"4", T + 10, at_once=False)[1]
 
 
-def test_what_is_stored_is_a_message_as_it_crosses_the_wire(publisher, often):
-    header, (record,) = publisher.publish(often, b"grid", T, at_once=False)
-    assert record.body[0] == often.dtype
-    assert record.body[1] == record.priority == often.priority
-    assert wire.unpack(record.body) == b"grid"
-    trailer = wire.check(record.body, ids_of(record))
-    assert trailer.stamp_ms == record.stamp_ms == int(T * 1000)
-    assert trailer.signature is None
-    assert (record.header, record.received_s, record.extrapolated) == (header, T, False)
-
-
 def test_a_clock_set_back_holds_nothing_for_ever(publisher, database, slow):
     publisher.publish(slow, b"1", T, at_once=False)
     assert publisher.publish(slow, b"2", T - 1000, at_once=False)[1]

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from mocha_link.sync.protocol import GDATA
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network_sim import NetworkSim
 
 A, B, C = range(3)
-TEAM = Team.from_document(
-    Document.from_text(
-        "robots:\n"
-        "  a: {kind: rover, address: a, base_port: 10, clients: [b, c]}\n"
-        "  b: {kind: rover, address: b, base_port: 10, clients: [a, c]}\n"
-        "  c: {kind: rover, address: c, base_port: 10, clients: [a, b], original: true}\n"
-        "kinds:\n"
-        "  rover: {topics: [{name: /pose, type: json/Pose}, {name: /goal, type: json/Pose}]}\n",
-        Path("team.yaml"),
-    )
+TEAM = team_of(
+    "robots:\n"
+    "  a: {kind: rover, address: a, base_port: 10, clients: [b, c]}\n"
+    "  b: {kind: rover, address: b, base_port: 10, clients: [a, c]}\n"
+    "  c: {kind: rover, address: c, base_port: 10, clients: [a, b], original: true}\n"
+    "kinds:\n"
+    "  rover: {topics: [{name: /pose, type: json/Pose}, {name: /goal, type: json/Pose}]}\n"
 )
 
 

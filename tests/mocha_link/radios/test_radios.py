@@ -180,12 +180,6 @@ def test_numbers_that_are_no_reading(value):
         Reading(value, Unit.SNR_DB, "x")
 
 
-@pytest.mark.parametrize("source", ["", "x" * 33])
-def test_sources_that_are_none(source):
-    with pytest.raises(RadioError):
-        Reading(1, Unit.DBM, source)
-
-
 # URLs.
 
 

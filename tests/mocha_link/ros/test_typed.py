@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -12,10 +11,8 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.node.node import Node
 from mocha_link.ros import typed
-from mocha_link.ros.ros import RosError
 from mocha_link.ros.typed import Typed, TypedError
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 
 TEAM = """\
 robots:
@@ -32,10 +29,6 @@ definitions:
   field/Own: "uint16 count"
 """
 POSE = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.5}}}
-
-
-def team_of(text):
-    return Team.from_document(Document.from_text(text, Path("team.yaml")))
 
 
 @pytest.fixture
@@ -77,11 +70,6 @@ def test_what_does_not_fit(team):
     for topic, value in (("/pose", {"x": 1}), ("/goal", b""), ("/goal", float("nan")), ("/raw", 5)):
         with pytest.raises(TypedError, match=f"one {topic}"):
             types.encode("one", topic, value)
-
-
-def test_a_definition_that_is_none():
-    with pytest.raises(RosError, match="definition of field/Own"):
-        Typed(team_of(TEAM.replace("uint16 count", "uint16")))
 
 
 def test_without_the_extra(team, monkeypatch, caplog):

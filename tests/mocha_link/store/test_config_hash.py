@@ -10,19 +10,13 @@ import pytest
 
 from mocha_link.links.metrics import StorageFailed
 from mocha_link.store.config_hash import TeamConfig
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
-from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.conftest import TEAM, team_of
 from tests.mocha_link.node.test_node_storage import pull, running
 
 EUROPA = "  europa: {kind: ground_robot, address: 127.0.0.1, base_port: 40, clients: [io]}\n"
 LARGER = TEAM.replace("  callisto:", EUROPA + "  callisto:").replace(
     "base_port: 30, clients: [callisto, titan]", "base_port: 30, clients: [callisto, titan, europa]"
 )
-
-
-def team_of(text: str) -> Team:
-    return Team.from_document(Document.from_text(text, Path("team.yaml")))
 
 
 @pytest.fixture

@@ -31,17 +31,6 @@ def guessed(stamp_s: float, now_s: float) -> Record:
     return replace(record(stamp_s), stamp_ms=header.stamp_ms(now_s), extrapolated=True)
 
 
-@pytest.mark.parametrize("later", [1, 10 * HOUR, 15 * HOUR, 18 * HOUR, 40 * HOUR])
-def test_messages_after_the_wrap_are_taken_at_once(later):
-    database = Database()
-    database.insert(record(WRAP - 5), WRAP - 4)
-    now = WRAP + later
-    assert database.wants(record(now).header, now)
-    assert database.insert(record(now), now)
-    # and the old one, which other robots still carry, does not come back
-    assert not database.wants(record(WRAP - 5).header, now) or later > 15 * HOUR
-
-
 def test_a_clock_that_was_set_back_does_not_block_messages_of_original_nodes():
     database = Database()
     database.insert(guessed(WRAP, WRAP + YEAR), WRAP + YEAR)  # our clock was a year ahead
@@ -248,19 +237,19 @@ def test_a_clock_that_was_never_set_takes_the_shorter_way_round():
 def test_long_lists_agree_with_single_questions():
     now = WRAP + HOUR
     database = Database()
-    for key in range(5000):
+    for key in range(2000):
         database.insert(record(WRAP + key % 700, robot_id=key >> 8, topic_id=key & 255), now)
     database.header_list()
-    for key in range(0, 5000, 3):  # few enough, and then too many, to be moved one by one
+    for key in range(0, 2000, 3):  # few enough, and then too many, to be moved one by one
         database.insert(record(WRAP + 800 + key, robot_id=key >> 8, topic_id=key & 255), now)
         if key % 60 == 0:
-            assert len(database.header_list()) == 5000 * 6
+            assert len(database.header_list()) == 2000 * 6
     expected = sorted(database.kept(), key=lambda r: (r.stamp_ms, r.header.pack()), reverse=True)
     assert database.records() == tuple(expected)
     offered = [
         record(WRAP + key % 1700, robot_id=key >> 8, topic_id=key & 255).header
-        for key in range(5100)
+        for key in range(2100)
     ]
     wanted = database.wanted(b"".join(header.pack() for header in offered), now)
     assert wanted == [header.pack() for header in offered if database.wants(header, now)]
-    assert 100 < len(wanted) < 5000
+    assert 100 < len(wanted) < 2000

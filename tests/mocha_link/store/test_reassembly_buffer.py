@@ -63,14 +63,6 @@ def test_the_closest_gaps_are_the_ones_taken_together():
     assert fragment.missing(limit=1) == [(100, 500)]
 
 
-def test_the_whole_comes_out_once():
-    reassembly = ReassemblyBuffer()
-    assert reassembly.add(7, 1_000, 600, piece(600, 1_000)) is None
-    assert reassembly.add(7, 1_000, 0, piece(0, 600)) == WHOLE
-    assert len(reassembly) == 0
-    assert reassembly.cost == 0
-
-
 def test_the_same_message_of_another_size_is_another_one():
     reassembly = ReassemblyBuffer()
     reassembly.add(7, 1_000, 0, piece(0, 600))

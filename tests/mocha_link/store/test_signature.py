@@ -9,7 +9,7 @@ import pytest
 from mocha_link.store import wire
 from mocha_link.store.signature import SignatureError, Signer, Verifier
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.team.keys import KeyMismatchError, SecretKey
+from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Team, Trust
 
 STAMP_MS = 1_795_175_905_123
@@ -138,10 +138,3 @@ def test_what_the_team_does_not_know(mixed):
     header, body = message(mixed, "titan", by=TITAN)
     with pytest.raises(SignatureError, match="not of this team"):
         verify(mixed, replace(header, robot_id=77), body, "titan")
-
-
-def test_a_key_in_the_team_file_that_is_none(team):
-    with pytest.raises(KeyMismatchError, match=r"key of io in the team file: .* is not a"):
-        Verifier(team.with_robots({"io": {"key": "#" * 40}}))
-    with pytest.raises(KeyMismatchError, match=r"key of io in the team file: .* is not a public"):
-        Verifier(team.with_robots({"io": {"key": "0" * 40}}))  # a point of small order

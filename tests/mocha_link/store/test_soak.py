@@ -21,8 +21,7 @@ import pytest
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.store.wire import WRAP_S
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NetworkSim, OldNode, T
 
@@ -44,17 +43,14 @@ kinds:
       - {name: /cloud, type: json/Cloud, priority: none}
 trigger: {interval_s: 5}
 """
-TEAM = Team.from_document(
-    Document.from_text(
-        "robots:\n"
-        + "".join(
-            f"  {name}: {{kind: {'aerial' if name == 'titan' else 'ground'}_robot, "
-            f"address: {name}, base_port: 10, clients: [{', '.join(NAMES)}]}}\n"
-            for name in NAMES
-        )
-        + KINDS,
-        Path("team.yaml"),
+TEAM = team_of(
+    "robots:\n"
+    + "".join(
+        f"  {name}: {{kind: {'aerial' if name == 'titan' else 'ground'}_robot, "
+        f"address: {name}, base_port: 10, clients: [{', '.join(NAMES)}]}}\n"
+        for name in NAMES
     )
+    + KINDS
 )
 HOUR_S = 3600.0
 DAYS_S = (72 if EXPLORE else 20) * HOUR_S

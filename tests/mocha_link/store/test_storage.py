@@ -170,14 +170,14 @@ def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
 def test_the_file_stays_small(shelter, tmp_path):
     node = shelter()
     chance = random.Random(1)
-    for number in range(1000):
+    for number in range(400):
         body = chance.randbytes(20_000)
         node.database.insert(record(5 * number, topic_id=number % 20, body=body), NOW_S)
         if number % 10 == 0:
             assert node.storage.wait(60)
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
-    assert size < 12_000_000  # of 20 MB
-    for number in range(1000, 1020):
+    assert size < 5_000_000  # of 8 MB
+    for number in range(400, 420):
         node.database.insert(record(5 * number, topic_id=number % 20), NOW_S)
     node.storage.close()
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 2_000_000

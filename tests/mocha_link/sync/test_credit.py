@@ -67,7 +67,7 @@ def test_a_link_that_was_fast_last_time_and_is_slow_now():
     assert queue_s < KNOWN_WINDOW / 125_000 + 0.5
 
 
-LINKS = list(itertools.product((31_250, 125_000, 1_250_000, 12_500_000), (0.005, 0.05, 0.3)))
+LINKS = list(itertools.product((31_250, 1_250_000, 12_500_000), (0.005, 0.3)))
 
 
 @pytest.mark.parametrize(("rate", "rtt_s"), LINKS)

@@ -2,7 +2,6 @@
 
 import math
 import random
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +12,7 @@ from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import FOLLOW_S
 from mocha_link.sync.sync_messages import Have, Open
 from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
@@ -99,7 +97,7 @@ def test_a_peer_that_went_away_is_forgotten_without_a_word(net):
 @pytest.mark.parametrize("linked", [True, False])
 def test_of_others_only_that_is_pushed_which_the_peer_gets_no_other_way(team, linked):
     """What several could push would cross every link of a neighbourhood."""
-    chain = Team.from_document(Document.from_text(CHAIN, Path("team.yaml")))
+    chain = team_of(CHAIN)
     net = NetworkSim(team if linked else chain, delay_s=FAR_S)
     net.pull("titan", "callisto")
     net.pull("io", "titan")

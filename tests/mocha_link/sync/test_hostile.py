@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import socket
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,9 +19,7 @@ from mocha_link.node import zmtp
 from mocha_link.store.wire import Header, as_ms
 from mocha_link.sync.frames import HELLO
 from mocha_link.sync.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
-from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.conftest import TEAM, team_of
 from tests.mocha_link.fuzz import EXPLORE, Fuzzer, Recorder, record
 from tests.mocha_link.load import (
     HANDSHAKE_OF_DEALER,
@@ -61,7 +58,7 @@ def recorded() -> Recorder:
     """Topics with a history: so much to compare that digests are worth it."""
     text = TEAM.replace("priority: medium}", "priority: medium, history: 200}")
     text = text.replace("priority: none}", "priority: none, history: 200}")
-    team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+    team = team_of(text)
     return record(team, "io", "titan")
 
 

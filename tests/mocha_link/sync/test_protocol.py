@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.links.metrics import Direction, SyncStarted, SyncTimedOut
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
@@ -81,18 +81,6 @@ def test_any_parts_are_answered(parts):
         assert body == b"\0\0body"
     else:
         assert body == b"SERRM"
-
-
-def test_a_pull_is_told(database):
-    session = Session(database)
-    assert session.answer([ID + b"DENDTio"], at(0)) == (ID + b"Ack", [])
-    assert session.answer([ID + b"GHEAD"], at(1))[1] == [SyncStarted("io", 2000, OUT)]
-    session.answer([ID + b"GDATA" + record(1500).header.pack()], at(2))
-    session.answer([ID + b"GDATAabsent"], at(3))
-    assert session.answer([ID + b"DENDT\xff\xfe"], at(4)) == (
-        ID + b"Ack",
-        [SyncEnded("io", 2000, OUT, messages=1, bytes=12 + 12 + 11 + 9, duration_s=3)],
-    )
 
 
 def test_silence_and_a_new_beginning_break_a_pull_off(database):

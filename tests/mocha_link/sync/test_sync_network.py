@@ -201,7 +201,7 @@ def test_an_urgent_message_is_in_the_very_next_frame():
     assert pull.sender.messages == 2
 
 
-FILLED = 16_384
+FILLED = 4_096
 
 
 def filled(name: str) -> Node:
@@ -224,7 +224,7 @@ def headers_of(pull: Pull) -> int:
 
 
 def test_few_bytes_say_what_is_new():
-    """16,384 entries, 10 of which differ: what the frames take beside the bodies, both ways."""
+    """4,096 entries, 10 of which differ: what the frames take beside the bodies, both ways."""
     asker, server = filled("asker"), filled("server")
     changed = changes(server, START_MS + 100_000)
     pull = Pull(asker, server, room=65_536).run()
@@ -233,7 +233,7 @@ def test_few_bytes_say_what_is_new():
     back = Pull(server, asker, room=65_536).run()  # as an unknown peer: it has never asked before
     assert back.data_down == 0
     strangers = headers_of(pull) + headers_of(back)
-    assert strangers < 8_000, strangers
+    assert strangers < 5_000, strangers
     changed = changes(server, START_MS + 200_000)
     pull = Pull(asker, server, room=65_536).run()
     back = Pull(server, asker, room=65_536).run()
@@ -241,20 +241,6 @@ def test_few_bytes_say_what_is_new():
     assert back.data_down == 0
     met = headers_of(pull) + headers_of(back)
     assert met < 1_000, met
-
-
-def test_what_was_listed_is_not_sent_though_it_came_from_others():
-    asker, server, third = Node("asker"), Node("server"), Node("third")
-    server.store(0, 0, START_MS)
-    Pull(asker, server).run()
-    for number in range(300):
-        third.store(1, number % 256, START_MS + number, size=50)
-    Pull(asker, third).run()
-    Pull(server, third).run()
-    new = server.store(0, 1, START_MS)
-    pull = Pull(asker, server).run()
-    assert pull.arrived.keys() == {record_id(new)}
-    assert Pull(server, asker).run().data_down == 0
 
 
 def test_a_small_budget_moves_something_though_unknown_peers_have_much_to_compare():

@@ -276,31 +276,6 @@ def test_a_peer_that_damages_everything_is_not_asked_for_ever():
     assert asking.round == 2
 
 
-def test_a_part_whose_rest_never_comes_is_asked_for():
-    asking = Asking()
-    asking.hear(asking.chunks(pieces=[(LONG, body(), 5, 10)]))
-    asking.done()
-    (request,) = asking.said[-1].requests
-    assert request == (LONG, len(body()), [(0, 5), (10, len(body()))])
-    asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 5), (LONG, body(), 10, len(body()))]))
-    asking.done()
-    assert asking.receiver.complete
-    assert asking.node.content == {LONG: body()}
-
-
-def test_the_rest_of_what_came_from_elsewhere_is_declined_once():
-    node = Node("asker")
-    asking = Asking(node)
-    large = node.store(3, 4, START_MS, size=100_000).body
-    asking.hear(asking.chunks(pieces=[(LONG, large, 0, 10), (LONG, large, 10, 20)]))
-    asking.hear(asking.chunks(pieces=[(LONG, large, 20, 30)]))
-    assert asking.said[1:] == [LONG]
-    assert len(node.reassembly) == 0
-    asking.done()
-    assert asking.receiver.complete
-    assert asking.events == []
-
-
 def test_parts_of_too_many_messages_are_refused():
     asking = Asking()
     for number in range(1_030):

@@ -133,19 +133,6 @@ def test_frames_are_filled_but_small_messages_are_not_cut(node):
     assert all(len(frame) > 750 for frame in frames[1:-2])
 
 
-def test_what_is_stored_meanwhile_joins_in(node):
-    node.store(0, 0, START_MS, size=5_000)
-    served = Served(node)
-    served.sender.next(1_000)
-    served.sender.next(1_000)
-    late = node.store(0, 1, START_MS)
-    *_, last, done = served.hear(1_000)
-    assert (record_id(late), late.body) in last.wholes
-    assert done.sequence == node.database.sequence == 2
-    node.store(0, 2, START_MS)  # for the next pull
-    assert served.hear() == []
-
-
 def test_what_was_not_begun_is_dropped_for_the_newer_version(node):
     node.store(0, 0, START_MS, size=5_000, priority=1)
     node.store(0, 1, START_MS, size=5_000)

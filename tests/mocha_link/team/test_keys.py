@@ -71,12 +71,6 @@ def test_a_secret_does_not_show_itself():
         assert secret.public.text in shown
 
 
-@pytest.mark.parametrize("text", ["", "x" * 39, "x" * 41, "#" * 40, "ä" * 40, "0" * 40, "~" * 40])
-def test_what_is_no_public_key(text):
-    with pytest.raises(KeyMismatchError, match="is not a"):
-        keys.PublicKey(text)
-
-
 def test_without_the_library_there_is_a_command_to_run(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(keys, "_AVAILABLE", False)
     with pytest.raises(KeysUnavailableError, match="PyNaCl"):
@@ -204,16 +198,6 @@ def test_a_second_time_changes_nothing(tmp_path, capsys):
     assert main(["keys", str(path)]) == 0
     assert f"a: has its key; its secret is not in {tmp_path}/keys\n" in capsys.readouterr().out
     assert path.read_bytes() == before[path]
-
-
-def test_a_secret_that_is_there_is_used(tmp_path, capsys):
-    path = a_team(tmp_path)
-    secret = SecretKey.generate()
-    keys.write(tmp_path / "a.key", "a", secret)
-    assert main(["keys", str(path), "--out", str(tmp_path)]) == 0
-    assert "a: key added; its secret was in " in capsys.readouterr().out
-    assert Team.load(path).robot("a").key == secret.public.text
-    assert keys.read(tmp_path / "a.key") == secret
 
 
 def test_new_keys_for_a_lost_robot(tmp_path, capsys):

@@ -114,17 +114,6 @@ def test_what_keys_topics_and_definitions_may_say():
     assert "the original node of callisto ends over messages that go together" in problems(text)[0]
 
 
-def test_with_robots_changes_and_checks():
-    assert team(team().dump()) == team()
-    changed = team().with_robots({"io": {"base_port": 30000, "clients": ("callisto", "titan")}})
-    assert changed.robot("io").port_for("titan") == 30001
-    assert changed.robot("titan") == team().robot("titan")
-    with pytest.raises(UnknownRobotError):
-        team().with_robots({"mars": {}})
-    with pytest.raises(DocumentError, match="overlap"):
-        team().with_robots({"io": {"base_port": 23234}})
-
-
 def test_names_that_do_not_fit_together():
     text = TEXT.replace("clients: [callisto, io]", "clients: [calisto, io, io]")
     text = text.replace("kind: ground_robot", "kind: groundrobot", 1)

@@ -9,8 +9,9 @@ import pytest
 
 from mocha_link.cli.cli import main
 from mocha_link.team import upstream
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import team_of
 
 DATA = Path(__file__).parents[2] / "data/mocha"
 ROBOTS = """\
@@ -100,14 +101,7 @@ def test_every_oddity(files):
         "5:69: base has this radio as well; others cannot tell them apart",
         "6:22: 'spare-key' is not read by the original nodes",
     ]
-    assert Team.from_document(
-        upstream.Document.from_text(result.text, Path("team.yaml"))
-    ).robots == dict(team.robots)
-
-
-def test_without_radios(files):
-    team = files([("robots", "using-radio: b-2, ", "")], radios=None).team
-    assert team.robot("base").radio_id is None
+    assert team_of(result.text).robots == dict(team.robots)
 
 
 @pytest.mark.parametrize(
@@ -155,18 +149,6 @@ def test_what_is_refused_has_its_place(files, change, complaint):
     with pytest.raises(DocumentError) as caught:
         files([change])
     assert complaint in str(caught.value)
-
-
-def test_all_problems_of_all_files_at_once(files):
-    with pytest.raises(DocumentError) as caught:
-        files(
-            [
-                ("robots", "4234", "x"),
-                ("topics", "LOW_PRIORITY", "LOW"),
-                ("radios", '"00:00:00:00:00:03"', "3"),
-            ]
-        )
-    assert len(caught.value.problems) == 3
 
 
 def test_too_many(files):
@@ -219,7 +201,7 @@ def test_a_package_has_all_files_and_says_which_ros_it_is_for(
         (package / "package.xml").write_text(f"<buildtool_depend>{build}</buildtool_depend>")
     for path in (package, package / "config", package / "config" / "robot_configs.yaml"):
         assert main(["import", str(path), *options]) == 0
-        team = Team.from_document(Document.from_text(capsys.readouterr().out, Path("team.yaml")))
+        team = team_of(capsys.readouterr().out)
         assert {robot.ros for robot in team.robots.values()} == {ros}
     (package / "config" / "radio_configs.yaml").write_text(RADIOS)
     assert main(["import", str(package), *options]) == 3

@@ -1,4 +1,4 @@
-"""Bodies: packed as the original packs them, unpacked within bounds; the trailer behind them."""
+"""A message on the wire: six bytes of header, then a body, unpacked within bounds; its trailer."""
 
 from __future__ import annotations
 
@@ -9,11 +9,20 @@ import tracemalloc
 
 import lz4.frame
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from mocha_link.node.publisher import next_stamp_ms
 from mocha_link.store import wire
-from mocha_link.store.wire import PayloadError, Trailer
+from mocha_link.store.wire import (
+    AHEAD_MS,
+    WRAP_MS,
+    Header,
+    HeaderError,
+    PayloadError,
+    Trailer,
+    as_ms,
+)
 
 STAMP_MS = 1_795_175_905_123
 SIGNATURE = bytes(range(64))
@@ -23,6 +32,77 @@ NAMED = wire.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS, ids=IDS)
 SIGNED = wire.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS, sign=lambda _: SIGNATURE)
 LARGE = wire.pack(1, 2, random.Random(1).randbytes(70_000) * 2, stamp_ms=STAMP_MS)
 KIB, MIB = 1024, 1024 * 1024
+FAST = settings(deadline=None, max_examples=100)
+HEADERS = st.builds(
+    Header,
+    st.integers(0, 255),
+    st.integers(0, 255),
+    st.integers(0, 65535),
+    st.integers(0, 999),
+)
+UNIX_MS = st.integers(0, 4_000_000_000_000)
+
+
+# The header
+
+
+def test_the_captured_header():
+    header = Header.parse(bytes.fromhex("030135db02b6"))
+    assert header == Header(robot_id=3, topic_id=1, seconds=13787, milliseconds=694)
+    assert str(header) == "030135db02b6"
+    assert header.stamp_s(1795175900.0) == 1795175899.694  # the time in the captured message
+
+
+@given(HEADERS)
+def test_parse_reads_what_pack_writes(header):
+    assert Header.parse(header.pack()) == header
+
+
+@given(st.binary(max_size=12))
+def test_any_bytes_are_a_header_or_a_header_error(raw):
+    try:
+        assert Header.parse(raw).pack() == raw
+    except HeaderError:
+        assert len(raw) != 6 or int.from_bytes(raw[4:]) > 999
+
+
+@pytest.mark.parametrize(
+    "values", [(256, 0, 0, 0), (0, -1, 0, 0), (0, 0, 65536, 0), (0, 0, 0, 1000), (0, 0, 500, 65535)]
+)
+def test_values_out_of_range_are_refused(values):
+    with pytest.raises(HeaderError, match="is not within"):
+        Header(*values)
+
+
+@FAST
+@given(UNIX_MS, st.integers(0, WRAP_MS - 1))
+@example(27 * WRAP_MS, 0)
+@example(27 * WRAP_MS + 10 * 3600 * 1000, 10 * 3600 * 1000 + 1)  # seen 10 h after the wrap
+def test_a_stamp_unwraps_to_the_time_it_was_made_from(now_ms, age_ms):
+    made_ms = max(0, now_ms + AHEAD_MS - age_ms)  # nothing was made before 1970
+    header = Header.at(1, 2, made_ms)
+    assert as_ms(header.stamp_s(now_ms / 1000)) == made_ms
+
+
+@FAST
+@given(st.lists(UNIX_MS, min_size=1, max_size=20))
+def test_new_stamps_rise_whatever_the_clock_does(clock_ms):
+    last = None
+    for now_ms in clock_ms:
+        stamp = next_stamp_ms(now_ms / 1000, last)
+        assert last is None or stamp > last
+        assert stamp >= now_ms
+        assert not Header.at(0, 0, stamp).hangs_old_nodes
+        last = stamp
+
+
+def test_milliseconds_are_not_lost_to_binary_fractions():
+    assert as_ms(13787.694) == 13787694
+    assert as_ms(1795175899.694) == 1795175899694
+    assert as_ms(1.9999999) == 2000
+
+
+# The body
 
 
 def with_size(frame: bytes, size: int) -> bytes:
@@ -236,15 +316,6 @@ def test_two_damaged_bytes_never_change_what_it_says(body, first, second, bits):
             assert wire.check(bytes(damaged)) is None
             assert damaged[:2] == body[:2]
             assert wire.unpack(bytes(damaged)) == wire.unpack(body)
-
-
-def test_damage_without_a_trailer_is_found_by_the_frame():
-    body = bytearray(wire.pack(0, 0, random.Random(1).randbytes(3000)))
-    body[1000] ^= 1
-    with pytest.raises(PayloadError, match="not an LZ4 frame"):
-        wire.check(bytes(body))
-    with pytest.raises(PayloadError, match="not an LZ4 frame"):
-        wire.unpack(bytes(body))
 
 
 def test_a_cut_trailer_is_found():
