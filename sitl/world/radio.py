@@ -14,11 +14,19 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 _SHORTEST_M = 1.0  # the reference distance; closer than this the formula means nothing
 _SHADOWING_LIMIT = 3.0  # standard deviations; so that a link has a largest distance
+
+Numbers = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +71,30 @@ class RadioModel:
 
     def rssi_dbm(self, name_a: str, a: Antenna, name_b: str, b: Antenna, time_s: float) -> float:
         """Power that either of two radios receives from the other at a simulated time."""
-        loss_db = self.reference_loss_db
-        loss_db += self._distance_loss_db(a.distance_m(b))
-        if a.on_ground and b.on_ground:
-            loss_db += self.ground_to_ground_loss_db
-        return self.tx_power_dbm - loss_db - self._shadowing_db(name_a, name_b, time_s)
+        low = np.array([a.on_ground and b.on_ground])
+        mean_dbm = self.mean_rssi_dbm(np.array([a.distance_m(b)]), low)[0]
+        if self.shadowing_db == 0:
+            return float(mean_dbm)
+        knot, part = divmod(time_s / self.shadowing_interval_s, 1.0)
+        ends = (self.fading(name_a, name_b, int(knot) + more) for more in (0, 1))
+        return float(mean_dbm - self.shadowing_loss_db(*ends, part))
+
+    def mean_rssi_dbm(self, away_m: Numbers, low: npt.NDArray[np.bool_]) -> Numbers:
+        """Power without fading, by distance in space; `low`: both robots are on the ground."""
+        loss_db = 10 * self.path_loss_exponent * np.log10(np.maximum(_SHORTEST_M, away_m))
+        power_dbm: Numbers = self.tx_power_dbm - self.reference_loss_db - loss_db
+        return power_dbm - self.ground_to_ground_loss_db * low
+
+    def fading(self, name_a: str, name_b: str, knot: int) -> float:
+        """The standard normal value of a pair of robots at a knot, the same in both directions."""
+        pair = "|".join(sorted((name_a, name_b)))
+        return _normal(f"{self.seed}|{pair}|{knot}")
+
+    def shadowing_loss_db(self, before: Any, after: Any, part: float) -> Any:
+        """The loss between two knots with such values, `part` of the way; numbers or arrays."""
+        # between knots the deviation would shrink; this keeps it
+        blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
+        return self.shadowing_db * np.clip(blend, -_SHADOWING_LIMIT, _SHADOWING_LIMIT)
 
     def hears(self, rssi_dbm: float) -> bool:
         """Whether a signal is strong enough to carry data."""
@@ -87,23 +114,53 @@ class RadioModel:
             ground_to_ground=ground_to_ground,
         )
 
-    def _distance_loss_db(self, distance_m: float) -> float:
-        return 10 * self.path_loss_exponent * math.log10(max(_SHORTEST_M, distance_m))
 
-    def _shadowing_db(self, name_a: str, name_b: str, time_s: float) -> float:
-        """Normal values at fixed times, one stream per pair, with straight lines between them."""
-        if self.shadowing_db == 0:
-            return 0.0
-        knot, part = divmod(time_s / self.shadowing_interval_s, 1.0)
-        pair = "|".join(sorted((name_a, name_b)))
-        before = _normal(f"{self.seed}|{pair}|{int(knot)}")
-        after = _normal(f"{self.seed}|{pair}|{int(knot) + 1}")
-        # between knots the deviation would shrink; this keeps it
-        blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
-        return self.shadowing_db * max(-_SHADOWING_LIMIT, min(_SHADOWING_LIMIT, blend))
+class PairPowers:
+    """The powers of many pairs of robots at once: what `RadioModel.rssi_dbm` says of each.
+
+    Args:
+        model: The radios'.
+        names: Of the robots, in the order of their numbers.
+    """
+
+    def __init__(self, model: RadioModel, names: Sequence[str]) -> None:
+        self._model = model
+        self._names = names
+        self._values: dict[int, Numbers] = {}  # of fading by knot, [a, b]; nan: not asked for yet
+
+    def rssi_dbm(
+        self, a: Indices, b: Indices, away_m: Numbers, low: npt.NDArray[np.bool_], time_s: float
+    ) -> Numbers:
+        """Power of some pairs at a simulated time, which never runs back.
+
+        Args:
+            a: The numbers of one robot of each pair.
+            b: Those of the other one.
+            away_m: How far apart they are, in space.
+            low: Whether both are on the ground.
+            time_s: The simulated time.
+        """
+        mean_dbm = self._model.mean_rssi_dbm(away_m, low)
+        if self._model.shadowing_db == 0:
+            return mean_dbm
+        knot, part = divmod(time_s / self._model.shadowing_interval_s, 1.0)
+        before, after = (self._fading(a, b, int(knot) + more) for more in (0, 1))
+        self._values = {key: own for key, own in self._values.items() if key >= knot}
+        power_dbm: Numbers = mean_dbm - self._model.shadowing_loss_db(before, after, part)
+        return power_dbm
+
+    def _fading(self, a: Indices, b: Indices, knot: int) -> Numbers:
+        count = len(self._names)
+        values = self._values.setdefault(knot, np.full((count, count), np.nan))
+        new = np.flatnonzero(np.isnan(values[a, b]))
+        pairs = zip(a[new].tolist(), b[new].tolist(), strict=True)
+        values[a[new], b[new]] = [
+            self._model.fading(self._names[one], self._names[other], knot) for one, other in pairs
+        ]
+        return values[a, b]
 
 
-@lru_cache(maxsize=1 << 14)
+@lru_cache(maxsize=1 << 12)
 def _normal(label: str) -> float:
     """A standard normal value that belongs to a label (Box-Muller on a hash)."""
     digest = hashlib.blake2b(label.encode(), digest_size=16).digest()

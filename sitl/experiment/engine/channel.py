@@ -10,7 +10,6 @@ import math
 import random
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
-from itertools import combinations
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy.typing as npt
 from geo.grid import Terrain
 from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.settings import PaperModel, PathLossModel
-from sitl.world.radio import Antenna, RadioModel
+from sitl.world.radio import PairPowers, RadioModel
 from sitl.world.towns.town import Town
 
 FULL_RATE_DB: Final = 30.0
@@ -177,8 +176,6 @@ class PathLossChannel:
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
         self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
-        self._names = names
-        self._hears: list[set[int]] = []  # by number, and itself; of the last look
         self._raster = town.raster  # buildings that block a radio
         self._radio = RadioModel(
             tx_power_dbm=model.tx_power_dbm,
@@ -190,9 +187,12 @@ class PathLossChannel:
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
             seed=seed,
         )
+        self._powers = PairPowers(self._radio, names)
         self._farthest_m = self._radio.longest_range_m()  # farther pairs are not looked at
-        self._rssi_dbm: dict[tuple[int, int], float] = {}  # at the last look; a < b
-        self._up: set[tuple[int, int]] = set()  # in contact, a < b
+        # All by the numbers of both robots, and the same in both directions:
+        self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look
+        self._hears = np.eye(len(names), dtype=bool)  # the other one, or is it
+        self._up = np.zeros((len(names), len(names)), dtype=bool)  # in contact
         self._look_at_s = 0.0  # simulated time of the next look
 
     def look(self, now_s: float, places: Places) -> list[Change]:
@@ -201,20 +201,16 @@ class PathLossChannel:
             return []
         self._look_at_s = now_s + _LOOK_S
         self._measure(now_s, places)
-        model, changes = self._model, []
-        for pair in combinations(range(len(self._names)), 2):
-            least_dbm = model.trigger_dbm - (model.hysteresis_db if pair in self._up else 0.0)
-            up = self._rssi_dbm.get(pair, -np.inf) >= least_dbm
-            if up != (pair in self._up):
-                self._up ^= {pair}
-                changes.append(Change(*pair, up))
-        return changes
+        up = self._rssi_dbm >= self._model.trigger_dbm - self._model.hysteresis_db * self._up
+        changed = np.argwhere(np.triu(up != self._up)).tolist()
+        self._up = up
+        return [Change(a, b, bool(up[a, b])) for a, b in changed]
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002 - a port's
         """Round trips, and the bytes at the rate that the power allows."""
         model = self._model
-        rssi_dbm = self._rssi_dbm.get((min(link), max(link)), model.trigger_dbm)
-        share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
+        above_db = float(self._rssi_dbm[link]) - model.trigger_dbm
+        share = min(max(above_db / FULL_RATE_DB, 0.0), 1.0)
         rate = model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
         return load.round_trips * model.round_trip_s + load.size / rate
 
@@ -224,40 +220,36 @@ class PathLossChannel:
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
         """The first that disturbs no transmission and is not disturbed."""
-        deaf = {number for link in busy for each in link for number in self._hears[each]}
+        deaf = self._hears[[number for link in busy for number in link]].any(axis=0).tolist()
         for place, (asking, answering) in enumerate(waiting):
-            if asking not in deaf and answering not in deaf:
+            if not (deaf[asking] or deaf[answering]):
                 return place
         return None
 
     def _measure(self, now_s: float, places: Places) -> None:
+        """Who receives whom, and how strongly."""
         away_m = np.sqrt(((places[:, None] - places) ** 2).sum(axis=2))
-        antennas = [
-            Antenna(float(east), float(north), float(up), on_ground=up < _ROOF_M)
-            for east, north, up in places
-        ]
-        self._rssi_dbm.clear()
-        self._hears = [{number} for number in range(len(self._names))]
-        for row in np.argwhere(np.triu(away_m <= self._farthest_m, 1)):
-            a, b = int(row[0]), int(row[1])
-            rssi_dbm = self._radio.rssi_dbm(
-                self._names[a], antennas[a], self._names[b], antennas[b], now_s
-            )
-            if rssi_dbm < self._radio.sensitivity_dbm:
-                continue
-            if antennas[a].on_ground and antennas[b].on_ground:
-                rssi_dbm -= self._building_db(places[a], places[b])
-            self._rssi_dbm[a, b] = round(rssi_dbm, 6)
-            if rssi_dbm >= self._model.carrier_dbm:
-                self._hears[a].add(b)
-                self._hears[b].add(a)
+        a, b = np.nonzero(np.triu(away_m <= self._farthest_m, 1))
+        grounded = places[:, 2] < _ROOF_M
+        low = grounded[a] & grounded[b]
+        rssi_dbm = self._powers.rssi_dbm(a, b, away_m[a, b], low, now_s)
+        heard = rssi_dbm >= self._radio.sensitivity_dbm
+        a, b, low, rssi_dbm = a[heard], b[heard], low[heard], rssi_dbm[heard]
+        rssi_dbm[low] -= self._building_db(places[a[low], :2], places[b[low], :2])
+        self._rssi_dbm[:] = -np.inf
+        self._rssi_dbm[a, b] = self._rssi_dbm[b, a] = np.round(rssi_dbm, 6)
+        self._hears = self._rssi_dbm >= self._model.carrier_dbm
+        np.fill_diagonal(self._hears, val=True)
 
-    def _building_db(self, start: Places, end: Places) -> float:
-        """What a straight line through the town loses in buildings."""
-        east_m, north_m = end[0] - start[0], end[1] - start[1]
-        count = max(2, int(np.hypot(east_m, north_m) / _SAMPLE_M))
-        along = (np.arange(count) + 0.5) / count
-        classes = self._raster.classes_at(start[0] + along * east_m, start[1] + along * north_m)
-        building_m = np.count_nonzero(classes == Terrain.BUILDING) * _SAMPLE_M
+    def _building_db(self, starts: Places, ends: Places) -> Places:
+        """What straight lines through the town lose in buildings."""
+        ways_m = ends - starts
+        counts = np.maximum(2, (np.hypot(*ways_m.T) / _SAMPLE_M).astype(np.intp))
+        firsts = np.cumsum(counts) - counts  # of the samples of each line among all
+        line = np.repeat(np.arange(len(counts)), counts)
+        along = (np.arange(len(line)) - firsts[line] + 0.5) / counts[line]
+        samples = starts[line] + along[:, None] * ways_m[line]
+        hit = self._raster.classes_at(samples[:, 0], samples[:, 1]) == Terrain.BUILDING
+        building_m = np.bincount(line, hit, len(counts)) * _SAMPLE_M
         model = self._model
-        return float(min(model.most_building_db, model.building_loss_db_m * building_m))
+        return np.minimum(model.most_building_db, model.building_loss_db_m * building_m)

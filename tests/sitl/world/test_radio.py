@@ -1,10 +1,11 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.world.radio import Antenna, RadioModel
+from sitl.world.radio import Antenna, PairPowers, RadioModel
 
 UAV = Antenna(0.0, 0.0, 40.0, on_ground=False)
 
@@ -56,21 +57,41 @@ def test_shadowing_is_symmetric_repeatable_bounded_and_slow(time_s, step_s, east
 
 
 def test_shadowing_has_the_deviation_asked_for_and_differs_between_pairs_and_seeds():
-    radio = RadioModel(shadowing_db=3.0)
-    still = [radio._shadowing_db("a", "b", t * 3.7) for t in range(4000)]
+    plain_dbm = RadioModel().rssi_dbm("a", UAV, "b", UAV, 0.0)
+
+    def loss_db(time_s, other="b", seed=0):
+        radio = RadioModel(shadowing_db=3.0, seed=seed)
+        return plain_dbm - radio.rssi_dbm("a", UAV, other, UAV, time_s)
+
+    still = [loss_db(number * 3.7) for number in range(1000)]
     mean = sum(still) / len(still)
-    assert abs(mean) < 0.4
+    assert abs(mean) < 0.6
     assert math.sqrt(sum((v - mean) ** 2 for v in still) / len(still)) == pytest.approx(
-        3.0, rel=0.1
+        3.0, rel=0.15
     )
-    assert radio._shadowing_db("a", "c", 5.0) != still[0]
-    assert RadioModel(shadowing_db=3.0, seed=1)._shadowing_db("a", "b", 0.0) != still[0]
+    assert len({loss_db(5.0), loss_db(5.0, other="c"), loss_db(5.0, seed=1)}) == 3
+
+
+@pytest.mark.parametrize("shadowing_db", [0.0, 4.0])
+def test_many_pairs_at_once_have_the_powers_of_each(shadowing_db):
+    radio, names = RadioModel(shadowing_db=shadowing_db, seed=3), ("io", "europa", "titan")
+    antennas = (ugv(0.0), ugv(30.0), UAV)
+    powers = PairPowers(radio, names)
+    a, b = np.array([0, 0, 1]), np.array([1, 2, 2])
+    away_m = np.array([antennas[i].distance_m(antennas[j]) for i, j in zip(a, b, strict=True)])
+    low = np.array([True, False, False])
+    for time_s in (0.0, 4.0, 9.9, 10.0, 47.0):
+        own = [
+            radio.rssi_dbm(names[i], antennas[i], names[j], antennas[j], time_s)
+            for i, j in zip(a, b, strict=True)
+        ]
+        assert powers.rssi_dbm(a, b, away_m, low, time_s).tolist() == own
 
 
 def test_no_robot_hears_beyond_the_longest_range():
     radio = RadioModel(shadowing_db=2.0)
     reach_m = radio.longest_range_m(ground_to_ground=True)
     loudest = max(
-        radio.rssi_dbm("a", ugv(0.0), "b", ugv(reach_m + 0.1), float(t)) for t in range(5000)
+        radio.rssi_dbm("a", ugv(0.0), "b", ugv(reach_m + 0.1), float(t)) for t in range(1000)
     )
     assert not radio.hears(loudest)

@@ -80,7 +80,7 @@ class TestPathLoss:
         def changes(now_s, apart_m):
             # Along the main street, between antennas near the ground.
             street = places((0, 999, 0.5), (0, 1999, 0.5), (-30, 3, 0.5), (apart_m - 30, 3, 0.5))
-            assert channel._building_db(street[2], street[3]) == 0.0
+            assert channel._building_db(street[2:3, :2], street[3:, :2]) == 0.0
             return channel.look(now_s, street)
 
         # -75 dBm at 32 m, -78 dBm at 41 m.
@@ -102,7 +102,7 @@ class TestPathLoss:
         blocked = places((0, 0, 0.5), (0, 0, 60), (west - 1, north, 0.5), (east + 1, north, 0.5))
         down = {(change.a, change.b) for change in channel.look(1.0, blocked) if not change.up}
         assert (0, 2) in down
-        assert channel._building_db(blocked[2], blocked[3]) > 3.0
+        assert channel._building_db(blocked[2:3, :2], blocked[3:, :2]) > 3.0
 
     def test_near_links_are_faster_and_far_ones_do_not_disturb_each_other(self, channel):
         apart = places((-170, 30, 0.5), (-165, 30, 0.5), (60, -100, 0.5), (66, -100, 0.5))
