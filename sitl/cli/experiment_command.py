@@ -149,7 +149,9 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
     experiment, records = read_archive(archive)
     if experiment.name in experiment_names():
         now, _ = load_experiment(experiment.name)
-        if (now.rows, now.rules) != (experiment.rows, experiment.rules):
+        # Claims that are declared after a look at exploration runs say nothing against these.
+        claims_differ = experiment.claims and now.rules != experiment.rules
+        if claims_differ or now.rows != experiment.rows:
             sys.stderr.write(f"note: {experiment.name} has other rows or claims since {archive}\n")
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])

@@ -66,7 +66,7 @@ def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | No
     figure, axes = sheet(
         len(_MEASURES) * len(sizes),
         "Our runs beside the paper's table",
-        "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's three runs",
+        "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's",
         high=2.4,
         columns=len(sizes),
     )
