@@ -76,8 +76,8 @@ class RadioModel:
         if self.shadowing_db == 0:
             return float(mean_dbm)
         knot, part = divmod(time_s / self.shadowing_interval_s, 1.0)
-        ends = (self.fading(name_a, name_b, int(knot) + more) for more in (0, 1))
-        return float(mean_dbm - self.shadowing_loss_db(*ends, part))
+        before, after = (self.fading(name_a, name_b, int(knot) + more) for more in (0, 1))
+        return float(mean_dbm - self.shadowing_loss_db(before, after, part))
 
     def mean_rssi_dbm(self, away_m: Numbers, low: npt.NDArray[np.bool_]) -> Numbers:
         """Power without fading, by distance in space; `low`: both robots are on the ground."""

@@ -191,7 +191,7 @@ class PathLossChannel:
         self._farthest_m = self._radio.longest_range_m()  # farther pairs are not looked at
         # All by the numbers of both robots, and the same in both directions:
         self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look
-        self._hears = np.eye(len(names), dtype=bool)  # the other one, or is it
+        self._hears: npt.NDArray[np.bool_] = np.eye(len(names), dtype=bool)  # or is itself
         self._up = np.zeros((len(names), len(names)), dtype=bool)  # in contact
         self._look_at_s = 0.0  # simulated time of the next look
 
@@ -238,7 +238,7 @@ class PathLossChannel:
         rssi_dbm[low] -= self._building_db(places[a[low], :2], places[b[low], :2])
         self._rssi_dbm[:] = -np.inf
         self._rssi_dbm[a, b] = self._rssi_dbm[b, a] = np.round(rssi_dbm, 6)
-        self._hears = self._rssi_dbm >= self._model.carrier_dbm
+        self._hears = np.greater_equal(self._rssi_dbm, self._model.carrier_dbm)
         np.fill_diagonal(self._hears, val=True)
 
     def _building_db(self, starts: Places, ends: Places) -> Places:
@@ -252,4 +252,5 @@ class PathLossChannel:
         hit = self._raster.classes_at(samples[:, 0], samples[:, 1]) == Terrain.BUILDING
         building_m = np.bincount(line, hit, len(counts)) * _SAMPLE_M
         model = self._model
-        return np.minimum(model.most_building_db, model.building_loss_db_m * building_m)
+        loss_db: Places = np.minimum(model.most_building_db, model.building_loss_db_m * building_m)
+        return loss_db
