@@ -220,7 +220,8 @@ class PathLossChannel:
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
         """The first that disturbs no transmission and is not disturbed."""
-        deaf = self._hears[[number for link in busy for number in link]].any(axis=0).tolist()
+        sending = [number for link in busy for number in link]
+        deaf: list[bool] = np.any(self._hears[sending], axis=0).tolist()
         for place, (asking, answering) in enumerate(waiting):
             if not (deaf[asking] or deaf[answering]):
                 return place
