@@ -11,22 +11,23 @@ from air_router.files.json_document import JsonDocument, JsonValues, is_number
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_RADIUS_M,
+    ZONE_KIND,
     MapCircle,
     MapOutline,
     MapRing,
+    Shapes,
     ZoneReading,
+    outline_of_rings,
+    place_of,
 )
 from air_router.files.mission_document import Keys
 from geo.frame import Geodetic
-
-Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 
 _GEOMETRIES: Final = frozenset(
     {"Polygon", "MultiPolygon", "Point", "MultiPoint", "LineString", "MultiLineString"}
 )
 _WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
-ZONE_KIND: Final = "zone"
 
 
 def read_geojson(document: JsonDocument) -> ZoneReading:
@@ -92,9 +93,7 @@ class GeometryReader(JsonValues):
             self.reading.report(
                 keys, "a polygon without a ring; draw it again", "zone-too-few-corners"
             )
-        first, *holes = rings or [None]
-        read = tuple(hole for hole in holes if hole is not None)
-        return MapOutline(first, read) if first and len(read) == len(holes) else None
+        return outline_of_rings(rings)
 
     def circle(self, keys: Keys, radius_keys: Keys) -> MapCircle | None:
         """A place and a radius in metres."""
@@ -155,9 +154,7 @@ def _place(value: Any) -> Geodetic | None:
     longitude_deg, latitude_deg = value[0], value[1]
     if not (is_number(longitude_deg) and is_number(latitude_deg)):
         return None
-    if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
-        return None
-    return Geodetic(float(latitude_deg), float(longitude_deg))
+    return place_of(latitude_deg, longitude_deg)
 
 
 class _Reader(GeometryReader):

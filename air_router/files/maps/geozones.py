@@ -10,13 +10,14 @@ from typing import Any, ClassVar, Final, NamedTuple
 
 from air_router.counted import counted
 from air_router.files.json_document import JsonDocument
-from air_router.files.maps.geojson import GeometryReader, Shapes
+from air_router.files.maps.geojson import GeometryReader
 from air_router.files.maps.limits import METRES_PER_UNIT
 from air_router.files.maps.schedule import validity_of
 from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     AllowedZones,
     MapCircle,
+    Shapes,
     ZoneReading,
 )
 from air_router.files.mission_document import Keys

@@ -12,7 +12,7 @@ from typing import Final
 from shapely import LineString
 
 from air_router.counted import counted
-from air_router.files.maps.zone_reading import MapOutline, ZoneReading
+from air_router.files.maps.zone_reading import MapOutline, ZoneReading, place_of
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from air_router.files.whole_file import PlacedSource
@@ -100,8 +100,9 @@ def _place(document: GpxDocument, element: Element) -> Geodetic | None:
     except ValueError:
         message, code = f"<{element.name}> needs 'lat' and 'lon' in degrees", "wrong-type"
     else:
-        if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
-            return Geodetic(latitude_deg, longitude_deg)
+        place = place_of(latitude_deg, longitude_deg)
+        if place is not None:
+            return place
         message, code = f"there is no place {words[0]:.20}, {words[1]:.20}", "not-on-earth"
     document.reading.report(element.keys, f"{message}; correct it", code)
     return None

@@ -16,18 +16,19 @@ from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
+    ZONE_KIND,
     MapCircle,
     MapOutline,
     MapRing,
+    Shapes,
     ZoneReading,
+    outline_of_rings,
+    place_of,
 )
-from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import Geodetic
-
-Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(
@@ -35,7 +36,6 @@ _NOT_FOLLOWED: Final = frozenset(
 )
 _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
 _REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
-_ZONE_KIND: Final = "zone"
 
 
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
@@ -76,7 +76,7 @@ class _Reader:
 
     def _placemark(self, element: Element) -> None:
         data = dict(_data(element))
-        if data.get("kind", _ZONE_KIND) != _ZONE_KIND:
+        if data.get("kind", ZONE_KIND) != ZONE_KIND:
             self._others += 1
             return
         name = element.text_of("name")[:80] or f"{self.reading.path.stem} {self._number}"
@@ -111,7 +111,7 @@ class _Reader:
             self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
         places = None if point is None else self._places(point)
-        return MapCircle(places[0][0], radius_m) if places else None
+        return MapCircle(places[0], radius_m) if places else None
 
     def _polygons(self, element: Element) -> Iterator[Element]:
         found = False
@@ -141,9 +141,7 @@ class _Reader:
             self.reading.report(polygon.keys, message, "missing-key")
             return None
         rings = [self._ring(ring) for ring in [*outer, *polygon.all("innerBoundaryIs")]]
-        first, *holes = rings
-        read = tuple(hole for hole in holes if hole is not None)
-        return MapOutline(first, read) if first and len(read) == len(holes) else None
+        return outline_of_rings(rings)
 
     def _ring(self, boundary: Element) -> MapRing | None:
         coordinates = boundary.child("LinearRing", "coordinates")
@@ -152,25 +150,24 @@ class _Reader:
             self.reading.report(boundary.keys, message, "missing-key")
             return None
         places = self._places(coordinates)
-        if places is None:
-            return None
-        return self.reading.ring([place for place, _ in places], coordinates.keys)
+        return None if places is None else self.reading.ring(places, coordinates.keys)
 
-    def _places(self, element: Element) -> list[tuple[Geodetic, float]] | None:
-        """Places and altitudes of <coordinates>; None, with a problem noted."""
+    def _places(self, element: Element) -> list[Geodetic] | None:
+        """The places of <coordinates>; None, with a problem noted."""
         places = []
         for word in element.text.split():
             try:
-                longitude_deg, latitude_deg, altitude_m = _numbers(word)
+                longitude_deg, latitude_deg, _ = _numbers(word)
             except ValueError:
                 message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
                 self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
                 return None
-            if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
+            place = place_of(latitude_deg, longitude_deg)
+            if place is None:
                 message = f"there is no place '{word[:40]}'"
                 self.reading.report_place(element.keys, message, longitude_deg, latitude_deg)
                 return None
-            places.append((Geodetic(latitude_deg, longitude_deg), altitude_m))
+            places.append(place)
         if not places:
             self.reading.report(
                 element.keys, "no coordinates; draw it again", "zone-too-few-corners"

@@ -18,9 +18,9 @@ from air_router.files.maps.zone_reading import (
     AllowedZones,
     MapCircle,
     MapOutline,
+    Shapes,
     ZoneReading,
 )
-from air_router.files.mission_document import Keys
 from air_router.files.whole_file import PlacedSource
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, ZoneTerms
 from geo.frame import Geodetic
@@ -95,9 +95,7 @@ class _Reader:
         name = words.get("AN", "")[:80] or f"{self._reading.path.stem} {zone.place[0]}"
         if zone.broken or self._allowed.takes(name, zone.kind, words.get("AY", ""), name):
             return
-        shapes: list[tuple[Keys, MapOutline | MapCircle]] = [
-            (zone.place, circle) for circle in zone.circles
-        ]
+        shapes: Shapes = [(zone.place, circle) for circle in zone.circles]
         if zone.corners or not shapes:
             ring = self._reading.ring(zone.corners, zone.place)
             shapes += [(zone.place, MapOutline(ring))] if ring else []

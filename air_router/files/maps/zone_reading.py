@@ -35,6 +35,26 @@ class MapCircle:
     radius_m: float
 
 
+Shapes = list[tuple[Keys, MapOutline | MapCircle]]
+"""The shapes of one zone, and where each stands in its file."""
+
+ZONE_KIND = "zone"
+"""What files that we write call a zone among waypoints and fences."""
+
+
+def place_of(latitude_deg: float, longitude_deg: float) -> Geodetic | None:
+    """A place on the map; None: there is none such."""
+    if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
+        return Geodetic(float(latitude_deg), float(longitude_deg))
+    return None
+
+
+def outline_of_rings(rings: Sequence[MapRing | None]) -> MapOutline | None:
+    """The outline of a ring and those of its holes; None: one of them could not be read."""
+    read = [ring for ring in rings if ring is not None]
+    return MapOutline(read[0], tuple(read[1:])) if read and len(read) == len(rings) else None
+
+
 @dataclass(frozen=True, slots=True)
 class MapArea:
     """A fence or a zone on the map, wherever it came from.

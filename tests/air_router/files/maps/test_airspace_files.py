@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.files.maps.limits import limit_in_text
@@ -221,7 +221,6 @@ LINES = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=50)
 @given(LINES)
 def test_no_openair_crashes_its_reader(lines):
     text = "AC Q\n" + "\n".join(lines)
