@@ -4,11 +4,12 @@ What can be moved is read leniently from the bare data, before anything is valid
 crosses itself, or a waypoint on another continent, can still be seen and dragged back.
 """
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
@@ -159,6 +160,12 @@ class Changes(ABC):
         self.data = data
         self.features = self.features_of(data)
         self._regions = {region.keys: region for region in self.features.regions}
+
+    def copied(self) -> Self:
+        """The same data to be changed by an edit, which means the features as they are here."""
+        copied = copy.copy(self)
+        copied.data = copy.deepcopy(self.data)
+        return copied
 
     @staticmethod
     @abstractmethod

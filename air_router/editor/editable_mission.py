@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +57,7 @@ class EditableMission:
                 the change; the text is as it was.
             SourceError: likewise.
         """
-        changes = type(self.parts)(copy.deepcopy(self.document.data))
+        changes = self.parts.copied()
         changes.make(edit)
         try:
             text = rewritten(self.text, self.document, changes.data)

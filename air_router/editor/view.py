@@ -126,23 +126,24 @@ class _Marks:
     """Finds what a problem is about, and where to look."""
 
     def __init__(self, parts: Changes) -> None:
-        self._places: dict[Keys, list[Degrees]] = {}  # of everything with keys of its own
+        self._parts = parts
+        # handles of everything with keys of its own
+        self._handles: dict[Keys, list[Handle]] = {}
         for handle in parts.features.handles():
-            self._places[handle.keys] = _known([_on_map(parts, handle.pair)])
+            self._handles[handle.keys] = [handle]
             if handle.entry:
-                self._places[handle.entry] = self._places[handle.keys]
+                self._handles[handle.entry] = [handle]
         # of an entry, the handle in it
         self._names = {handle.entry: handle.keys for handle in parts.features.handles()}
         for region in parts.features.regions:
             corners = [corner for ring in region.rings for corner in ring.corners]
             corners += [region.circle.centre] if region.circle else []
-            places = _known(_on_map(parts, corner.pair) for corner in corners)
-            self._places[region.keys] = places
+            self._handles[region.keys] = corners
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
         """A problem, with the keys of what is wrong on the map and the places to zoom to."""
         outer = (problem.keys[:count] for count in range(len(problem.keys), 0, -1))
-        keys = next((keys for keys in outer if keys in self._places), None)
+        keys = next((keys for keys in outer if keys in self._handles), None)
         return {
             "code": problem.code,
             "message": problem.message,
@@ -151,7 +152,7 @@ class _Marks:
             "column": problem.column,
             "note": note,
             "feature": None if keys is None else list(self._names.get(keys, keys)),
-            "at": [] if keys is None else self._places[keys],
+            "at": [] if keys is None else _corners(self._parts, self._handles[keys]),
         }
 
 
@@ -242,7 +243,8 @@ def _graph(analysis: MissionAnalysis) -> dict[str, Any]:
         return {"edges": [], "detours": [], "cut": False}
     detours = list(graph.detours)[:_MOST_EDGES]
     ways = ([graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in detours)
-    straight = [[a, b] for a, b in graph.edges if not graph.via(a, b)]
+    around = set(graph.detours)
+    straight = [edge for edge in graph.edges if edge not in around]
     frame = graph.mission.frame
     return {
         "edges": straight[:_MOST_EDGES],

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -33,11 +34,15 @@ _EARTH_M = 2e7
 """No two places are farther from each other."""
 
 _DEGREE_M = 111_000.0
+_MOST_KEPT = 2_000
+"""Rings, and outlines found to be areas, that are kept: an edit changes one and leaves the rest."""
+
 _MOST_STEPS = 20_000
 """Corners that a ring of long sides gets in between, more or less."""
 
 
-def local_ring(ring: Sequence[Geodetic], frame: LocalFrame) -> Ring:
+@lru_cache(maxsize=_MOST_KEPT)
+def local_ring(ring: tuple[Geodetic, ...], frame: LocalFrame) -> Ring:
     """A ring of the map in a local frame, its long sides with corners in between.
 
     Raises:
@@ -50,6 +55,9 @@ def local_ring(ring: Sequence[Geodetic], frame: LocalFrame) -> Ring:
     around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
     dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
     return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
+
+
+_outline = lru_cache(maxsize=_MOST_KEPT)(Outline)
 
 
 class DocumentSource(Protocol):
@@ -235,7 +243,7 @@ class MissionDocument:
         if ring is None or len(read) < len(rings):
             return None
         try:
-            return Outline(ring, read)
+            return _outline(ring, read)
         except ZoneError as error:
             where = "" if error.place is None else f" near {self._words(error.place)}"
             message = f"{name} cannot be an area: {error}{where}; draw it again"
@@ -258,7 +266,7 @@ class MissionDocument:
 
     def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
         if not self.in_metres and self.frame is not None and corners:
-            places = [Geodetic(float(corner[0]), float(corner[1])) for corner in corners]
+            places = tuple(Geodetic(float(corner[0]), float(corner[1])) for corner in corners)
             with contextlib.suppress(FrameError):  # the corner that is wrong is told below
                 return local_ring(places, self.frame)
         spots = []

@@ -16,6 +16,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
@@ -190,8 +191,9 @@ def _hole_around(shape: Shape, home: Point) -> Ring | None:
     return None
 
 
-def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> list[PlanItem]:
-    """The items of one area; none if PX4 cannot test it."""
+@lru_cache(maxsize=2_000)
+def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> tuple[PlanItem, ...]:
+    """The items of one area; none if PX4 cannot test it. An edited mission keeps most of them."""
     if isinstance(shape, Circle):
         command = Command.FENCE_CIRCLE_INCLUSION if inclusion else Command.FENCE_CIRCLE_EXCLUSION
         corners, parameter = [degrees_e7(frame, shape.centre)], shape.radius_m
@@ -200,9 +202,9 @@ def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> list[Pla
         corners = _corners_e7(frame, shape.ring)
         parameter = float(len(corners))
     parameters = (parameter, 0.0, 0.0, 0.0)
-    return [
+    return tuple(
         PlanItem(command, Frame.GLOBAL_INT, parameters, x, y, autocontinue=True) for x, y in corners
-    ]
+    )
 
 
 def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:

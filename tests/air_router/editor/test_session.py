@@ -54,6 +54,15 @@ def test_a_mission_without_problems_shows_them_all_clear(session):
     assert all(len(area["buffers"]) == 2 for area in view["areas"])
 
 
+def test_an_edit_reads_only_the_shapes_anew_that_it_touches(session):
+    before = session.editable.mission_document().zones
+    corner = session.view()["areas"][1]["rings"][0]["keys"]
+    session.edit(move((*corner, 0), FREE))
+    after = session.editable.mission_document().zones
+    kept = [one.shape is other.shape for one, other in zip(before, after, strict=True)]
+    assert kept == [False, *[True] * (len(before) - 1)]
+
+
 def test_a_waypoint_in_a_zone_is_a_problem_and_so_are_its_legs(session):
     before = session.editable.text
     session.edit(move(waypoint(3), INSIDE_ZONE_8))
