@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from benchmarks.link.emulator import Lane
-from benchmarks.link.links import ALL, QUICK, Link, chosen
+from benchmarks.link.links import ALL, QUICK, Link
 from benchmarks.link.offer import SPARE, Offer
 from benchmarks.link.score import Score
 
@@ -41,13 +41,6 @@ def test_the_end_of_a_contact_loses_what_is_under_way():
     assert lane.traffic.cut_off == 1
 
 
-def test_loss_is_what_was_asked_for():
-    lane = Lane(Link(0.0, 1e9, 1.0, 1, loss=0.2), "seed")
-    for number in range(2000):
-        lane.put(PACKET, float(number))
-    assert len(lane.take(1e6)) == pytest.approx(1600, abs=80)
-
-
 def test_no_link_runs_out_of_messages():
     assert len(ALL) == 27
     assert set(QUICK) <= set(ALL)
@@ -56,13 +49,6 @@ def test_no_link_runs_out_of_messages():
         assert offer.count >= 100
         assert offer.total_bytes >= SPARE * link.capacity_bytes
     assert offer.data(3) == Offer.for_link(link, seed=7).data(3)
-
-
-def test_links_are_chosen_by_name():
-    assert [link.name for link in chosen("50/1/3")] == ["50 ms, 1 Mbit/s, 3 s"]
-    assert len(chosen("300/*/1,300/1/*")) == 5
-    with pytest.raises(ValueError, match="51/1/3"):
-        chosen("51/1/3")
 
 
 def test_a_share_is_of_what_the_contacts_leave_after_a_round_trip():

@@ -3,7 +3,7 @@
 import math
 
 from benchmarks.route.maps import made
-from benchmarks.route.measure import measured, walled_in
+from benchmarks.route.measure import measured
 
 
 def test_maps_are_the_same_every_time_and_their_places_are_clear():
@@ -26,9 +26,3 @@ def test_both_planners_are_measured_against_the_shortest_lengths():
             assert length_m >= best_m * (1 - 1e-4), name
         direct_m = [math.dist(start, goal) for start, goal in map_.pairs]
         assert all(m >= d - 1e-6 for m, d in zip(cell["lengths_m"], direct_m, strict=True))
-
-
-def test_the_table_of_cliffs_asks_for_open_gated_and_walled_in_goals():
-    cell = walled_in(made(20, 20))
-    assert [cell[f"{name}_answers"] for name in ("found", "gate", "refused")] == [39, 40, 40]
-    assert cell["refused_worst_ms"] >= cell["refused_median_ms"] > 0

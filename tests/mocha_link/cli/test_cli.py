@@ -132,7 +132,13 @@ SNAPSHOT = {"robot": "io", "at_s": 1_795_175_902.5, "links": {}}
 def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     snapshot = SNAPSHOT
     event = {"event": "RssiChanged", "peer": "io", "at_s": 1_795_175_900.25, "rssi_dbm": -61.0}
-    news = [("links", snapshot), ("event", event), ("links", snapshot)]
+    nothing = {**event, "event": "SyncEnded", "direction": "in", "messages": 0}
+    del nothing["rssi_dbm"]
+    news = [
+        ("links", snapshot),
+        *(("event", each) for each in (event, nothing, nothing)),  # a repetition is no news
+        ("links", snapshot),
+    ]
     monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter(news))
     assert main(["metrics", "tcp://x:1", "--follow"]) == 0
     title, heads, *lines = capsys.readouterr().out.splitlines()
@@ -140,6 +146,7 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     assert heads.startswith("peer  state  path  signal")
     assert lines == [
         "2026-11-20T11:58:20.250Z RssiChanged io rssi_dbm=-61.000",
+        "2026-11-20T11:58:20.250Z SyncEnded io direction=in messages=0",
     ]
     assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
     assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [

@@ -20,3 +20,16 @@ def test_a_slow_reader_loses_the_oldest():
 
     assert asyncio.run(read()) == [2, 3, 4]
     assert stream.dropped == 2
+
+
+def test_a_closed_loop_is_no_error():
+    broadcast = Broadcast()
+    stream = broadcast.stream()
+
+    async def read_one() -> None:
+        broadcast.send(RssiChanged("io", 1, None))
+        await anext(stream)
+
+    asyncio.run(read_one())
+    broadcast.send(RssiChanged("io", 2, None))
+    broadcast.close()

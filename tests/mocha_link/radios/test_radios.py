@@ -103,6 +103,7 @@ def test_reports(raw, reading):
         b'{"peer": "io", "rssi_dbm": ' + b"9" * 400 + b"}",
         b'{"peer": "io", "rssi_dbm": ' + b"9" * 5000 + b"}",
         b'{"peer": "io", "rssi_dbm": -50, "source": 3}',
+        b'{"peer": "io", "rssi_dbm": -50, "source": "' + b"x" * 33 + b'"}',
         b'{"peer": "io", "rssi_dbm": -50, "source": "a\\u001b[2J"}',
         b'{"a":' * 2000,
         b"\xff\xfe",

@@ -56,7 +56,8 @@ class FakeNode:
 
 @pytest.fixture
 def node(clock):
-    return FakeNode(clock, io=IO, europa=LinkMetrics("europa"))
+    signal = Reading(7, Unit.DEVICE, "rajant")
+    return FakeNode(clock, io=IO, europa=LinkMetrics("europa", signal=signal))
 
 
 def samples(text):
@@ -85,6 +86,9 @@ def test_what_prometheus_reads(node):
     assert found["mocha_link_state", io, ("state", "idle")] == 0
     assert found["mocha_link_state", ("peer", "europa"), ("state", "idle")] == 1
     assert found["mocha_link_signal_dbm", io, ("source", "wifi")] == -61.5
+    device = "mocha_link_signal_device_units", ("peer", "europa"), ("source", "rajant")
+    assert found[device] == 7
+    assert sum(key[0].startswith("mocha_link_signal") for key in found) == 2
     assert found["mocha_link_last_sync_timestamp_seconds", ("direction", "in"), io] == 1000.5
     assert ("mocha_link_last_sync_timestamp_seconds", ("direction", "out"), io) not in found
     assert found["mocha_link_rtt_seconds", io] == 0.05

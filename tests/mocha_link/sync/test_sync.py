@@ -263,3 +263,10 @@ def test_any_content_is_read_or_refused(content):
             read(content)
         except SyncFrameError:
             continue
+
+
+def test_many_partial_messages_are_refused():
+    wish = FragmentRequest(1, 100, [(0, 100)])
+    assert len(Open.decode(Open(1, 0, Have(()), [wish] * 64).encode()).requests) == 64
+    with pytest.raises(SyncFrameError):
+        Open.decode(Open(1, 0, Have(()), [wish] * 65).encode())
