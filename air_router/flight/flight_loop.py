@@ -185,6 +185,7 @@ class FlightLoop:
                 self._motions.give(action)
             case PublishMap():
                 self._gossip.publish_map(now_s)
+                self._gossip.exchange()
             case Seeking(robot=robot):
                 self._gossip.tell_sought(robot, now_s)
             case ReadAgain() | RenewPlan():

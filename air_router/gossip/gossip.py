@@ -153,9 +153,9 @@ class Gossip:
 
     def tell_sought(self, robot: str | None, time_s: float) -> None:
         """Tell the team whom we seek; None: no robot."""
+        self._sought, self._seek_at_s = robot, time_s
         if SEEK_TOPIC not in self._topics:
             return
-        self._sought, self._seek_at_s = robot, time_s
         message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
         self.node.publish(SEEK_TOPIC, message.encode(), now=True)
 
@@ -187,6 +187,11 @@ class Gossip:
             grid = self._grid_of(self._mapper.grid, self._clock.now_s())
             for topic in self._grid_topics:
                 self.node.publish(topic, grid, now=True)
+
+    def exchange(self) -> None:
+        """Pull from the robot that is sought now, and have it pull, not only by the timers."""
+        if self._sought in self.node.robot.peers:
+            self.node.sync(self._sought, both=True)
 
     def newest_stamps(self) -> dict[str, float]:
         """Unix seconds of the newest message of every robot that we hold anything of."""

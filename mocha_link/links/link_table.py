@@ -26,7 +26,7 @@ from mocha_link.store.config_hash import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32
-QUIET_S = 10.0
+QUIET_S = 25.0  # longer than pulls are apart
 LEAST_BYTES = 16 * 1024  # what smaller syncs move says nothing of the link,
 LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file

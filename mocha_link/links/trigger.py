@@ -10,6 +10,7 @@ from mocha_link.links.link_events import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
 
+QUIET_PULL_S = 15.0  # at most so often a peer is asked whose messages come unasked
 FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
 SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
 MAX_SOURCES = 4  # that are remembered of a peer
@@ -31,6 +32,8 @@ class _Link:
     signals: dict[tuple[str, Unit], _Signal] = field(default_factory=dict)  # the last one is newest
     contact_began_s: float | None = None  # None: out of contact
     last_sync_s: float | None = None  # None: none in this contact
+    rest_s: float = 0.0  # until the next pull, while the peer pushes
+    asked: bool = False  # by the peer, which is to be asked back
 
 
 def threshold(settings: Trigger, unit: Unit) -> float:
@@ -45,8 +48,9 @@ def threshold(settings: Trigger, unit: Unit) -> float:
 class SyncTrigger:
     """Says when a sync is due: at once when a contact begins, then every interval.
 
-    Peers that push what they store wait for longer where there are many of them: a crowd must not
-    spend its time on asking whether there is anything new.
+    Peers that push what they store are asked ever less often, and less where there are many of
+    them: nodes must not spend their time on asking whether there is anything new. One that asks
+    after a while is asked, too: it may have been away.
 
     A contact begins when any source of readings hears the peer at the threshold of its unit, and
     ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
@@ -112,6 +116,14 @@ class SyncTrigger:
         self._followed = frozenset(peers)
         self._next_s = -inf
 
+    def asked(self, peer: str, now_s: float) -> None:
+        """A peer pulls from us."""
+        link = self._links[peer]
+        last_s = link.last_sync_s
+        if last_s is not None and now_s - last_s >= self._settings.interval_s:
+            link.asked = True
+            self._next_s = -inf
+
     def due(self, now_s: float) -> list[str]:
         """The peers to pull from now; each counts as pulled from by this answer."""
         if not self._may_be_due(now_s):
@@ -121,8 +133,11 @@ class SyncTrigger:
             if link.contact_began_s is None and not self._by_timer:
                 continue
             last = link.last_sync_s
-            if last is None or not 0 <= now_s - last < self._interval_s(peer):
-                link.last_sync_s = now_s
+            interval_s = self._interval_s(peer)
+            if last is None or link.asked or not 0 <= now_s - last < interval_s:
+                quiet = peer in self._followed and last is not None
+                link.rest_s = min(2 * interval_s, QUIET_PULL_S) if quiet else 0.0
+                link.last_sync_s, link.asked = now_s, False
                 due.append(peer)
         self._looked_s, self._next_s = now_s, -inf
         return due
@@ -143,7 +158,7 @@ class SyncTrigger:
         silent_s = SILENT_INTERVALS * self._settings.interval_s
         for peer, link in self._links.items():
             if link.contact_began_s is not None or self._by_timer:
-                if link.last_sync_s is None:
+                if link.last_sync_s is None or link.asked:
                     return -inf
                 times.append(link.last_sync_s + self._interval_s(peer))
             times += [signal.reported_s + silent_s for signal in link.signals.values()]
@@ -153,7 +168,7 @@ class SyncTrigger:
         interval_s = self._settings.interval_s
         if peer not in self._followed:
             return interval_s
-        return max(interval_s, len(self._followed) / FOLLOWED_PULLS_S)
+        return max(interval_s, self._links[peer].rest_s, len(self._followed) / FOLLOWED_PULLS_S)
 
     def news(self) -> list[RssiChanged | ContactBegan | ContactEnded]:
         """The signals that changed, the contacts that began and ended since the last call."""

@@ -9,7 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import ContactEnded, LinkEvent, MessageStored
+from mocha_link.links.link_events import (
+    ContactEnded,
+    Direction,
+    LinkEvent,
+    MessageStored,
+    SyncStarted,
+)
 from mocha_link.links.link_table import QUIET_S, LinkTable
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading
@@ -88,7 +94,7 @@ class Gossip:
         )
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
-        self._sequence = -1  # of the database, when peers were last pushed what is new
+        self._sequence = 0  # of the database, when peers were last pushed what is new
         self._served: set[str] = set()  # peers for whose connection there may be a frame
 
     # --- the robot's own messages
@@ -129,12 +135,14 @@ class Gossip:
             self._tell(link, now)
         self._pull_due(now)
 
-    def sync(self, peer: str, now: Instant) -> bool:
+    def sync(self, peer: str, now: Instant, *, both: bool = False) -> bool:
         """Pull from a peer now; False if a pull is under way. Raises UnknownRobotError.
 
-        Nothing begins either when the contact's budget is used up.
+        Nothing begins either when the contact's budget is used up. `both`: the peer pulls, too.
         """
         link = self._link(peer)
+        if both:
+            link.server.invite()
         if self._by_timer and not link.puller.pull:
             link.puller.renew_budget()
         begun = link.puller.sync(now)
@@ -154,11 +162,11 @@ class Gossip:
 
     def route(self, peer: str) -> Route | None:
         """The connection on which the peer pulls, if it does."""
-        return self._links.look(peer).server.route
+        return self._links[peer].server.route
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
-        supplied = self._links.look(peer).server.supply()
+        supplied = self._links[peer].server.supply()
         if supplied:
             self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
@@ -209,7 +217,7 @@ class Gossip:
         self._events.append(event)
         self._link_table.update(event)
 
-    # --- what the time brings
+    # --- what the time brings, and what the node wants and says
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input.
@@ -225,10 +233,9 @@ class Gossip:
             link.puller.tick(now)
             self._tell(link, now)
         if self.database.sequence != self._sequence:
+            robots = {each.header.robot_id for each in self.database.since(self._sequence)}
             self._sequence = self.database.sequence
-            for link in self._links:
-                if link.server.serves:
-                    self._links.touch(link.peer.name)
+            self._links.stored(robots)
             busy = self._links.busy(now.steady_s)
         for link in busy:
             link.server.tick(now)
@@ -256,8 +263,6 @@ class Gossip:
         """The peers for which `supply` may have a frame since the last call."""
         served, self._served = self._served, set()
         return served
-
-    # --- what it wants and says
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
@@ -305,8 +310,7 @@ class Gossip:
         if peer.bytes_in:
             self._link_table.count(peer.name, bytes_in=peer.bytes_in)
             peer.bytes_in = 0
-        if link.pushes != (link.puller.followed is not None):
-            link.pushes = not link.pushes
+        if self._links.push_otherwise(link):
             self._trigger.follow(each.peer.name for each in self._links if each.pushes)
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
@@ -316,6 +320,8 @@ class Gossip:
             self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
             self.tell(event)
+            if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
+                self._trigger.asked(peer.name, now.unix_s)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
@@ -332,7 +338,7 @@ class Gossip:
         for event in self._trigger.news():
             self.tell(event)
             if isinstance(event, ContactEnded):
-                link = self._links.touch(event.peer)
+                link = self._link(event.peer)
                 link.puller.unfollow()
                 self._tell(link, now)
 

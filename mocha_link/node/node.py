@@ -302,8 +302,11 @@ class Node(Startable):
         """
         return self._broadcast.stream()
 
-    def sync(self, peer: str) -> bool:
+    def sync(self, peer: str, *, both: bool = False) -> bool:
         """Pull from a peer now; False if a pull from it is already under way.
+
+        `both`: a new node pulls from us, too, within the interval. Otherwise it does when its
+        timer says so, which is rare while all that we store reaches it by itself.
 
         Raises:
             UnknownRobotError: the peer is not linked to this robot.
@@ -311,7 +314,7 @@ class Node(Startable):
         """
         self._check_open()
         with self._lock:
-            started = self._gossip.sync(peer, self._now())
+            started = self._gossip.sync(peer, self._now(), both=both)
         self._wake()
         return started
 

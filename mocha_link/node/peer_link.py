@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
 
@@ -23,7 +24,7 @@ class PeerLink:
     puller: Puller
     server: Server
     differs: bool = False  # its team file is another one, as was told
-    pushes: bool = False  # what it stores comes unasked, as was seen last
+    pushes: bool = False  # all that it stores comes unasked, as was seen last
 
     @property
     def wake_s(self) -> float | None:
@@ -55,7 +56,7 @@ class PeerLinks:
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self._links.values())
 
-    def look(self, peer: str) -> PeerLink:
+    def __getitem__(self, peer: str) -> PeerLink:
         """What belongs to a peer, of whom nothing comes."""
         return self._links[peer]
 
@@ -63,6 +64,18 @@ class PeerLinks:
         """What belongs to a peer of whom something comes."""
         self._touched.add(peer)
         return self._links[peer]
+
+    def stored(self, robot_ids: AbstractSet[int]) -> None:
+        """Messages of robots were stored: that comes of the peers that are to hear of it."""
+        self._touched.update(p for p, link in self._links.items() if link.server.heeds(robot_ids))
+
+    def push_otherwise(self, link: PeerLink) -> bool:
+        """Look which peers push if one of them does now, or does not any more; whether so."""
+        if link.pushes == link.puller.has_all:
+            return False
+        for each in self:
+            each.pushes = each.puller.has_all
+        return True
 
     def busy(self, now_s: float) -> list[PeerLink]:
         """Those on which something came since `settle`, or the time brings something."""

@@ -1,6 +1,6 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md).
 
-There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW)
+There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW, NEWS)
 may take several frames, which may arrive in any order. A *chunks* frame carries whole messages of
 robots, and pieces of them. A checksum covers everything but data in chunks, which bring their own.
 
@@ -19,7 +19,7 @@ from mocha_link.store.record import Record
 from mocha_link.store.wire import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS
 from mocha_link.sync.protocol import Frame
 
-OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW = range(1, 10)  # kinds of frames
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS = range(1, 11)  # kinds
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a message, but for the last part
@@ -80,7 +80,9 @@ def message_frames(kind: int, round_: int, content: bytes, room: int) -> list[by
 
 
 class MessageAssembler:
-    """Puts messages together from their frames. Each comes out once; a SKIP is a frame by itself.
+    """Puts messages together from their frames.
+
+    Each comes out once; SKIP and NEWS are frames by themselves.
 
     Args:
         kinds: the kinds of messages that this side receives.
@@ -106,7 +108,7 @@ class MessageAssembler:
             raise SyncFrameError(f"a message of {total} bytes in round {round_}")
         if len(part) < MIN_PART_BYTES and end < total:
             raise SyncFrameError(f"a message of {total} bytes in parts of {len(part)}")
-        if kind == SKIP and len(part) == total:
+        if kind in (SKIP, NEWS) and len(part) == total:
             return SyncMessage(kind, round_, bytes(part))
         known, fragment = self._open.get(kind, (-1, None))
         if round_ < known or (round_ == known and fragment is None):

@@ -116,6 +116,7 @@ class NodeContext:
         config_hash: what ids mean to us, as one number (`config_hash_of`).
         timeout_s: seconds without a byte after which a pull breaks off.
         follow: take in at once what a peer stores between two pulls.
+        followed: ids of the robots that push to us what they store.
         actions: what is to be done at the sockets, in order.
     """
 
@@ -128,4 +129,5 @@ class NodeContext:
     config_hash: int = 0
     timeout_s: float = 5.0
     follow: bool = True
+    followed: set[int] = field(default_factory=set)
     actions: deque[Action] = field(default_factory=deque)

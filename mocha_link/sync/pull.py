@@ -209,6 +209,11 @@ class Pull:
         return self._receiver.follows and not self.broken
 
     @property
+    def has_news(self) -> bool:
+        """Whether the peer has stored since what only the next pull brings."""
+        return self._receiver.has_news
+
+    @property
     def goes_on(self) -> bool:
         """Whether frames of the peer are expected."""
         return not self.over or self.follows

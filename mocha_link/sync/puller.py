@@ -32,11 +32,13 @@ class Puller:
     Attributes:
         pull: the one under way, if any.
         followed: the one that is over, and on which the peer pushes.
+        told: the robots that we followed when the peer heard of it last, by id.
     """
 
     def __init__(self, peer: Peer, link_table: LinkTable) -> None:
         self.pull: Pull | None = None
         self.followed: Pull | None = None
+        self.told: frozenset[int] = frozenset()
         self._peer = peer
         self._link_table = link_table  # learns what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
@@ -51,6 +53,12 @@ class Puller:
         standing = self.followed is not None and self.followed.path == "zmq"
         self._begin(Pull(self._peer, standing=standing, budget=left), now)
         return True
+
+    @property
+    def has_all(self) -> bool:
+        """Whether all that the peer stores comes by itself, from it or from who made it."""
+        followed = self.followed
+        return bool(followed and not followed.has_news and self.told <= self._peer.node.followed)
 
     def renew_budget(self) -> None:
         """A contact begins, or what counts as one."""
@@ -133,7 +141,8 @@ class Puller:
 
     def unfollow(self) -> None:
         """Take in nothing more of what the peer pushes, if it does."""
-        followed, self.followed = self.followed, None
+        followed = self.followed
+        self._follow(None)
         if followed and followed.path != "udp" and not self.pull:
             self._peer.node.actions.append(Disconnect(self._peer.name, void=True))
 
@@ -151,7 +160,7 @@ class Puller:
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
         self.pull = pull
         if not pull.standing:
-            self.followed = None
+            self._follow(None)
             self._peer.node.actions.append(Connect(self._peer.name))
         pull.start(now, again=again)
 
@@ -173,13 +182,25 @@ class Puller:
             path=pull.path,
         )
         by_datagrams = pull.path == "udp"
-        self.pull, self.followed = None, pull if pull.follows else None
+        self.pull = None
+        self._follow(pull if pull.follows else None)
         if by_datagrams or not pull.follows:
             void = pull.broken or by_datagrams
             self._peer.node.actions.append(Disconnect(self._peer.name, void))
         if pull.flow and by_datagrams and not pull.follows:
             self._transmit(pull.flow, now)
             self._ending = (pull.flow, now.steady_s + LINGER_S)
+
+    def _follow(self, pull: Pull | None) -> None:
+        """Take in what the peer pushes after a pull; None: nothing any more."""
+        node = self._peer.node
+        robot_id = node.team.robot(self._peer.name).robot_id
+        self.followed = pull
+        if pull:
+            node.followed.add(robot_id)
+            self.told = frozenset(node.followed)
+        else:
+            node.followed.discard(robot_id)
 
     def _transmit(self, flow: Flow, now: Instant) -> None:
         for packet in flow.transmit(now.steady_s):

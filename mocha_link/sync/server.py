@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
@@ -117,10 +118,14 @@ class Server:
             times.append(self._ended_s + LINGER_S)
         return min((each for each in times if each is not None), default=None)
 
-    @property
-    def serves(self) -> bool:
-        """Whether a pull of a new node is under way, or followed: what is stored is for it."""
-        return self._sync is not None
+    def invite(self) -> None:
+        """Have a peer that follows pull again."""
+        if self._sync and self._sync.follows:
+            self._sync.sender.invite()
+
+    def heeds(self, robot_ids: AbstractSet[int]) -> bool:
+        """Whether the peer is to hear of new messages of these robots."""
+        return self._sync is not None and self._sync.sender.heeds(robot_ids)
 
     @property
     def route(self) -> Route | None:

@@ -17,6 +17,7 @@ from mocha_link.store.wire import STAMP_MASK, STAMPS_MS
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
 
 VERSION = 3
+MAX_NEWS = 32  # message ids in a NEWS, which is one small frame
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 GROUP_COUNT = 16
@@ -266,6 +267,20 @@ def decode_skip(content: bytes) -> int:
     """The reverse of `encode_skip`. Raises SyncFrameError."""
     message_id: int = _only(_SKIP, content)[0]
     return message_id
+
+
+def encode_news(message_ids: Sequence[int]) -> bytes:
+    """The content of a NEWS: messages that a pull would bring; nothing: pull in any case."""
+    if len(message_ids) > MAX_NEWS:
+        return b""
+    return struct.pack(f">{len(message_ids)}Q", *message_ids)
+
+
+def decode_news(content: bytes) -> tuple[int, ...]:
+    """The reverse of `encode_news`. Raises SyncFrameError."""
+    if len(content) % 8:
+        raise SyncFrameError(f"news of {len(content)} bytes")
+    return struct.unpack(f">{len(content) // 8}Q", content)
 
 
 def _counted(message_ids: Sequence[int]) -> bytes:

@@ -108,6 +108,7 @@ class SyncReceiver:
         over: all is said.
         follows: all is said, and more may come.
         complete: everything that the peer had has come in.
+        has_news: what the peer stored later waits for the next pull.
         rejection: why the peer and we do not understand each other; nothing more is taken then.
         messages: that were stored.
         bytes: of the frames that came in.
@@ -117,6 +118,7 @@ class SyncReceiver:
         self.over = False
         self.follows = False
         self.complete = False
+        self.has_news = False
         self.rejection: str | None = None
         self.messages = 0
         self.bytes = 0
@@ -127,7 +129,7 @@ class SyncReceiver:
         self._topics = peer.node.team.topics_by_key
         self._budget = budget
         self._room = room
-        self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
+        self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS)
         self._round = 0  # of our OPENs
         self._repairs = 0  # rounds that only asked again
         self._now_s = 0.0  # Unix time of the frame at hand
@@ -207,6 +209,9 @@ class SyncReceiver:
             groups = sync_messages.decode_groups(message.content)
             answers = [self._holdings.answer(*each) for each in groups.items()]
             self._say += self._frames(sync.ANSWER, sync_messages.encode_answers(answers))
+        elif message.kind == sync.NEWS:
+            news = sync_messages.decode_news(message.content)
+            self.has_news |= not news or any(map(self._wants, news))
         else:
             self._done = sync_messages.Done.decode(message.content)
 
@@ -322,7 +327,10 @@ class SyncReceiver:
             if knowledge != self._database.knowledge(self._peer.name):
                 self._database.learn(self._peer.name, knowledge)
         self.follows = self._peer.node.follow and self.complete
-        self._say += self._frames(sync.FOLLOW if self.follows else sync.END, b"")
+        if self.follows:
+            self._say += self._frames(sync.FOLLOW, bytes(sorted(self._peer.node.followed)))
+        else:
+            self._say += self._frames(sync.END, b"")
 
     def _refuse(self, reason: str) -> None:
         if len(self._peer.refusals) < self._refusals_end:

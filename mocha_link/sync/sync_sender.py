@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from collections.abc import Set as AbstractSet
 
 from mocha_link.store.record import Record
 from mocha_link.sync import frames as sync
@@ -24,7 +25,8 @@ class SyncSender:
     has the order. Make one per pull.
 
     A peer that follows gets what is stored after the pull at once: messages of the robots in
-    `Peer.pushed`, small ones, of no promise. Its next pull brings whatever else there is.
+    `Peer.pushed`, small ones, of no promise. Of others it is told, unless it follows who made them,
+    and its next pull brings them.
 
     Attributes:
         over: the peer has said that it is.
@@ -55,6 +57,7 @@ class SyncSender:
         self._free = 0  # bytes of group digests: they must not leave too little for any message
         self._unknown = False  # we cannot say what is new since what the peer knows
         self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
+        self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
         self._sequence = self._opened_at = 0  # what is stored later is new
 
@@ -76,11 +79,21 @@ class SyncSender:
         elif message.kind == sync.FOLLOW:
             self.follows = self.done and not self.cut_short
             self.over = not self.follows
+            self._followed = frozenset(message.content)
             self._peer.end()
         elif message.kind == sync.SKIP:
             self._queue.skip(sync_messages.decode_skip(message.content))
         elif message.round == self._round:
             self._answer(sync_messages.decode_answers(message.content))
+
+    def invite(self) -> None:
+        """Tell the peer that follows to pull, whatever it holds."""
+        self._outbox.append((sync.NEWS, sync_messages.encode_news(()), 0))
+
+    def heeds(self, robot_ids: AbstractSet[int]) -> bool:
+        """Whether the peer is to hear of new messages of these robots."""
+        pushed = self._peer.pushed
+        return not self.follows or any(r in pushed or r not in self._followed for r in robot_ids)
 
     def next(self, room: int, prefix: bytes = b"") -> bytes | None:
         """The next frame, of at most `room` bytes (at least MIN_ROOM) with `prefix` before it.
@@ -101,12 +114,13 @@ class SyncSender:
         room -= len(prefix)
         if self.over or self._round < 0:
             return None
+        asleep = self.done and not self.follows
+        if not self._outbox and not asleep:
+            self._poll()
         if self._outbox:
             return [prefix + self._message_part(room)]
-        if self.done and not self.follows:
+        if asleep:
             return None
-        if self._database.sequence != self._sequence and not self._unknown:
-            self._poll()
         left = room
         if self._budget:
             left = min(room, self._budget + self._free - self.bytes - _DONE_BYTES)
@@ -215,13 +229,29 @@ class SyncSender:
 
     def _poll(self) -> None:
         sequence = self._database.sequence
+        if sequence == self._sequence or self._unknown:
+            return
         new = self._database.since(self._sequence)
         if self.follows:
-            pushed = self._peer.pushed
-            small = (record for record in new if len(record.body) <= PUSH_BYTES)
-            new = [record for record in small if record.header.robot_id in pushed]
+            new = self._pushed(new)
         self._queue.add(new)
         self._sequence = sequence
+
+    def _pushed(self, new: Iterable[Record]) -> list[Record]:
+        """Those that are pushed; the peer is told of the others that it may lack."""
+        peer, pushed = self._peer, []
+        told = []
+        for record in new:
+            robot_id, message_id = record.header.robot_id, sync.record_id(record)
+            if robot_id in peer.pushed and len(record.body) <= PUSH_BYTES:
+                pushed.append(record)
+            elif (robot_id in peer.pushed or robot_id not in self._followed) and peer.lacks(
+                record, message_id
+            ):
+                told.append(message_id)
+        if told:
+            self._outbox.append((sync.NEWS, sync_messages.encode_news(told), 0))
+        return pushed
 
     def _message_part(self, room: int) -> bytes:
         """The next part of the first message that waits."""

@@ -198,6 +198,11 @@ class Node:
         if known is not None:
             self.gossip.publish(known, data, self.now, at_once=True)
 
+    def exchange(self, peer: str | None) -> None:
+        """The UAV hovers over a robot: both pull, as with `air_router.gossip.gossip.Gossip`."""
+        if self.triggered and peer in self.gossip.me.peers:
+            self.gossip.sync(peer, self.now, both=True)
+
     def contact(self, peer: str, began_s: float, *, up: bool) -> None:
         """The radio hears a peer, or not any more: the robot is told, as by a node with a radio."""
         at_s = self.now.unix_s

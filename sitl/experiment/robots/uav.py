@@ -244,6 +244,7 @@ class Uav:
             case PublishMap():
                 for topic, data in self._map():
                     self.node.publish(topic, data)
+                self.node.exchange(self._sought)
             case Seeking(robot=robot):
                 self._sought = robot
                 self.node.publish(*self._word())

@@ -156,7 +156,7 @@ def test_a_contact_without_a_radio():
 
 
 def test_a_contact_that_becomes_quiet():
-    link_table = LinkTable(("io",))
+    link_table = LinkTable(("io",), quiet_s=10.0)
     link_table.update(SyncStarted("io", 10, OUT))
     link_table.count("io", bytes_out=6)
     link_table.update(SyncEnded("io", 11, OUT, 0, 6, 1.0))

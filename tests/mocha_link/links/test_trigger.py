@@ -76,7 +76,35 @@ def test_a_crowd_that_pushes_is_asked_less_often():
     assert it.due(5.9) == ["io"]
     assert it.due(6) == crowd
     it.follow(crowd[:10])
-    assert it.due(8) == ["io", *crowd]  # ten are no crowd
+    assert it.due(8) == ["io", *crowd[10:]]  # who does not push any more
+
+
+def pulls(it: SyncTrigger, seconds: int) -> list[int]:
+    return [at_s for at_s in range(seconds) if it.due(at_s)]
+
+
+def test_a_peer_that_pushes_is_asked_ever_less_often():
+    it = trigger(by_timer=True)
+    it.follow(["io", "europa"])
+    assert pulls(it, 60) == [0, 2, 6, 14, 29, 44, 59]
+    it.follow([])
+    assert it.due(61) == ["io", "europa"]
+    it.follow(["io", "europa"])
+    assert it.due(63) == ["io", "europa"]
+
+
+def test_a_peer_that_asks_after_a_while_is_asked_back():
+    """It may be new, or back; two that ask each other back would never rest."""
+    it = trigger(by_timer=True)
+    it.follow(["io", "europa"])
+    pulls(it, 20)
+    it.asked("io", 15.9)  # soon after it was asked
+    assert it.due(20) == []
+    it.asked("io", 20)
+    assert it.due_s == -inf
+    assert it.due(20) == ["io"]
+    assert it.due(29) == ["europa"]
+    assert it.due(35) == ["io"]
 
 
 def test_it_says_when_something_is_due():

@@ -5,12 +5,18 @@ import random
 
 import pytest
 
-from mocha_link.links.link_events import MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.sync.frames import FOLLOW, OPEN, message_frame
+from mocha_link.links.link_events import (
+    Direction,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
 from mocha_link.sync.pull import STANDS_S
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import FOLLOW_S
-from mocha_link.sync.sync_messages import Have, Open
+from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
 from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
 from tests.mocha_link.conftest import team_of
 from tests.mocha_link.network import peer_of
@@ -18,6 +24,7 @@ from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
 FAR_S = 0.05  # half a round trip
 PROMPT_S = 0.02
+HEADERS_BYTES = 2 * 66  # of Ethernet, IP and TCP, once more for the acknowledgement
 CHAIN = """\
 robots:
   callisto: {kind: rover, address: a, base_port: 10, clients: [titan]}
@@ -66,13 +73,88 @@ def test_the_next_pull_brings_what_a_push_did_not(net):
     assert net.held("io")["titan", "/map"] == b"and it follows again"
 
 
-def test_a_large_message_waits_for_a_pull(net):
+def test_a_large_message_is_announced_and_pulled(net):
+    """It may take its time, and be taken up again where it was cut."""
     large = random.Random(1).randbytes(PUSH_BYTES + 1)
     publish(net, "titan", "/map", large)
     net.wait(10 * FAR_S)
     assert net.held("io")["titan", "/map"] == b"grid"
     net.pull("io", "titan")
     assert net.held("io")["titan", "/map"] == large
+    contact(net)
+    net.wait(35)
+    larger = random.Random(2).randbytes(PUSH_BYTES + 1)
+    publish(net, "titan", "/map", larger)
+    net.wait(1)
+    assert net.held("io")["titan", "/map"] == larger
+
+
+def contact(net, *pairs):
+    """Radios hear each other from now on."""
+    for name, peer in pairs or (("io", "titan"), ("titan", "io")):
+        radio = ManualContact(net, name, peer)
+        radio.say()
+
+
+class ManualContact:
+    """Says again and again that a peer is heard, as radios do."""
+
+    def __init__(self, net, name, peer):
+        self._net, self._name, self._peer = net, name, peer
+
+    def say(self):
+        net = self._net
+        net.nodes[self._name].heard(self._peer, NEAR_DBM, net.at(self._name))
+        net._later(self.say, net.time_s + 1)
+
+
+def test_an_idle_contact_is_quiet(net):
+    contact(net)
+    net.wait(30)
+    before, pulls = len(net.carried), len(net.told("io", SyncStarted))
+    net.wait(60)
+    assert len(net.told("io", SyncStarted)) - pulls <= 10  # in and out
+    size = sum(len(piece.data) + HEADERS_BYTES for piece in net.carried[before:])
+    assert size / 60 < (100 if net.nodes["io"].links(net.now)["titan"].path == "zmq" else 250)
+
+
+def test_both_pull_when_a_program_wants_to_exchange(net):
+    contact(net)
+    net.wait(21)
+    before = len(net.told("titan", SyncEnded))
+    net.nodes["titan"].sync("io", net.now, both=True)
+    net.nodes["titan"].tick(net.now)
+    net.wait(2.5)
+    assert {end.direction for end in net.told("titan", SyncEnded)[before:]} == set(Direction)
+
+
+def test_what_a_peer_does_not_follow_itself_is_announced_to_it(team):
+    """Callisto, out of io's reach, is heard of through titan within an interval."""
+    net = NetworkSim(team, delay_s=FAR_S)
+    contact(net, *(pair for a in ("io", "callisto") for pair in ((a, "titan"), ("titan", a))))
+    net.wait(40)
+    publish(net, "callisto", "/pose", b"here")
+    net.wait(1)
+    assert net.held("io")["callisto", "/pose"] == b"here"
+    contact(net, ("io", "callisto"), ("callisto", "io"))
+    net.wait(40)
+    before = len(net.carried)
+    publish(net, "callisto", "/pose", b"there")
+    net.wait(0.9)
+    assert net.held("io")["callisto", "/pose"] == b"there"
+    assert len(net.carried) - before == 2  # it crosses each link once, and no more is said of it
+    net.nodes["io"].heard("callisto", None, net.now)
+    net.blocked = {("zmq", "callisto", "io"), ("zmq", "io", "callisto")}
+    publish(net, "callisto", "/pose", b"elsewhere")
+    net.wait(2.5)
+    assert net.held("io")["callisto", "/pose"] == b"elsewhere"
+
+
+def test_many_that_are_announced_are_not_listed():
+    assert decode_news(encode_news(range(MAX_NEWS))) == tuple(range(MAX_NEWS))
+    assert encode_news(range(MAX_NEWS + 1)) == b""
+    with pytest.raises(SyncFrameError):
+        decode_news(b"1234567")
 
 
 def test_who_is_not_in_contact_any_more_gets_nothing(net):
