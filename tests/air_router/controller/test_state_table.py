@@ -4,12 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
-from air_router.controller.model.mission_context import Ending
-from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
+from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.states.table import STATES, transitions
-from geo.frame import Point
 
 PAPER = {
     (State.INIT, Signal.TIMER): State.SEARCH,
@@ -32,12 +29,6 @@ WAYS = {
     State.LAND: (Signal.COME_HOME, Signal.ARRIVED),
     State.PASSIVE: (Signal.TAKEN_OVER,),
     State.DONE: (Signal.GROUNDED,),
-}
-REQUESTS = {
-    HoldNow(): State.HOLD,
-    SeekNow("europa"): State.SEARCH,
-    ExploreNow(): State.EXPL,
-    GoTo((Point(-60.0, 0.0),)): State.GOTO,
 }
 
 
@@ -84,27 +75,6 @@ def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, sta
         assert context.left_s == left_s
     if not spec.keeps_target:
         assert context.robot is None
-
-
-@pytest.mark.parametrize("state", State)
-@pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: type(request).__name__)
-def test_what_may_be_asked_in_a_state(pretend, state, request_):
-    flight = in_state(pretend, state)
-    if state in {State.HOME, State.LAND}:
-        flight.controller.context.ending = Ending("2 s of mission are over")  # not to be called off
-    acts = flight.controller.handle(request_, flight.now_s)
-    ack = next(action for action in acts if isinstance(action, CommandAck))
-    refused = {
-        Requests.ANY: None,
-        Requests.CALL_OFF: Refusal.COMING_HOME,
-        Requests.NOT_YET: Refusal.NOT_FLYING,
-        Requests.NOT_OURS: Refusal.NOT_OURS,
-        Requests.OVER: Refusal.FLIGHT_OVER,
-    }[STATES[state].requests]
-    assert ack.code is refused
-    explores = state in {State.INIT, State.EXPL} and isinstance(request_, ExploreNow)
-    stays = refused is not None or explores
-    assert flight.controller.state is (state if stays else REQUESTS[request_])
 
 
 def test_the_paper_s_transitions():
