@@ -9,8 +9,6 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mavsdk.plugins.events.events import Events
-
 from air_router.errors import ArmingRefusedError, NotConfirmedError, NoVehicleError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
@@ -20,7 +18,7 @@ from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_connection import Px4Connection
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_plan import OnboardPlan
-from air_router.vehicle.px4.px4_requests import ONCE_S, arming_problems
+from air_router.vehicle.px4.px4_requests import ONCE_S
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -71,7 +69,6 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._url, self._connection = url, connection(url, system_id)
         telemetry = Px4Telemetry(mission.frame, clock)
         super().__init__(mission, telemetry, Px4Commands(telemetry))
-        self._events: Callable[[], Events]  # from `connect` on: makes the plugin; reports on arming
         self._onboard: OnboardPlan  # from `connect` on
         self._texts_sent = 0  # id of a text in pieces
         self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
@@ -85,7 +82,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
     async def connect(self) -> VehicleInfo:
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
         plugins = await self._connection.open()
-        telemetry, self._events = self._telemetry, plugins.events
+        telemetry = self._telemetry
         self._onboard = OnboardPlan(plugins, telemetry, self._on_compared)
         telemetry.subscribe(self._on_event)
         telemetry.listen(plugins.direct, self._connection.system_id)
@@ -115,7 +112,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
 
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
         """See `Vehicle.inspect`; a vehicle that is just being switched on is given some seconds."""
-        return await px4_requests.inspect(self._telemetry, self._events, parameters)
+        return await px4_requests.inspect(self._telemetry, parameters)
 
     async def recognise(self, plan: FlightPlan) -> None:
         """See `Vehicle.recognise`."""
@@ -135,7 +132,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         before = telemetry.mode
         if not await telemetry.shows(lambda: telemetry.health_good, HEALTH_S):
             raise ArmingRefusedError(
-                f"not ready to arm after {HEALTH_S:.0f} s{await arming_problems(self._events)}"
+                f"not ready to arm after {HEALTH_S:.0f} s{telemetry.reports.words}"
                 f"{telemetry.said()}; see the arming checks in the ground station"
             )
         if telemetry.armed or telemetry.mode not in {before, FlightMode.HOLD, FlightMode.MISSION}:
@@ -147,8 +144,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             await super().arm()
         except NotConfirmedError as error:
             raise ArmingRefusedError(
-                f"{error}{await arming_problems(self._events)}; see the arming checks in the "
-                "ground station"
+                f"{error}{telemetry.reports.words}; see the arming checks in the ground station"
             ) from None
 
     async def start(self) -> None:

@@ -6,7 +6,6 @@ import logging
 import os
 import re
 import socket
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,7 +14,6 @@ from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.exceptions import MavsdkError
 from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.events.events import Events
 from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
@@ -54,13 +52,11 @@ class Plugins:
         direct: Messages as they are.
         raw: Transfers of mission, fence and rally points.
         geofence: Takes a fence off board.
-        events: Opens the autopilot's health reports, to be destroyed after use.
     """
 
     direct: MavlinkDirect
     raw: MissionRaw
     geofence: Geofence
-    events: Callable[[], Events]
 
 
 class Px4Connection:
@@ -110,7 +106,7 @@ class Px4Connection:
                 "only PX4 is flown"
             )
         self._plugins = (MavlinkDirect(system), MissionRaw(system), Geofence(system))
-        return Plugins(*self._plugins, lambda: Events(system))
+        return Plugins(*self._plugins)
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
         """The system that was asked for, where several send here."""

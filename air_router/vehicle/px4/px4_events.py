@@ -125,6 +125,11 @@ class ArmingReports:
         self.count = 0
         self._findings: list[Px4Event] | None = None  # of the report under way
 
+    @property
+    def words(self) -> str:
+        """What stands in the way of arming, to add to an error; empty: nothing that it reports."""
+        return f" ({'; '.join(self.problems)})" if self.problems else ""
+
     def take(self, event: Px4Event) -> None:
         """Take the next event."""
         if event.name == ARMING_SUMMARY:

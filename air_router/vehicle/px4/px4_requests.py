@@ -5,10 +5,8 @@ Without an answer things go on, only less well.
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
-
-from mavsdk.plugins.events.events import Events, EventsError, LogLevel
 
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import Inspection
@@ -60,12 +58,6 @@ REPORT_S: Final = 1.0
 PARAMETER_S: Final = 0.5
 PARAMETER_ATTEMPTS: Final = 5
 
-WORDS_S: Final = 1.0
-ARMING_WORDS_S: Final = 3.0
-"""Wall-clock limits for MAVSDK's words on arming, which it fetches from the autopilot first."""
-
-_LOOK_S: Final = 0.2
-
 
 async def begin(telemetry: Px4Telemetry) -> None:
     """Ask for everything that a flight wants to hear."""
@@ -93,14 +85,11 @@ async def _request(telemetry: Px4Telemetry, command: int, *params: float) -> Non
         _log.info("command %d %s was not answered", command, params)
 
 
-async def inspect(
-    telemetry: Px4Telemetry, open_events: Callable[[], Events], parameters: Sequence[str]
-) -> Inspection:
+async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspection:
     """Ask, wait a little where it is worth it, and put together what came.
 
     Args:
         telemetry: Of a PX4 on the ground.
-        open_events: MAVSDK's words, for one that has no report of its own.
         parameters: Their names.
     """
     reports = telemetry.reports
@@ -111,12 +100,9 @@ async def inspect(
     before = reports.count
     if await telemetry.ask(RUN_PREARM_CHECKS, limit_s=REPORT_S) == 0:
         await telemetry.shows(lambda: reports.count > before, REPORT_S)
-    problems = reports.problems
-    if not telemetry.health_good and not problems:
-        problems = await reported_problems(open_events, WORDS_S)
     return Inspection(
         healthy=telemetry.health_good,
-        problems=problems,
+        problems=reports.problems,
         warnings=reports.warnings,
         gps=telemetry.gps,
         battery=telemetry.battery,
@@ -143,36 +129,3 @@ async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> Non
             if fault is not None:
                 _log.info("the request for %s was not sent: %s", name, fault)
         await telemetry.shows(lambda: all(name in known for name in names), PARAMETER_S)
-
-
-async def arming_problems(open_events: Callable[[], Events]) -> str:
-    """What stands in the way of arming, to add to an error; empty if the autopilot does not say."""
-    problems = await reported_problems(open_events, ARMING_WORDS_S)
-    return f" ({'; '.join(problems)})" if problems else ""
-
-
-async def reported_problems(open_events: Callable[[], Events], limit_s: float) -> tuple[str, ...]:
-    """What stands in the way of arming by MAVSDK's words.
-
-    They come as events, not as texts, to a companion. Empty if the autopilot does not say within
-    a wall-clock limit.
-    """
-    events = open_events()
-    try:
-        async with asyncio.timeout(limit_s):
-            while not (problems := _reported(events)):  # noqa: ASYNC110 - once, and then it ends
-                await asyncio.sleep(_LOOK_S)
-    except TimeoutError:
-        return ()
-    finally:
-        events.destroy()
-    return tuple(problems)
-
-
-def _reported(events: Events) -> list[str]:
-    try:
-        report = events.get_health_and_arming_checks_report()
-    except EventsError:
-        return []  # not available yet, or not at all
-    problems = report.current_mode_intention.problems
-    return [problem.message for problem in problems if problem.log_level <= LogLevel.ERROR]

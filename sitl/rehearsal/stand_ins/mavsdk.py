@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, Protocol, cast
 
-from mavsdk.plugins.events.events import Events, EventsError, EventsResult
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
 from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirect,
@@ -105,7 +104,6 @@ class StandIn(Px4Connection):
             cast("MavlinkDirect", _Direct(self)),
             cast("MissionRaw", _Raw(self)),
             cast("Geofence", _Fence(self)),
-            lambda: cast("Events", _Events()),
         )
 
     async def close(self) -> None:
@@ -311,16 +309,6 @@ class _Fence(_Plugin):
             return GeofenceResult.SUCCESS if good else GeofenceResult.ERROR
 
         self._answer(work(), callback)
-
-
-class _Events:
-    """`Events` of a vehicle that gives no words for its events."""
-
-    def get_health_and_arming_checks_report(self) -> None:
-        raise EventsError(EventsResult.NOT_AVAILABLE, "get_health_and_arming_checks_report()")
-
-    def destroy(self) -> None:
-        """Nothing to let go."""
 
 
 def _message(name: str, fields: Fields, system_id: int) -> MavlinkMessage:

@@ -1,7 +1,6 @@
 import asyncio
 import base64
 import dataclasses
-import io
 import json
 import os
 import signal
@@ -23,50 +22,20 @@ from air_router.errors import (
     PlanRefusedError,
     RefusedError,
 )
-from air_router.flight.flight import Flight
-from air_router.flight.terminal import StatusLine
-from air_router.gossip.mapper import Mapper
 from air_router.mission.airspaces import FlightWindow
 from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
-from air_router.record.recorder import Recorder
 from air_router.record.replay import replay
 from air_router.report.flight_table import table
-from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import FlightMode, Inspection, LinkSilent, PlanReplaced, Telemetry
 from geo.airspace.zone import Zone
 from geo.frame import Point
 from geo.grid import SemanticGrid
 from geo.validity import Validity
-from tests.air_router.alone import Alone
+from tests.air_router.flight.whole_flight import WholeFlight
 
 
-class Rig:
-    def __init__(self, mission, vehicle_class, log_dir, *, arm=True, resume=False):
-        wall_s = iter(range(10**9))
-        self.clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
-        self.vehicle = vehicle_class(mission, self.clock)
-        self.gossip = Alone()
-        self.out = io.StringIO()
-        self.recorder = Recorder(log_dir, "mission.yaml")
-        mapper = Mapper(mission)
-        self.flight = Flight(
-            mission,
-            self.vehicle,
-            clock=self.clock,
-            gossip=self.gossip,
-            mapper=mapper,
-            seek=("callisto",),
-            recorder=self.recorder,
-            status=StatusLine(self.out),
-            arm=arm,
-            resume=resume,
-        )
-
-    def run(self):
-        with self.recorder:
-            return asyncio.run(self.flight.run())
-
+class Rig(WholeFlight):
     def at(self, when, then):
         """Once `when()` holds, do `then()`."""
         done = []
@@ -83,8 +52,7 @@ class Rig:
 def rig(pennovation, pretend_vehicle, tmp_path):
     def make(*, arm=True, resume=False, **changes):
         mission = dataclasses.replace(pennovation, **{"duration_s": 60.0, **changes})
-        arm = arm and not resume
-        return Rig(mission, pretend_vehicle, tmp_path, arm=arm, resume=resume)
+        return Rig(mission, pretend_vehicle, tmp_path, arm=arm and not resume, resume=resume)
 
     return make
 
@@ -462,24 +430,16 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
 
 
-def test_a_vehicle_that_stays_silent_is_lost(rig):
+@pytest.mark.parametrize(("silent_s", "code"), [(59.0, 0), (61.0, ExitCode.ENDED_OTHERWISE)])
+def test_a_vehicle_that_is_silent_for_a_minute_is_lost(rig, silent_s, code):
     flight = rig(duration_s=200.0)
     flight.at(
         lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: flight.vehicle.callback(LinkSilent(150.0, 61.0)),
+        lambda: flight.vehicle.callback(LinkSilent(150.0, silent_s)),
     )
     result = flight.run()
-    assert result.exit_code == ExitCode.ENDED_OTHERWISE
-    assert "silent" in result.outcome
-
-
-def test_a_vehicle_that_is_silent_for_less_than_a_minute_is_not_lost(rig):
-    flight = rig()
-    flight.at(
-        lambda: flight.vehicle.airframe.now_s > 50.0,
-        lambda: flight.vehicle.callback(LinkSilent(50.0, 59.0)),
-    )
-    assert flight.run().outcome == "done"
+    assert result.exit_code == code
+    assert ("silent" in result.outcome) == bool(code)
 
 
 @pytest.mark.parametrize("arm", [False, True], ids=["on the ground", "in the air"])

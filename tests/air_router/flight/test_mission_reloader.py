@@ -1,7 +1,6 @@
 """The mission file read again in flight."""
 
 import asyncio
-import io
 import shutil
 import threading
 from pathlib import Path
@@ -14,15 +13,10 @@ from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import Reload
 from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
-from air_router.flight.flight import Flight
 from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
-from air_router.flight.terminal import StatusLine
-from air_router.gossip.mapper import Mapper
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
-from air_router.record.recorder import Recorder
-from air_router.vehicle.clock import VehicleClock
-from tests.air_router.alone import Alone
+from tests.air_router.flight.whole_flight import WholeFlight
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
 ZONE = """
@@ -86,7 +80,7 @@ def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_wit
     assert (mission.skipped, FlightPlan.of(mission)) == ({7}, on_board)
     field = Field(file, pretend_vehicle, tmp_path / "log", resume=True)
     field.vehicle.airframe.take_off()
-    assert field.run(lambda: None).outcome == "done", field.out.getvalue()
+    assert field.reload(lambda: None).outcome == "done", field.out.getvalue()
     assert field.vehicle.plan == on_board
     assert "waypoint 7" not in field.out.getvalue()
 
@@ -131,30 +125,15 @@ def test_a_fence_that_does_not_fit_on_board_is_not_taken(file):
         changed_areas(mission)
 
 
-class Field:
-    """A whole flight on a pretended vehicle, whose mission file changes on the way."""
+class Field(WholeFlight):
+    """One whose mission file changes on the way."""
 
     def __init__(self, file, vehicle_class, folder, *, resume=False):
-        wall_s = iter(range(10**9))
-        clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
         mission = load_mission(file, duration_s=90.0, in_flight=resume)
-        self.vehicle = vehicle_class(mission, clock)
-        self.out = io.StringIO()
-        self.recorder = Recorder(folder, "mission.yaml")
-        self.flight = Flight(
-            mission,
-            self.vehicle,
-            clock=clock,
-            gossip=Alone(),
-            mapper=Mapper(mission),
-            seek=("callisto",),
-            recorder=self.recorder,
-            status=StatusLine(self.out),
-            arm=not resume,
-            resume=resume,
-        )
+        super().__init__(mission, vehicle_class, folder, arm=not resume, resume=resume)
 
-    def run(self, asks):
+    def reload(self, asks):
+        """Fly; under way something is done to the file, and it is read again."""
         asked = []
 
         def on_step():
@@ -165,8 +144,7 @@ class Field:
                 self.flight.commands.ask(Reload())
 
         self.vehicle.on_step = on_step
-        with self.recorder:
-            return asyncio.run(self.flight.run())
+        return self.run()
 
 
 @pytest.fixture
@@ -176,7 +154,7 @@ def field(file, pretend_vehicle, tmp_path):
 
 def test_reloaded_in_flight_the_new_fence_goes_on_board_and_the_mission_on(field, file):
     before = load_mission(file)
-    result = field.run(lambda: add_zone(file))
+    result = field.reload(lambda: add_zone(file))
     assert result.outcome == "done", field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 1
     assert field.vehicle.plan == FlightPlan.of(load_mission(file))
@@ -189,7 +167,7 @@ def test_reloaded_in_flight_the_new_fence_goes_on_board_and_the_mission_on(field
 
 
 def test_an_error_in_the_file_is_told_and_changes_nothing(field, file):
-    result = field.run(lambda: file.write_text("name: [", encoding="utf-8"))
+    result = field.reload(lambda: file.write_text("name: [", encoding="utf-8"))
     assert result.outcome == "done"
     assert "renew" not in field.vehicle.verbs
     assert "not reloaded: " in field.out.getvalue()
@@ -200,7 +178,7 @@ def test_a_fault_in_reading_it_is_told_and_the_flight_goes_on(field, file, monke
         raise ZeroDivisionError(str(mission.path))
 
     monkeypatch.setattr(rereading, "_read", broken)
-    assert field.run(lambda: None).outcome == "done"
+    assert field.reload(lambda: None).outcome == "done"
     assert "not reloaded, by a fault of this program: ZeroDivisionError" in field.out.getvalue()
 
 
@@ -245,7 +223,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
 def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, said):
     field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
     field.vehicle.failures["renew"] += [back] if back else []
-    result = field.run(lambda: add_zone(file))
+    result = field.reload(lambda: add_zone(file))
     assert result.report["came_home_because"] == "the changed fence is not on board"
     assert f"TIMEOUT{said}" in field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 2
@@ -267,8 +245,7 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
         return await do(*arguments)
 
     setattr(vehicle, verb, do_meanwhile)
-    with field.recorder:
-        assert asyncio.run(field.flight.run()).outcome == "done", field.out.getvalue()
+    assert field.run().outcome == "done", field.out.getvalue()
     assert [v for v in vehicle.verbs if v in {"connect", "upload", "renew", "arm"}] == [
         *("connect", "upload", "renew", "arm")
     ]

@@ -85,12 +85,13 @@ def test_a_report_is_what_stands_between_two_summaries():
         event("commander_gcs_lost", level=4),
     )
     assert [p.partition(";")[0] for p in report.problems] == ["too few GPS satellites"]
+    assert report.words.startswith(" (too few GPS satellites")
     assert [w.partition(";")[0] for w in report.warnings] == ["the battery is low"]
 
 
 def test_a_healthy_vehicle():
     report = reported()
-    assert (report.problems, report.warnings) == ((), ())
+    assert (report.problems, report.warnings, report.words) == ((), (), "")
 
 
 def test_half_a_report_is_none():

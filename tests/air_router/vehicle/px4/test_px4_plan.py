@@ -33,7 +33,7 @@ class Board:
         self.in_air = False
 
     def onboard(self):
-        return OnboardPlan(Plugins(self, self, self, None), self, self.told.append)
+        return OnboardPlan(Plugins(self, self, self), self, self.told.append)
 
     def forget_words(self):
         self.refusals.clear()

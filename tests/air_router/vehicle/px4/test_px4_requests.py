@@ -6,7 +6,6 @@ import struct
 from types import SimpleNamespace
 
 import pytest
-from mavsdk.plugins.events.events import EventsError, EventsResult, LogLevel
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
 from air_router.vehicle.clock import VehicleClock
@@ -22,12 +21,11 @@ INT32, REAL32 = 6, 9
 class Autopilot:
     """What answers to an inspection: parameters (each after some losses), and a report."""
 
-    def __init__(self, telemetry, values, *, losses=0, findings=(), reports=True):
+    def __init__(self, telemetry, values, *, losses=0, findings=()):
         self.telemetry = telemetry
         self.values = values
         self.losses = losses
         self.findings = findings
-        self.reports = reports
         self.asked = []
 
     def send_message(self, sent):
@@ -50,13 +48,12 @@ class Autopilot:
     def send_command_async(self, sent, callback):
         fields = json.loads(sent.fields_json)
         assert fields["command"] == 401
-        answer = SimpleNamespace(fields_json=json.dumps({"result": 0 if self.reports else 3}))
+        answer = SimpleNamespace(fields_json=json.dumps({"result": 0}))
         callback(MavlinkDirectResult.SUCCESS, answer, None)
-        if self.reports:
-            self._event(ARMING_SUMMARY, struct.pack("<BIIII", 0, 0, 0, 0, 0), 7)
-            for name in self.findings:
-                self._event(name, struct.pack("<IB", 0xFFFFFFFF, 0), 3)
-            self._event(HEALTH_SUMMARY, struct.pack("<BIII", 0, 0, 0, 0), 7)
+        self._event(ARMING_SUMMARY, struct.pack("<BIIII", 0, 0, 0, 0, 0), 7)
+        for name in self.findings:
+            self._event(name, struct.pack("<IB", 0xFFFFFFFF, 0), 3)
+        self._event(HEALTH_SUMMARY, struct.pack("<BIII", 0, 0, 0, 0), 7)
 
     def _event(self, name, arguments, level):
         padded = list(arguments.ljust(40, b"\0"))
@@ -69,7 +66,7 @@ class Autopilot:
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
-    for name in ("HEALTH_S", "REPORT_S", "WORDS_S", "PARAMETER_S"):
+    for name in ("HEALTH_S", "REPORT_S", "PARAMETER_S"):
         monkeypatch.setattr(px4_requests, name, 0.01)
 
 
@@ -83,7 +80,7 @@ def inspect(pennovation, names, *, health=PREARM_GOOD, **autopilot):
         )
         telemetry.system_id = 1
         telemetry._direct = direct = Autopilot(telemetry, **autopilot)
-        found = await px4_requests.inspect(telemetry, None, names)
+        found = await px4_requests.inspect(telemetry, names)
         return found, direct.asked
 
     return asyncio.run(main())
@@ -114,47 +111,3 @@ def test_an_unhealthy_one_says_why_in_words(pennovation):
     found, _ = inspect(pennovation, (), values={}, health=0, findings=findings)
     assert not found.healthy
     assert [p.partition(";")[0] for p in found.problems] == ["no GPS fix", "compass 0 is missing"]
-
-
-def test_a_vehicle_without_reports_is_asked_through_mavsdk(pennovation, monkeypatch):
-    async def words(_system, _limit_s):
-        return ("No compass",)
-
-    monkeypatch.setattr(px4_requests, "reported_problems", words)
-    found, _ = inspect(pennovation, (), values={}, health=0, reports=False)
-    assert found.problems == ("No compass",)
-
-
-class Reports:
-    """The events of an autopilot that has its report ready after some questions."""
-
-    def __init__(self, problems, *, after):
-        self.problems = problems
-        self.after = after
-        self.destroyed = False
-
-    def get_health_and_arming_checks_report(self):
-        self.after -= 1
-        if self.after >= 0:
-            raise EventsError(EventsResult.NOT_AVAILABLE, "report")
-        problems = [SimpleNamespace(message=m, log_level=level) for m, level in self.problems]
-        return SimpleNamespace(current_mode_intention=SimpleNamespace(problems=problems))
-
-    def destroy(self):
-        self.destroyed = True
-
-
-@pytest.mark.parametrize(
-    ("after", "said"), [(2, " (No compass; No connection to the ground station)"), (10**9, "")]
-)
-def test_what_stands_in_the_way_of_arming(monkeypatch, after, said):
-    problems = [
-        ("No compass", LogLevel.ERROR),
-        ("No manual control input", LogLevel.WARNING),  # does not keep it from arming
-        ("No connection to the ground station", LogLevel.CRITICAL),
-    ]
-    reports = Reports(problems, after=after)
-    monkeypatch.setattr(px4_requests, "ARMING_WORDS_S", 0.1)
-    monkeypatch.setattr(px4_requests, "_LOOK_S", 0.001)
-    assert asyncio.run(px4_requests.arming_problems(lambda: reports)) == said
-    assert reports.destroyed
