@@ -1,18 +1,26 @@
-"""How long a mission takes to load, its graph to build, and a route to find."""
+"""How long a mission takes to load, its graph to build, a route to find, and an edit to show."""
 
+import itertools
+import json
 import random
 import statistics
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import shapely
 
+from air_router.editor.edits import Move
+from air_router.editor.mission_file import MissionFile
+from air_router.editor.session import EditSession
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from geo.frame import Point
+from benchmarks.route.maps import Map, made
+from geo.frame import Geodetic, LocalFrame, Point
+from mocha_link.team.document import Document
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 
@@ -39,6 +47,53 @@ def measure(*, quick: bool) -> Iterator[dict[str, Any]]:
             times_ms.append((time.perf_counter() - began_s) * 1e3)
         note = f"worst {max(times_ms):.1f} ms of {len(pairs)}"
         yield row(f"{name}: route from anywhere", statistics.median(times_ms), "ms", note)
+    yield edits(8 if quick else 40)
+
+
+def edits(times: int) -> dict[str, Any]:
+    """What the edit page's server computes when a waypoint of a large mission is moved."""
+    text = mission_text(made(500, 100))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mission.yaml"
+        path.write_text(text)
+        session = EditSession(MissionFile(path))
+        numbers = itertools.count(1)
+
+        def edit() -> None:
+            moved = session.view()["places"][next(numbers)]
+            north = moved["at"][0] + 3e-6, moved["at"][1]
+            session.edit(Move(do="move", keys=tuple(moved["keys"]), to=north))
+            json.dumps(session.view())
+
+        edit_ms = median_ms(edit, times, time.process_time)
+        read_ms = median_ms(lambda: Document.from_text(text, path), times, time.process_time)
+    note = f"{edit_ms / read_ms:.1f} x reading its YAML; processor time"
+    return row("500 waypoints, 100 zones: move a waypoint", edit_ms, "ms", note)
+
+
+def mission_text(map_: Map) -> str:
+    frame = LocalFrame(Geodetic(39.94, -75.2))
+    (fence,) = map_.airspace.fences
+
+    def degrees(places: Any) -> list[list[float]]:
+        return [[round(value, 7) for value in frame.to_geodetic(place)] for place in places]
+
+    home, *waypoints = degrees(map_.waypoints)
+    zones = [
+        {"name": zone.name, "polygon": degrees(zone.shape.corners)} for zone in map_.airspace.zones
+    ]
+    planner = {"clearance_m": map_.airspace.clearance_m, "max_edge_m": map_.max_edge_m}
+    return "\n".join(
+        f"{key}: {json.dumps(value)}"
+        for key, value in {
+            "home": home,
+            "altitude_m": 40,
+            "planner": planner,
+            "fence": {"polygon": degrees(fence.corners)},
+            "waypoints": waypoints,
+            "no_fly_zones": zones,
+        }.items()
+    )
 
 
 def bare_edges(mission: Any) -> int:
@@ -55,12 +110,12 @@ def place(chance: random.Random, mission: Any) -> Point:
             return point
 
 
-def median_ms(function: Any, times: int) -> float:
+def median_ms(function: Any, times: int, clock: Any = time.perf_counter) -> float:
     values = []
     for _ in range(times):
-        began_s = time.perf_counter()
+        began_s = clock()
         function()
-        values.append((time.perf_counter() - began_s) * 1e3)
+        values.append((clock() - began_s) * 1e3)
     return statistics.median(values)
 
 
