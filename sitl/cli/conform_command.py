@@ -100,12 +100,8 @@ class _Px4Line(UdpLine):
     """A PX4 of its own for one conversation."""
 
     def __init__(self, install: Px4Install, speed_factor: float) -> None:
-        with contextlib.ExitStack() as stack:
-            process = Px4Process(install, Px4Settings(PX4_HOME, speed=speed_factor))
-            stack.enter_context(process)
-            super().__init__({Link.API: 14540 + process.instance, Link.GROUND: 14550})
-            self._process = process
-            self._stack = stack.pop_all()
+        self._process = Px4Process(install, Px4Settings(PX4_HOME, speed=speed_factor))
+        super().__init__({Link.API: 14540 + self._process.instance, Link.GROUND: 14550})
 
     def listen(self) -> list[tuple[Link, Frame]]:
         """See `Line`: a PX4 that has ended says why."""
@@ -115,6 +111,6 @@ class _Px4Line(UdpLine):
             raise SilentVehicleError(f"{error}; {self._process.last_words()}") from None
 
     def close(self) -> None:
-        """See `Line`: also ends the PX4."""
+        """See `Line`: also ends the PX4; so does a port that is taken."""
         super().close()
-        self._stack.close()
+        self._process.close()

@@ -149,7 +149,7 @@ def open_page(browser, command):
     pages = []
 
     def open_(mission, *options, script=None, **view):
-        started = command("air_router.cli.cli", "edit", mission, "--port", 0, "--no-open", *options)
+        started = command("air-router", "edit", mission, "--port", 0, "--no-open", *options)
         address = started.process.stdout.readline().decode().strip()
         context = browser.new_context(viewport={"width": 1280, "height": 800}, **view)
         pages.append(EditPage(context.new_page(), address, script))

@@ -6,7 +6,6 @@ import os
 import pty
 import socket
 import subprocess
-import sys
 import termios
 
 import pytest
@@ -18,7 +17,7 @@ from air_router.record.log import Log
 from air_router.record.replay import replay
 from geo.frame import Point
 from mocha_link import Team
-from tests.system.conftest import find_port
+from tests.system.conftest import find_port, program
 
 HOLD, MISSION = 0x03040000, 0x04040000
 
@@ -47,7 +46,7 @@ class Watcher:
 def fly(command, udp_port, short_mission):
     def start(*more):
         return command(
-            "air_router.cli.cli",
+            "air-router",
             "fly",
             short_mission,
             f"--connect=udpin://127.0.0.1:{udp_port}",
@@ -146,7 +145,7 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
     master, slave = pty.openpty()
     flight = subprocess.Popen(
         [
-            *(sys.executable, "-m", "air_router.cli.cli", "fly", short_mission),
+            *(*program("air-router"), "fly", short_mission),
             *(f"--connect=udpin://127.0.0.1:{udp_port}", "--json", "--control", endpoint),
         ],
         stdin=slave,

@@ -155,7 +155,7 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
     vehicle(speed=6)
     control = free_port()
     flight = command(
-        *("air_router.cli.cli", "fly", short_mission, "--arm", "--yes", "--json"),
+        *("air-router", "fly", short_mission, "--arm", "--yes", "--json"),
         *(f"--connect=udpin://127.0.0.1:{udp_port}", "--web", "0", "--control", control),
     )
     flight.wait_for("INIT -> ")

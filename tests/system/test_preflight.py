@@ -1,12 +1,14 @@
 """`air-router preflight` against vehicles that are, and that are not, what they should be."""
 
 import json
+import re
 import socket
 
 import pytest
 import zmq
 
 from mocha_link import Team
+from tests.system.conftest import ROOT, find_port, hurry
 
 
 @pytest.fixture
@@ -54,3 +56,34 @@ def test_another_place_s_vehicle_is_refused(vehicle, preflight):
     code, out, _ = preflight()
     assert code == 5
     assert "km from the mission's home" in out
+
+
+@pytest.fixture(scope="module")
+def card(shared_command, shared_folder):
+    """The lines of a card, by name; some parameters of the vehicle are wrong."""
+    mission, port = hurry(shared_folder / "wrong"), find_port()
+    text = re.sub(r"(?m)^accepts: .*$", "", mission.read_text(encoding="utf-8"))
+    mission.write_text(text, encoding="utf-8")
+    wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
+    vehicle = shared_command(
+        *("sitl", "vehicle", mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
+        *(f"--truth-to=127.0.0.1:{find_port()}"),
+        *(f"--param={name}={value}" for name, value in wrong.items()),
+        checkout=ROOT,
+    )
+    vehicle.ready()
+    looked = shared_command(
+        *("air-router", "preflight", mission, "--look", "--json", "--no-record"),
+        f"--connect=udpin://127.0.0.1:{port}",
+    )
+    _, out = looked.finish()
+    return {line["name"]: line for line in json.loads(out)["checks"]}
+
+
+@pytest.mark.parametrize("name", ["GF_MAX_HOR_DIST", "RTL_RETURN_ALT", "COM_RC_IN_MODE", "return"])
+def test_what_would_end_a_flight_badly_is_red(card, name):
+    assert card[name]["verdict"] == "stop", card
+
+
+def test_the_wind_is_on_the_card(card):
+    assert card["wind"]["verdict"] == "look"

@@ -95,7 +95,7 @@ def flight(shared_command, shared_folder):
         (shared_folder / f"{name}.yaml").write_text(text)
     mission, control = shared_folder / "mission.yaml", f"ipc://{shared_folder}/control"
     options = [f"--speed={SPEED}", "--json", "--web=0", "--control", control]
-    flight = shared_command("air_router.cli.cli", "sim", PAIR if PICTURED else mission, *options)
+    flight = shared_command("air-router", "sim", PAIR if PICTURED else mission, *options)
     flight.controls = (control, f"{control}-2")
     return flight
 

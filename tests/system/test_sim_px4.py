@@ -39,7 +39,7 @@ def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(
 ):
     """All robots, their gossip nodes and radios are one process."""
     logs = tmp_path / "logs"
-    flight = command("air_router.cli.cli", "sim", short_mission, "--speed=10", "--log-dir", logs)
+    flight = command("air-router", "sim", short_mission, "--speed=10", "--log-dir", logs)
     flight.wait_for("on board and read back")
     world = children(flight.process.pid)
     assert len(world) == 2
@@ -64,7 +64,7 @@ def real_px4():
 @pytest.mark.usefixtures("real_px4")
 def test_a_flight_on_a_real_px4(command, short_mission, tmp_path):
     flight = command(
-        *("air_router.cli.cli", "sim", short_mission, "--px4", "--speed=5", "--duration=250"),
+        *("air-router", "sim", short_mission, "--px4", "--speed=5", "--duration=250"),
         *("--json", "--log-dir", tmp_path / "logs"),
     )
     code, out = flight.finish(300)

@@ -98,7 +98,7 @@ class Flight:
         self.sought = None
         self._control = f"ipc://{folder}/control"
         self._command = command(
-            "air_router.cli.cli",
+            "air-router",
             "sim",
             mission,
             f"--speed={SPEED}",

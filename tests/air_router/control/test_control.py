@@ -2,12 +2,10 @@
 
 import argparse
 import asyncio
-import contextlib
 import dataclasses
 import json
 import random
 import re
-import socket
 import stat
 import threading
 from pathlib import Path
@@ -44,7 +42,6 @@ from air_router.sim.sim_world import SimVehicle
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
 from mocha_link.service.endpoint import bind, connect
-from tests.stray_post import post
 
 
 class Served:
@@ -253,18 +250,6 @@ def test_what_is_too_large_to_be_read_costs_its_sender_the_connection(served):
             hostile.disable_monitor()
     with ControlClient(served.endpoint, timeout_s=30) as client:
         assert client.status()["ok"]
-
-
-def test_a_web_page_cannot_ask(served):
-    port = int(served.endpoint.rpartition(":")[2])
-    heard = b""
-    with socket.create_connection(("127.0.0.1", port)) as page:
-        page.sendall(post(port, b'{"request":"hold"}'))
-        with contextlib.suppress(ConnectionError):
-            while b"accepted" not in heard and (piece := page.recv(4096)):
-                heard += piece
-    assert b"accepted" not in heard
-    assert served.deeds == []
 
 
 @pytest.mark.parametrize("served", [CONTROL_NAME], indirect=True)

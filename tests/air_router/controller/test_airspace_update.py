@@ -263,11 +263,14 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(pretend
     if asked_for:
         flight.operator_asks(SeekNow("callisto"))
     assert flight.controller.context.robot == "callisto"
+    known = flight.controller.search.targets.tracks["callisto"]
+    tries = known.tries
     east_m, north_m = flight.position
     change(flight, box((east_m, north_m), half_m=1.0, name="above"))
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
     flight.give(PlanRenewed())
     assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "callisto")
+    assert known.tries == tries
     flight.give(RobotSought("atlas", "callisto", 1.0))
     assert flight.controller.context.robot == ("callisto" if asked_for else "europa")
 

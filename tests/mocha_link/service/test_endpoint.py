@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
 import stat
 
@@ -11,7 +10,6 @@ import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.service.endpoint import bind, connect, kept_key, key_file
-from tests.stray_post import post
 
 
 @pytest.fixture
@@ -56,19 +54,6 @@ def test_a_file_is_not_deleted(server, tmp_path):
     with pytest.raises(ListenError, match="there is a file of that name"):
         bind(server, f"ipc://{path}")
     assert path.read_text() == "robots: {}"
-
-
-def test_a_web_page_is_not_heard(server):
-    port = int(bind(server, "tcp://127.0.0.1:*").rpartition(":")[2])
-    with socket.create_connection(("127.0.0.1", port)) as page:
-        page.sendall(post(port, b'{"request":"team"}'))
-        poller = zmq.Poller()
-        poller.register(server, zmq.POLLIN)
-        poller.register(page, zmq.POLLIN)
-        with contextlib.suppress(ConnectionError):  # it hangs up, perhaps before all was read
-            while server not in dict(poller.poll()) and page.recv(4096):
-                pass
-    assert not server.poll(0)
 
 
 def bound(socket, endpoint):

@@ -5,13 +5,11 @@ import threading
 
 import pytest
 
-from air_router.errors import ExitCode
 from sitl.cli import cli
 from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
 from sitl.conformance.line import Link, UdpLine
 from sitl.conformance.session import DepartureError
 from sitl.mavlink.vehicle import VehicleSettings
-from sitl.process.udp_link import PortInUseError
 from sitl.process.vehicle import Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
 
@@ -128,16 +126,3 @@ class TestCommandLine:
     def test_nothing_of_that_name(self, capsys):
         assert cli.main(["conform", "no-such-conversation"]) == 2
         assert "sitl conform --list" in capsys.readouterr().err
-
-
-def test_a_port_that_is_taken_is_one_error_and_no_departure():
-    first = UdpLine({Link.API: 0, Link.GROUND: 0})
-    try:
-        port = first._sockets[Link.GROUND].getsockname()[1]
-        with pytest.raises(
-            PortInUseError, match=f"UDP port {port}, .*; end the ground station"
-        ) as e:
-            UdpLine({Link.API: 0, Link.GROUND: port})
-    finally:
-        first.close()
-    assert e.value.exit_code is ExitCode.NO_VEHICLE
