@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable
 from datetime import datetime
 
-from air_router.files.zone_terms import moment_of
 from geo.frame import FrameError, Geodetic, LocalFrame
 
 
@@ -107,6 +106,8 @@ def moment(text: str) -> datetime:
     Raises:
         argparse.ArgumentTypeError: it is none.
     """
+    from air_router.files.zone_terms import moment_of  # noqa: PLC0415 - loads the zones' library
+
     try:
         return moment_of(text)
     except ValueError as error:

@@ -78,6 +78,7 @@ FOREIGN = {  # first words of commands that are not ours
     "colcon": "builds ROS 2 packages",
     "ros2": "ROS 2",
     "export": "",
+    "CHECKOUT_UNDER_TEST=OLD": "needs another checkout (rehearsal.md)",
     "MOCHA_WORKSPACE=CATKIN_WS": "needs ROS 1; starts tests/system/test_live_original.py",
     "while": "a shell loop with a radio's own program",
     "do": "",

@@ -20,9 +20,11 @@ from mocha_link import (
     Reading,
     Team,
     Unit,
+    open_radio,
 )
 from mocha_link.links.link_events import Direction
 from mocha_link.radios import parse_report
+from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger
 from mocha_link.team.team_file import FORMS
 
@@ -118,3 +120,12 @@ def test_the_reports_are_reports():
         ("titan", None),
     ]
     assert [reading and reading.value for _, reading in found[4:]] == [-61.5, 14.0, 31.0, None]
+
+
+def test_the_team_has_radios():
+    (text,) = re.findall(r"```yaml\n(.*?)```", RADIOS, re.DOTALL)
+    team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+    for robot in team.robots.values():
+        open_radio(robot.radio, team, robot.name)
+    for url in re.findall(r'radio: "(.*?)"', RADIOS):
+        assert open_radio(url, team, "io")

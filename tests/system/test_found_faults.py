@@ -301,8 +301,15 @@ def take_it_back(flight, uav):
     station_at(flight.relay).choose(FlightMode.AUTO_LOITER)
     assert wait_until(lambda: uav.status()["mode"] == "Hold", LIMIT_S)
     for words in ("resume", "resume upload", "home"):
+        refused = flight.program.said.count(": refused: ")
         flight.type(words)
-        if wait_until(lambda: uav.status()["in_charge"], 5.0):
+        flight.program.wait_until(
+            lambda said, before=refused: (
+                said.count(": refused: ") > before or uav.status()["in_charge"]
+            ),
+            f"what becomes of {words}",
+        )
+        if uav.status()["in_charge"]:
             return True
     return False
 

@@ -67,7 +67,7 @@ def card(shared_command, shared_folder):
     wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
     vehicle = shared_command(
         *("sitl", "vehicle", mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
-        *(f"--truth-to=127.0.0.1:{find_port()}"),
+        f"--truth-to=127.0.0.1:{find_port()}",
         *(f"--param={name}={value}" for name, value in wrong.items()),
         checkout=ROOT,
     )

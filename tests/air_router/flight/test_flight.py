@@ -465,7 +465,7 @@ def test_what_the_pilot_armed_meanwhile_is_not_started(rig):
         await arm()
         vehicle.airframe.take_off()
         vehicle.airframe.mode = FlightMode.OTHER
-        seen = flight.flight.controller
+        seen = flight.flight.controller.context
         while not (seen.telemetry and seen.telemetry.in_air):  # noqa: ASYNC110
             await asyncio.sleep(0)
 
@@ -518,7 +518,7 @@ def test_a_mode_that_the_pilot_chose_while_we_got_ready_is_not_taken_back(rig, c
     async def upload_while_the_pilot_chooses(plan):
         await upload(plan)
         vehicle.airframe.mode = chosen
-        seen = flight.flight.controller
+        seen = flight.flight.controller.context
         while not (seen.telemetry and seen.telemetry.mode is chosen):  # noqa: ASYNC110
             await asyncio.sleep(0)
 
