@@ -94,6 +94,7 @@ class Gossip:
         )
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
+        self._counted = 0  # of these the link table has had so many
         self._sequence = 0  # of the database, when peers were last pushed what is new
         self._served: set[str] = set()  # peers for whose connection there may be a frame
 
@@ -153,7 +154,7 @@ class Gossip:
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         reply = link.server.answer(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
@@ -162,37 +163,37 @@ class Gossip:
 
     def route(self, peer: str) -> Route | None:
         """The connection on which the peer pulls, if it does."""
-        return self._links[peer].server.route
+        return self._links.by_peer[peer].server.route
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
-        supplied = self._links[peer].server.supply()
+        supplied = self._links.by_peer[peer].server.supply()
         if supplied:
             self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Take in a datagram that came to the port for a peer; says whether it made sense."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         known = link.server.packet(packet, now)
         self._serve(link, now)
         return known
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.reply(parts, now)
         self._tell(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.packet(packet, now)
         self._tell(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._links.touch(peer).puller.progress(now, rtt_s)
+        self._link(peer).puller.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -204,7 +205,7 @@ class Gossip:
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.lost(reason, now)
         self._tell(link, now)
 
@@ -213,17 +214,13 @@ class Gossip:
         self._link_table.refuse(peer, reason)
 
     def tell(self, event: LinkEvent) -> None:
-        """Have listeners told of what has happened, or what the program has noticed."""
+        """Have listeners told of what the program has noticed."""
         self._events.append(event)
-        self._link_table.update(event)
 
     # --- what the time brings, and what the node wants and says
 
     def tick(self, now: Instant) -> None:
-        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input.
-
-        It looks at the links on which something happens, not at all.
-        """
+        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input."""
         self._trigger.look(now.unix_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
@@ -242,17 +239,13 @@ class Gossip:
             self._serve(link, now)
             self._served.add(link.peer.name)
         self._pull_due(now)
+        self._count()
         self._links.settle()
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
         return self._links.wake_s
-
-    @property
-    def pulling(self) -> list[str]:
-        """The peers from which a pull is under way."""
-        return [link.peer.name for link in self._links if link.puller.pull]
 
     @property
     def due_s(self) -> float:
@@ -266,15 +259,17 @@ class Gossip:
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
+        self._count()
         actions, events = list(self._context.actions), self._events
         self._context.actions.clear()
-        self._events = []
+        self._events, self._counted = [], 0
         return actions, events
 
     def links(
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
         """The state of every link; `ages_s` is what `ages_s` has answered just now."""
+        self._count()
         return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
@@ -293,7 +288,17 @@ class Gossip:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
         return self._link(peer).peer.newest
 
+    def _count(self) -> None:
+        """Bring the link table up to date."""
+        for peer, count in self._links.take_bytes():
+            self._link_table.count(peer, bytes_in=count)
+        for event in self._events[self._counted :]:
+            self._link_table.update(event)
+        self._counted = len(self._events)
+
     def _pull_due(self, now: Instant) -> None:
+        if self._links.push_otherwise():
+            self._trigger.follow(link.peer.name for link in self._links if link.pushes)
         for peer in self._trigger.due(now.unix_s):
             self.sync(peer, now)
 
@@ -307,11 +312,6 @@ class Gossip:
     def _tell(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
         peer = link.peer
-        if peer.bytes_in:
-            self._link_table.count(peer.name, bytes_in=peer.bytes_in)
-            peer.bytes_in = 0
-        if self._links.push_otherwise(link):
-            self._trigger.follow(each.peer.name for each in self._links if each.pushes)
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
         peer.refusals.clear()
@@ -319,7 +319,7 @@ class Gossip:
             link.differs = peer.config_mismatch
             self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
-            self.tell(event)
+            self._events.append(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
                 self._trigger.asked(peer.name, now.unix_s)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
@@ -332,18 +332,19 @@ class Gossip:
         if record and known:
             name, topic = self.me.name, known[1].name
             stored = MessageStored(name, now.unix_s, name, topic, record.header, len(record.body))
-            self.tell(stored)
+            self._events.append(stored)
 
     def _tell_contacts(self, now: Instant) -> None:
         for event in self._trigger.news():
-            self.tell(event)
+            self._events.append(event)
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
                 link.puller.unfollow()
                 self._tell(link, now)
 
     def _link(self, peer: str) -> PeerLink:
-        """What belongs to a peer. Raises UnknownRobotError."""
-        if peer not in self._links:
+        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
+        if peer not in self._links.by_peer:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
-        return self._links.touch(peer)
+        self._links.touched.add(peer)
+        return self._links.by_peer[peer]

@@ -38,6 +38,10 @@ class PeerLinks:
 
     Messages are verified if the team has keys or demands them.
 
+    Attributes:
+        by_peer: All of them.
+        touched: Peers of whom something came since `settle`.
+
     Raises:
         KeyMismatchError: a key in the team file is none.
         KeysUnavailableError: the team has keys, and PyNaCl is missing.
@@ -46,32 +50,29 @@ class PeerLinks:
     def __init__(
         self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
     ) -> None:
-        self._links = _links(context, me, link_table, datagrams=datagrams)  # by peer
-        self._touched: set[str] = set()  # peers of whom something came, and not settled
+        self.by_peer = _links(context, me, link_table, datagrams=datagrams)
+        self.touched: set[str] = set()
         self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
 
-    def __contains__(self, peer: str) -> bool:
-        return peer in self._links
-
     def __iter__(self) -> Iterator[PeerLink]:
-        return iter(self._links.values())
+        return iter(self.by_peer.values())
 
-    def __getitem__(self, peer: str) -> PeerLink:
-        """What belongs to a peer, of whom nothing comes."""
-        return self._links[peer]
-
-    def touch(self, peer: str) -> PeerLink:
-        """What belongs to a peer of whom something comes."""
-        self._touched.add(peer)
-        return self._links[peer]
+    def take_bytes(self) -> Iterator[tuple[str, int]]:
+        """How many bytes have come from peers since the last call."""
+        for peer in self.touched:
+            side = self.by_peer[peer].peer
+            if side.bytes_in:
+                yield peer, side.bytes_in
+                side.bytes_in = 0
 
     def stored(self, robot_ids: AbstractSet[int]) -> None:
         """Messages of robots were stored: that comes of the peers that are to hear of it."""
-        self._touched.update(p for p, link in self._links.items() if link.server.heeds(robot_ids))
+        self.touched.update(p for p, link in self.by_peer.items() if link.server.heeds(robot_ids))
 
-    def push_otherwise(self, link: PeerLink) -> bool:
+    def push_otherwise(self) -> bool:
         """Look which peers push if one of them does now, or does not any more; whether so."""
-        if link.pushes == link.puller.has_all:
+        touched = map(self.by_peer.__getitem__, self.touched)
+        if all(link.pushes == link.puller.has_all for link in touched):
             return False
         for each in self:
             each.pushes = each.puller.has_all
@@ -79,17 +80,17 @@ class PeerLinks:
 
     def busy(self, now_s: float) -> list[PeerLink]:
         """Those on which something came since `settle`, or the time brings something."""
-        self._touched.update(p for p, wake_s in self._wakes_s.items() if wake_s <= now_s)
-        return [link for peer, link in self._links.items() if peer in self._touched]
+        self.touched.update(p for p, wake_s in self._wakes_s.items() if wake_s <= now_s)
+        return [link for peer, link in self.by_peer.items() if peer in self.touched]
 
     def settle(self) -> None:
         """All that came is dealt with: what is left is brought by the time."""
         self._note_wakes()
-        self._touched.clear()
+        self.touched.clear()
 
     def _note_wakes(self) -> None:
-        for peer in self._touched:
-            wake_s = self._links[peer].wake_s
+        for peer in self.touched:
+            wake_s = self.by_peer[peer].wake_s
             if wake_s is None:
                 self._wakes_s.pop(peer, None)
             else:

@@ -17,6 +17,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.protocol import ID_BYTES
+from tests.mocha_link.network_sim import pulling
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -63,7 +64,7 @@ class NodeUnderLoad:
 
         def counting(engine, peer, *arguments):
             # What comes when the pull is over is not looked at.
-            counts = name in ("request", "packet_in") or peer in engine.pulling
+            counts = name in ("request", "packet_in") or peer in pulling(engine)
             try:
                 return original(engine, peer, *arguments)
             finally:

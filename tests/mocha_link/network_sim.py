@@ -34,6 +34,11 @@ QUIET_TURNS = 4
 Path = Literal["zmq", "udp"]
 
 
+def pulling(node: Gossip) -> list[str]:
+    """The peers from which a pull is under way."""
+    return [link.peer.name for link in node._links if link.puller.pull]
+
+
 def pair_of(topics: int) -> Team:
     """io and titan, with so many topics each, `/t0` and so on."""
     listed = ", ".join(f"{{name: /t{topic}, type: a/B}}" for topic in range(topics))
@@ -188,7 +193,7 @@ class NetworkSim:
         """Let time pass until no pull is under way any more."""
         until_s = self.time_s + LIMIT_S
         self._act()
-        while any(node.pulling for node in self.nodes.values()) or self._due:
+        while any(map(pulling, self.nodes.values())) or self._due:
             assert self.time_s < until_s, "a pull that does not end"
             self._advance(until_s)
         self._act()
@@ -356,7 +361,7 @@ class OldNode(original.Original):
     """Stands in for an original node in the network instead of on sockets."""
 
     wake_s = None
-    pulling = ()
+    _links = ()
 
     def __init__(self, net: NetworkSim, name: str) -> None:
         super().__init__(net.team, name, now_s=lambda: net.at(name).unix_s)

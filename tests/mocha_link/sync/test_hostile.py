@@ -219,7 +219,7 @@ def test_bad_bytes_where_answers_are_expected(loaded, recorded):
 def test_bad_datagrams_in_answer(loaded, recorded):
     """titan believes that datagrams are the way to io."""
     fuzzer = Fuzzer(recorded, 7)
-    path_stats = loaded.titan._gossip._links["io"].peer
+    path_stats = loaded.titan._gossip._links.by_peer["io"].peer
     with Liar(loaded) as liar:
         while loaded.frames < 3_750 * SHARE:
             for _ in range(CHECK_EVERY // BATCH):

@@ -12,7 +12,7 @@ from mocha_link.node.gossip import TIMEOUT_S
 from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import Connect
 from mocha_link.team.team import Team
-from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of
+from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of, pulling
 
 FAR_S = 0.05  # half a round trip
 IN, OUT = Direction.IN, Direction.OUT
@@ -45,7 +45,7 @@ def until_some_came(net: NetworkSim, size: int = 100_000) -> None:
     """Let time pass until io has got so many bytes of titan."""
     while net.nodes["io"].links(net.now)["titan"].bytes_in < size:
         net.wait(0.01)
-    assert net.nodes["io"].pulling, "it should still be under way"
+    assert pulling(net.nodes["io"]), "it should still be under way"
 
 
 # --- which path
@@ -177,7 +177,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert net.sent(*UP), "not tried"
         net.wait(20)
     assert not net.told("io", SyncEnded)
-    assert net.nodes["io"]._links["titan"].peer.udp_misses == 0
+    assert net.nodes["io"]._links.by_peer["titan"].peer.udp_misses == 0
 
 
 def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
@@ -219,8 +219,11 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     net = NetworkSim(team, datagrams=True, delay_s=0.008)
     net.publish("titan", "/map", noise(3_000_000))
     io = net.nodes["io"]
-    io._links["titan"].peer.rtt_s = 0.03  # it was further away last time: datagrams go at once
-    io._links["titan"].peer.address_token = net.nodes["titan"]._links["io"].peer.next_token
+    peer, back = (
+        net.nodes[a]._links.by_peer[b].peer for a, b in (("io", "titan"), ("titan", "io"))
+    )
+    peer.rtt_s = 0.03  # it was further away last time: datagrams go at once
+    peer.address_token = back.next_token
     held: list[bytes] = []
 
     def hold(piece: Carried) -> bool:
@@ -279,7 +282,9 @@ def test_a_peer_that_restarts_in_mid_pull(net):
     io = net.nodes["io"]
     io.sync("titan", net.now)
     until_some_came(net)
-    net.nodes["titan"]._links["io"].server.__init__(net.nodes["titan"]._links["io"].peer)
+    net.nodes["titan"]._links.by_peer["io"].server.__init__(
+        net.nodes["titan"]._links.by_peer["io"].peer
+    )
     net.settle()
     (broken,) = net.told("io", SyncTimedOut)
     assert broken.reason == "the peer does not know of the sync any more"
@@ -371,7 +376,7 @@ def test_the_end_is_lost(team, seed, follow):
     chance = random.Random(seed)
 
     def mostly(piece: Carried) -> bool:
-        over = not net.nodes["io"].pulling
+        over = not pulling(net.nodes["io"])
         return not (over and piece.path == "udp" and chance.random() < 0.6)
 
     net.lets_by = mostly
