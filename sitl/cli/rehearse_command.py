@@ -156,12 +156,16 @@ def fly(path: Path, scene: Scene) -> Verdict:
     try:
         return judge(SimulatedFlight(scene, path).fly())
     except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
-        names = frozenset(fault.name for fault in scene.faults)
-        return Verdict(str(scene), names, End.NOT, (Violation(0.0, "evidence", text),))
+        return _not_flown(str(scene), frozenset(fault.name for fault in scene.faults), error)
     finally:
         logging.disable(logging.NOTSET)
+
+
+def _not_flown(scene: str, faults: frozenset[str], error: Exception) -> Verdict:
+    """The verdict where the rehearsal itself failed."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
+    return Verdict(scene, faults, End.NOT, (Violation(0.0, "evidence", text),))
 
 
 def _run_programs(arguments: argparse.Namespace) -> int:
@@ -176,14 +180,20 @@ def _run_programs(arguments: argparse.Namespace) -> int:
     def flown(scene: WireScene) -> Verdict:
         path = arguments.mission.absolute()
         companion = shlex.split(arguments.companion) if arguments.companion else OURS
-        return judge(RealFlight(scene, path, arguments.speed, arguments.px4, companion).fly())
+        try:
+            return judge(RealFlight(scene, path, arguments.speed, arguments.px4, companion).fly())
+        except Exception as error:  # noqa: BLE001 - as in `fly`
+            return _not_flown(str(scene), scene.judged, error)
 
     # Threads only wait for the programs; of PX4s one flies at a time.
     with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:
-        for verdict in pool.map(flown, chosen):
+        for scene, verdict in zip(chosen, pool.map(flown, chosen), strict=True):
             bad += not verdict.good
             words = "good" if verdict.good else "; ".join(map(str, verdict.violations))
-            sys.stdout.write(f"{verdict.scene}: {verdict.end.value}: {words}\n")
+            if arguments.json:
+                print_json(_as_json(scene, verdict))
+            else:
+                sys.stdout.write(f"{verdict.scene}: {verdict.end.value}: {words}\n")
             sys.stdout.flush()
     spent_s = time.monotonic() - began_s
     sys.stderr.write(f"{len(chosen)} flights in {spent_s:.0f} s, {bad} not as they should be\n")

@@ -13,6 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -153,16 +154,27 @@ class ProcessPause:
 
 
 def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """A program of `sitl` that says a line of JSON when it is ready."""
-    process = subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, "-m", "sitl", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-    assert process.stdout is not None  # noqa: S101 - it was asked for
-    line = process.stdout.readline()
-    if not line:
-        raise RuntimeError(f"sitl {' '.join(arguments)} ended with {process.wait()}")
+    """A program of `sitl` that says a line of JSON when it is ready, and ends with us.
+
+    Raises:
+        RuntimeError: it ended before that; says why.
+    """
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(  # noqa: S603 - our own program
+            [
+                *(sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid())),
+                *(sys.executable, "-m", "sitl", *arguments),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=said,
+        )
+        assert process.stdout is not None  # noqa: S101 - it was asked for
+        line = process.stdout.readline()
+        if not line:
+            code = process.wait()
+            said.seek(0)
+            why = said.read().decode(errors="replace").strip()
+            raise RuntimeError(f"sitl {' '.join(arguments)} ended with {code}: {why}")
     return process, json.loads(line)
 
 
