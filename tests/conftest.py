@@ -18,12 +18,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
-PATIENT = {"test_px4_commands.py", "test_px4_acknowledgements.py"}
-"""Waits nearly all of its time."""
+PATIENT = {"test_found_faults.py", "test_px4_commands.py", "test_px4_acknowledgements.py"}
+"""Waits most of its time."""
 
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 LANES = (
-    {"test_fly.py", "test_found_faults.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"},
+    {"test_fly.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"},
     {"test_hostile_flight.py", "test_rovers.py", "test_several.py", "test_whole_flight.py"},
 )
 """Of tests/system: vehicles fly in real time or faster, two at a time and no more."""

@@ -185,7 +185,7 @@ def test_a_reload_before_the_vehicle_is_heard_waits_for_it(command, tmp_path):
 
 def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
     with Operated(
-        command, tmp_path, speed=2, weather=Weather(streams={"": StreamFault.LATE}, late_s=0.03)
+        command, tmp_path, speed=2, weather=Weather(streams={"": StreamFault.LATE}, late_s=0.01)
     ) as flight:
         (first,) = flight.wait_for("MISSION_COUNT", mission_type=1)
         draw_zone(flight.mission)
