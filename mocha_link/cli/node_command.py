@@ -22,6 +22,7 @@ from mocha_link.service.service import ServiceServer
 from mocha_link.team.team import Team
 
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
+LOOK_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends
 
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
@@ -78,11 +79,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
     node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
-    events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
+    events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()  # an interrupt leaves no lock
 
     def keep(event: LinkEvent) -> None:  # the node must not wait for the reader of our output
-        with contextlib.suppress(queue.Full):
-            events.put_nowait(event)
+        if events.qsize() < QUEUE_EVENTS:
+            events.put(event)
 
     node.subscribe(keep)
     with until_terminated(), node, contextlib.ExitStack() as stack:
@@ -113,10 +114,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(events: queue.Queue[LinkEvent], *, as_json: bool) -> NoReturn:
+def _show(events: queue.SimpleQueue[LinkEvent], *, as_json: bool) -> NoReturn:
     news = EventFilter()
     while True:
-        event = events.get()
+        try:
+            event = events.get(timeout=LOOK_S)
+        except queue.Empty:
+            continue
         fields = {"event": type(event).__name__, **as_fields(event)}
         if not as_json and not news.is_new(fields):
             continue
