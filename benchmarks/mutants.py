@@ -250,7 +250,7 @@ def main() -> int:
                 verdict = f"the same: {mutant.same}"
             killed += not survived
             missed += survived and not mutant.same
-            print(f"{mutant.name:<28}{mutant.change.module:<26}{verdict}", flush=True)
+            print(f"{mutant.name:<29} {mutant.change.module:<50} {verdict}", flush=True)
     print(f"{killed} of {len(chosen)} killed, {missed} survived")
     return 1 if missed else 0
 
