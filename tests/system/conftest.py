@@ -81,6 +81,14 @@ class Command:
             assert chunk, f"{what} was not said; but: {self.said}"
             self.said += chunk.decode()
 
+    def read(self):
+        """Take in what it has said so far."""
+        while select.select([self.process.stderr], [], [], 0.0)[0]:
+            chunk = os.read(self.process.stderr.fileno(), 65536)
+            if not chunk:
+                break
+            self.said += chunk.decode()
+
     def ready(self):
         """The JSON line that a simulation prints when it is ready."""
         return json.loads(self.process.stdout.readline())

@@ -301,6 +301,7 @@ def take_it_back(flight, uav):
     station_at(flight.relay).choose(FlightMode.AUTO_LOITER)
     assert wait_until(lambda: uav.status()["mode"] == "Hold", LIMIT_S)
     for words in ("resume", "resume upload", "home"):
+        flight.program.read()
         refused = flight.program.said.count(": refused: ")
         flight.type(words)
         flight.program.wait_until(
