@@ -108,7 +108,7 @@ docs: $(VENV)/.tools
 
 # Newer versions of everything, with the checksums of their files for every platform
 PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
-COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-package mocha-link pyproject.toml
+COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
 	$(COMPILE) --upgrade --extra plot --extra dev --output-file constraints.txt
 	$(PINS) | $(COMPILE) --upgrade --extra bench --extra dist --extra docs --constraint - --output-file constraints-tools.txt

@@ -4,14 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, time, timedelta
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 """The days of the week as files name them; a day's number is its place, Monday is 0."""
 
+DAY_NUMBERS: Final = {word: number for number, name in enumerate(DAYS) for word in (name, name[:3])}
+"""Of the words for a day, Monday is 0."""
+
+NO_MOMENT: Final = "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)"
+
 _MIDNIGHT = time(0, 0)
 _WEEK = timedelta(days=8)
 """A span of time that has every hour of every day of the week in it."""
+
+
+def moment_of(text: object) -> datetime:
+    """A moment in UTC, from ISO 8601 text that says its time zone.
+
+    Raises:
+        ValueError: it is none; says what to write.
+    """
+    try:
+        moment = datetime.fromisoformat(text)  # type: ignore[arg-type] # told below
+        if moment.tzinfo is not None:
+            return moment.astimezone(UTC)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ValueError(NO_MOMENT)
 
 
 class Hours(NamedTuple):

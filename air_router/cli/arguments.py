@@ -7,6 +7,7 @@ from collections.abc import Callable
 from datetime import datetime
 
 from geo.frame import FrameError, Geodetic, LocalFrame
+from geo.validity import moment_of
 
 
 def add_start(parser: argparse.ArgumentParser) -> None:
@@ -106,8 +107,6 @@ def moment(text: str) -> datetime:
     Raises:
         argparse.ArgumentTypeError: it is none.
     """
-    from air_router.files.zone_terms import moment_of  # noqa: PLC0415 - loads the zones' library
-
     try:
         return moment_of(text)
     except ValueError as error:

@@ -101,7 +101,7 @@ class CommandHandler:
             self._check_in_the_air()
         ending = context.ending
         by_request = context.state is State.HOME and ending is not None and ending.by_request
-        why = self._returns.due(context.heard) if by_request else self._context.ending_why
+        why = self._returns.due(context.heard) if by_request else context.ending_why
         if why is not None:
             raise _comes_home(why)
 
@@ -190,7 +190,7 @@ class CommandHandler:
     def _asked_to_go_to(self, request: GoTo) -> Accepted:
         context = self._context
         if request.waits and context.state is State.HOME:  # the operator asked for that
-            raise _comes_home(self._context.ending_why)
+            raise _comes_home(context.ending_why)
         self._check_may_move()
         hold_s = context.mission.timers.hold_s if request.hold_s is None else request.hold_s
         task = self._validator.goto_task(request.points, hold_s, request.by)

@@ -7,7 +7,7 @@ import contextlib
 import math
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime, time
+from datetime import datetime, time
 from enum import StrEnum
 from typing import Annotated, Any, Final, Self
 
@@ -15,13 +15,9 @@ from pydantic import BaseModel, Field, PlainValidator, model_validator
 from pydantic_core import PydanticCustomError
 
 from geo.airspace.zone import Band
-from geo.validity import DAYS, Hours, Period, Validity
+from geo.validity import DAY_NUMBERS, DAYS, NO_MOMENT, Hours, Period, Validity, moment_of
 
 _YEARS = range(1970, 2200)
-_NO_MOMENT: Final = "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)"
-
-DAY_NUMBERS: Final = {word: number for number, name in enumerate(DAYS) for word in (name, name[:3])}
-"""Of the words for a day, Monday is 0."""
 
 
 class Reference(StrEnum):
@@ -129,27 +125,12 @@ NO_TERMS: Final = ZoneTerms()
 # The form in files
 
 
-def moment_of(value: Any) -> datetime:
-    """A moment in UTC, from ISO 8601 text that says its time zone.
-
-    Raises:
-        ValueError: it is none; says what to write.
-    """
-    try:
-        moment = datetime.fromisoformat(value)
-        if moment.tzinfo is not None:
-            return moment.astimezone(UTC)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise ValueError(_NO_MOMENT)
-
-
 def _moment(value: Any) -> datetime:
     with contextlib.suppress(ValueError):
         moment = moment_of(value)
         if moment.year in _YEARS:
             return moment
-    raise PydanticCustomError("not-a-time", _NO_MOMENT)
+    raise PydanticCustomError("not-a-time", NO_MOMENT)
 
 
 def _time_of_day(value: Any) -> time:

@@ -38,6 +38,11 @@ def stop_signal() -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
+def ending_with_us(*program: str) -> list[str]:
+    """The command line by which a program is started that ends when this process does."""
+    return [sys.executable, "-m", __name__, str(os.getpid()), *program]
+
+
 def main(arguments: list[str]) -> None:
     """Become the program; returns only if the parent is gone already."""
     parent_id, program = int(arguments[0]), arguments[1:]

@@ -18,6 +18,7 @@ from typing import Final
 from air_router.errors import AirRouterError, NoVehicleError
 from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.codec import frames
+from sitl.process.end_with_parent import ending_with_us
 from sitl.process.px4_install import Px4Install
 from sitl.px4sim.state import Place
 
@@ -88,10 +89,7 @@ class Px4Process(Closeable):
         command = install.command(self.instance, folder, variables)
         with self.log.open("wb") as log:
             self._process = subprocess.Popen(  # noqa: S603 - what the user installed
-                [
-                    *(sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid())),
-                    *command,
-                ],
+                ending_with_us(*command),
                 cwd=folder,
                 env={**_inherited(), **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
                 stdin=subprocess.DEVNULL,

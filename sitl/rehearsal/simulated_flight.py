@@ -147,10 +147,6 @@ class SimulatedFlight(Scenario):
 
     # Pilot and stations
 
-    @property
-    def _flies(self) -> bool:
-        return self._operator.flies
-
     def _taken(self, how: str) -> None:
         self._operator.pilot = True
         self.happened(SceneEventKind.PILOT, how)
@@ -163,12 +159,12 @@ class SimulatedFlight(Scenario):
             self.stations.first.sticks()
         if self.autopilot.mode is mode:
             mode = FlightMode.AUTO_RTL
-        if self._flies and self.stations.chosen(mode, self.stations.first):
+        if self._operator.flies and self.stations.chosen(mode, self.stations.first):
             self._taken(mode.name)
 
     def do_second_station(self, name: str) -> None:
         """Another station chooses a mode."""
-        if self._flies and self.stations.chosen(FlightMode[name], self.stations.second):
+        if self._operator.flies and self.stations.chosen(FlightMode[name], self.stations.second):
             self._taken(name)
 
     def do_sticks(self, override: bool) -> None:
@@ -181,25 +177,25 @@ class SimulatedFlight(Scenario):
 
     def do_hand_back(self, _: None) -> None:
         """The pilot lets it hold, and the operator asks for it."""
-        if self._operator.pilot and self._flies:
+        if self._operator.pilot and self._operator.flies:
             self.stations.first.choose(FlightMode.AUTO_LOITER)
             self._operator.resume(after_s=_RESUME_S)
 
     def do_too_early(self, _: None) -> None:
         """The operator asks for the vehicle while the pilot still flies it in another mode."""
         free = self.autopilot.mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
-        if self._operator.pilot and self._flies and not free:
+        if self._operator.pilot and self._operator.flies and not free:
             self._operator.ask(self._fault_dice.choice((GoOn(), ComeHome(), ExploreNow())))
 
     def do_take_back(self, _: None) -> None:
         """The operator has our plan put on board again, and the flight resumed."""
-        if self._flies:
+        if self._operator.flies:
             self._operator.resume(after_s=0.0, upload=True)
 
     def do_pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
         autopilot, companion = self.autopilot, self.companion
-        if companion is None or self._operator.pilot or not self._flies:
+        if companion is None or self._operator.pilot or not self._operator.flies:
             return
         pending = companion.flight.controller.gate.pending
         if autopilot.mission.climbing or pending is not None:
@@ -239,7 +235,7 @@ class SimulatedFlight(Scenario):
     def do_plan(self, which: str) -> None:
         """A station puts the same mission on board, another one, or none."""
         stations = self.stations
-        if not self._flies:
+        if not self._operator.flies:
             return
         lands = self.autopilot.mode is FlightMode.AUTO_LAND
         match which:
@@ -255,7 +251,7 @@ class SimulatedFlight(Scenario):
 
     def do_fence(self, ahead_m: float | None) -> None:
         """A station adds a zone so far ahead, or deletes the fence."""
-        if not self._flies:
+        if not self._operator.flies:
             return
         if ahead_m is None:
             self.stations.delete(MissionType.FENCE)

@@ -9,8 +9,7 @@ from datetime import time
 from typing import Any
 
 from air_router.files.mission_document import Keys
-from air_router.files.zone_terms import DAY_NUMBERS, moment_of
-from geo.validity import DAYS, Hours, Period, Validity
+from geo.validity import DAY_NUMBERS, DAYS, Hours, Period, Validity, moment_of
 
 Doubt = Callable[[Keys, ValueError], None]
 """Takes which entry is not clear, and why."""

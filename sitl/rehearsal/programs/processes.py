@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from mocha_link import Team
+from sitl.process.end_with_parent import ending_with_us
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Line
 from sitl.rehearsal.judge.mission_reader import read_mission
@@ -161,10 +162,7 @@ def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     """
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(  # noqa: S603 - our own program
-            [
-                *(sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid())),
-                *(sys.executable, "-m", "sitl", *arguments),
-            ],
+            ending_with_us(sys.executable, "-m", "sitl", *arguments),
             stdout=subprocess.PIPE,
             stderr=said,
         )
