@@ -83,6 +83,7 @@ class RealFlight:
         self._px4 = px4
         self._program = companion
         self._agenda = Agenda(scene.schedule())
+        self._pending = bool(self._agenda.left)  # something is to happen, and nothing of it has
         self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
         self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
         self._relay: LossyRelay  # from `fly` on, as the others that have no value here
@@ -133,10 +134,10 @@ class RealFlight:
         seen = self._seen
         seen.lines += self._companion.lines
         taken = any(h.what in _TAKEN for h in seen.happenings)
-        refused = self.scene.fault in _NEED and not taken
+        nothing = self._pending or (self.scene.fault in _NEED and not taken)  # has gone wrong
         return seen.evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
-            faults=frozenset({"NONE"}) if refused else self.scene.judged,
+            faults=frozenset({"NONE"}) if nothing else self.scene.judged,
             mission_path=mission,
             mission_text=text,
             exit_code=code,
@@ -149,13 +150,15 @@ class RealFlight:
         """Let happen what is to happen when it is to happen, until the flight is over."""
         wall_s = time.monotonic() + WALL_S
         gone_s: float | None = None
-        self._agenda.enter("armed", began_s)
         while time.monotonic() < wall_s and self._seen.time_s < began_s + FLIGHT_S:
             now_s = self._seen.time_s
+            if self._seen.armed:
+                self._agenda.enter("armed", now_s)
             for line in tuple(self._companion.lines):
                 if state := _STATE.search(line.text):
                     self._agenda.enter(state.group(1), line.time_s)
             for each in self._agenda.take(now_s):
+                self._pending = False
                 carry_out(each, self)
             self._watch(now_s)
             waits = any(each.what == "restart" for each in self._agenda.left)
@@ -328,8 +331,7 @@ class RealFlight:
 
     def do_reload(self, _value: object) -> None:
         """The operator draws a zone around a waypoint, and has the mission file read again."""
-        path = Path(self._arguments[0])
-        text = draw_zone(path, self.scene.chance("zone"))
+        text = draw_zone(Path(self._arguments[0]), self.scene.chance("zone"))
         self._note(SceneEventKind.MISSION_FILE, text)
         self.do_ask("reload")
 

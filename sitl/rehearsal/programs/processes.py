@@ -67,7 +67,7 @@ class Companion:
     ) -> None:
         self._keyboard, terminal = pty.openpty()
         self.process = subprocess.Popen(  # noqa: S603 - our own program
-            [*program, "fly", *arguments, "--json"],
+            ending_with_us(*program, "fly", *arguments, "--json"),
             cwd=folder,
             stdin=terminal,
             stdout=subprocess.PIPE,
@@ -88,8 +88,9 @@ class Companion:
             reader.start()
 
     def _read(self, stream: IO[bytes], keep: Callable[[str], None]) -> None:
-        for line in stream:
-            keep(line.decode(errors="replace").rstrip())
+        with stream:
+            for line in stream:
+                keep(line.decode(errors="replace").rstrip())
 
     def _line(self, text: str) -> None:
         self.lines.append(Line(self._now_s(), text))
@@ -304,8 +305,8 @@ class Programs:
         self._brakes.clear()
         for vehicle in (self._vehicle, self._second):
             if vehicle is not None:
-                vehicle.terminate()
-                vehicle.wait()
+                with vehicle:  # waits, and closes its pipe
+                    vehicle.terminate()
 
     @contextlib.contextmanager
     def team(self, folder: Path) -> Iterator[str]:
@@ -319,5 +320,5 @@ class Programs:
             self.relay.copy_truth_to = port_of(ready["truth"])
             yield f"--team={ready['team']}"
         finally:
-            process.terminate()
-            process.wait()
+            with process:
+                process.terminate()

@@ -1,0 +1,19 @@
+"""What the judge says of programs that are not flown as they should be."""
+
+from pathlib import Path
+
+import pytest
+
+from sitl.rehearsal.faults import Fault
+from sitl.rehearsal.judge.judge_flight import judge
+from sitl.rehearsal.programs.flight import RealFlight
+from sitl.rehearsal.programs.scenes import WireScene
+
+PENNOVATION = Path(__file__).parents[4] / "missions" / "pennovation" / "mission.yaml"
+
+
+@pytest.mark.parametrize("fault", [Fault.HOME_MOVED, Fault.DISARMED])
+def test_a_companion_that_does_not_fly_is_not_good_whatever_would_have_gone_wrong(fault):
+    verdict = judge(RealFlight(WireScene(fault, 0), PENNOVATION, companion=("false",)).fly())
+    assert not verdict.good
+    assert verdict.faults == {"NONE"}
