@@ -123,7 +123,7 @@ def _fly(
                 team=team,
                 uav=uav,
                 log_dir=folder,
-                rate=lambda: clock.rate,
+                clock=clock,
             ),
         )
         flight.page = page_of(

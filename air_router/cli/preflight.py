@@ -72,7 +72,7 @@ async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
         team=team,
         uav=uav,
         log_dir=folder_of(arguments),
-        rate=lambda: clock.rate,
+        clock=clock,
     )
     vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
     try:

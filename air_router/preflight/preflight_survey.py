@@ -14,6 +14,7 @@ from air_router.preflight import preflight
 from air_router.preflight.card import Card, Check
 from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
 from air_router.routing.router import Router
+from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
 from mocha_link import Team
 
@@ -34,7 +35,7 @@ class PreflightSurvey:
     uav: str = ""  # our name in the team
     log_dir: Path | None = None  # where the log goes
     unix: Callable[[], float] = time.time  # this computer's clock
-    rate: Callable[[], float] = lambda: 1.0  # seconds of the vehicle in one of ours
+    clock: VehicleClock | None = None  # the vehicle's; None: as ours
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
@@ -51,6 +52,7 @@ class PreflightSurvey:
         finally:
             team.cancel()
         mission = self.mission
+        rate = 1.0 if self.clock is None else await self.clock.measured_rate()
         checks: list[Check] = [
             *first,
             preflight.place(mission, self.router, info, telemetry),
@@ -59,7 +61,7 @@ class PreflightSurvey:
             preflight.gps(inspection.gps),
             preflight.wind(inspection.wind_m_s),
             preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
-            *parameters(mission, inspection.parameters, rate=self.rate()),
+            *parameters(mission, inspection.parameters, rate=rate),
             straight_return(mission),
             *preflight.notes(mission),
             preflight.clock(

@@ -56,7 +56,7 @@ class VehicleClock:
         self._boot_s: float | None = None  # the newest the vehicle said
         self._alive_s = 0.0  # when it was heard, monotonic
         self._carried_s = 0.0  # heard for so long without a newer time
-        self._rate = 1.0  # vehicle's seconds per second of ours
+        self._rate: float | None = None  # vehicle's seconds per second of ours; None: not measured
         self._mark: tuple[float, float] | None = None  # both clocks where the rate was measured
         self._epoch_s: float | None = None  # Unix time at boot
         self._synchronised = False  # the vehicle told it
@@ -107,11 +107,12 @@ class VehicleClock:
             if self._boot_s is None:
                 return 0.0
             since_s = self._carried_s + min(self._monotonic() - self._alive_s, _SILENCE_S)
-            ahead_s = min(since_s, _SILENCE_S) * self._rate
+            rate = 1.0 if self._rate is None else self._rate
+            ahead_s = min(since_s, _SILENCE_S) * rate
             if self._ceiling is not None:
                 ahead_s = min(ahead_s, ALLOWANCE_S)  # farther it does not go without us
             # For long it is carried on at our pace at most: ahead of the vehicle it would wait.
-            ahead_s += max(0.0, since_s - _SILENCE_S) * min(self._rate, 1.0)
+            ahead_s += max(0.0, since_s - _SILENCE_S) * min(rate, 1.0)
             self._told_s = max(self._told_s, self._boot_s + ahead_s)
             return self._told_s
 
@@ -119,10 +120,21 @@ class VehicleClock:
     def rate(self) -> float:
         """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation.
 
-        Where the simulation waits for us it changes all the time: then what it is at most.
+        Where the simulation waits for us it changes all the time: then what it is at most. 1 until
+        it was measured.
         """
         with self._lock:
-            return self._rate if self._ceiling is None else self._ceiling
+            measured = self._rate if self._ceiling is None else self._ceiling
+            return 1.0 if measured is None else measured
+
+    async def measured_rate(self) -> float:
+        """The rate, once it was measured; a vehicle that says no time is not waited for."""
+        waits = _RATE_WINDOW_S / 10
+        for _ in range(30):
+            if self._rate is not None or self._ceiling is not None:
+                break
+            await asyncio.sleep(waits)
+        return self.rate
 
     @property
     def most_ahead_s(self) -> float:

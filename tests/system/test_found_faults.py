@@ -123,6 +123,15 @@ def node(command, short_mission, tmp_path):
     return start
 
 
+def test_what_is_installed_is_checked_and_what_is_shipped_is_listed():
+    pins = (UNDER_TEST / "constraints.txt").read_text(encoding="utf-8").replace("\\\n", "")
+    pinned = [line for line in pins.splitlines() if "==" in line]
+    assert pinned
+    assert all("--hash=sha256:" in line for line in pinned)
+    assert "://" not in pins
+    assert "sbom" in (UNDER_TEST / "Makefile").read_text(encoding="utf-8")
+
+
 def test_a_web_page_asks_a_node_for_nothing(node):
     port = free_port()
     node(f"--serve=tcp://127.0.0.1:{port}")

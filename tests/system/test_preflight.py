@@ -65,6 +65,7 @@ def card(shared_command, shared_folder):
     text = re.sub(r"(?m)^accepts: .*$", "", mission.read_text(encoding="utf-8"))
     mission.write_text(text, encoding="utf-8")
     wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
+    wrong["COM_OBC_LOSS_T"] = 12  # of its seconds, of which ten go in one of ours
     vehicle = shared_command(
         *("sitl", "vehicle", mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
         f"--truth-to=127.0.0.1:{find_port()}",
@@ -87,3 +88,7 @@ def test_what_would_end_a_flight_badly_is_red(card, name):
 
 def test_the_wind_is_on_the_card(card):
     assert card["wind"]["verdict"] == "look"
+
+
+def test_a_time_that_a_fast_simulation_s_parameters_multiply_is_as_wanted(card):
+    assert "COM_OBC_LOSS_T" not in card

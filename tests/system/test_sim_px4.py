@@ -1,14 +1,22 @@
-"""`air-router sim --px4`: a flight on a real PX4, and what is said where there is none."""
+"""The processes of `air-router sim`: stopped, killed; a real PX4, and what is said without one."""
 
 import json
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from air_router.control.control import ControlClient
+from air_router.vehicle.clock import ALLOWANCE_S
+from sitl.process.pace import STALLED_SPEED
 from sitl.process.px4_install import NoPx4Error, find_px4
+
+ON_LINUX = pytest.mark.skipif(
+    sys.platform != "linux", reason="looks at processes as Linux has them"
+)
 
 
 def gone(process_id):
@@ -33,15 +41,38 @@ def children(pid):
     return {"team" if "team" in said else "vehicle": child for child, said in words.items()}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
-def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(
-    command, short_mission, tmp_path
-):
+@pytest.fixture(scope="module")
+def simulation(shared_command, shared_mission, shared_folder):
+    """A flight that climbs, the processes of its world, and where to ask it something."""
+    control = f"ipc://{shared_folder}/control"
+    flight = shared_command(
+        *("air-router", "sim", shared_mission, "--speed=20", f"--control={control}"),
+        *("--log-dir", shared_folder / "logs"),
+    )
+    flight.wait_for("READY -> INIT")
+    return flight, children(flight.process.pid), control
+
+
+@ON_LINUX
+def test_the_world_waits_for_a_process_that_is_stopped(simulation):
+    """Else which robots a flight meets depends on how busy the machine is."""
+    _, world, control = simulation
+    with ControlClient(control, timeout_s=60) as uav:
+        os.kill(world["team"], signal.SIGSTOP)
+        try:
+            began_s, from_s = time.monotonic(), uav.status()["time_s"]
+            time.sleep(1.5)
+            flown_s = uav.status()["time_s"] - from_s
+            waited_s = time.monotonic() - began_s
+        finally:
+            os.kill(world["team"], signal.SIGCONT)
+    assert flown_s < ALLOWANCE_S + waited_s * STALLED_SPEED
+
+
+@ON_LINUX
+def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(simulation):
     """All robots, their gossip nodes and radios are one process."""
-    logs = tmp_path / "logs"
-    flight = command("air-router", "sim", short_mission, "--speed=10", "--log-dir", logs)
-    flight.wait_for("on board and read back")
-    world = children(flight.process.pid)
+    flight, world, _ = simulation
     assert len(world) == 2
     os.kill(world["team"], signal.SIGKILL)
     flight.wait_for("sitl team was killed by signal 9: no robot, radio or camera")
