@@ -21,6 +21,7 @@ from typing import Any
 
 from air_router.errors import NoVehicleError
 from air_router.mission.fleet import Layer
+from air_router.sim.ports import free_port, is_free
 from air_router.vehicle.pace import PaceSource
 from mocha_link.node.lifetime import Closeable
 
@@ -198,9 +199,9 @@ class SimWorld(Closeable):
     def _with_ours(self) -> tuple[list[SimVehicle], dict[str, Any]]:
         """Our own vehicles and a team around them; all know when time began."""
         epoch = ["--epoch", str(int(time.time()))]
-        ports = [_free_ports() for _ in self._uavs]
-        truths = [f"udp://127.0.0.1:{truth}" for _, truth, _ in ports]
-        (*_, pace_port) = _free_ports()
+        ports = [(free_port(), free_port()) for _ in self._uavs]
+        truths = [f"udp://127.0.0.1:{truth}" for _, truth in ports]
+        pace_port = free_port(socket.SOCK_STREAM)
         self.pace = PaceSource("127.0.0.1", pace_port, self._options.speed)
         follow = ["--pace-from", str(self.pace)]
         # The first vehicle's clock is the world's: it waits for team, flights and other vehicles.
@@ -208,7 +209,7 @@ class SimWorld(Closeable):
         team = self._start_team(truths, [*epoch, *follow])
         seats: list[SimVehicle] = []
         vehicles: list[Child] = []
-        for number, (uav, (api, truth, _)) in enumerate(zip(self._uavs, ports, strict=True)):
+        for number, (uav, (api, truth)) in enumerate(zip(self._uavs, ports, strict=True)):
             to = ["--api-to", f"127.0.0.1:{api}", "--truth-to", f"127.0.0.1:{truth}"]
             more = ["--no-gcs", "--seed", str(self._options.seed + number), *epoch]
             more += follow if vehicles else lead
@@ -246,10 +247,9 @@ class SimWorld(Closeable):
     def _start_team(self, truths: Sequence[str], arguments: list[str]) -> Child:
         places = []
         for uav, truth in zip(self._uavs, truths, strict=True):
-            _, _, camera_port = _free_ports()
             name = f"{uav}=" if uav else ""
             places += ["--truth", f"{name}{truth}"]
-            places += ["--camera", f"{name}tcp://127.0.0.1:{camera_port}"]
+            places += ["--camera", f"{name}tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}"]
         for name, endpoint in self._options.rovers:
             places += ["--rover", f"{name}={endpoint}"]
         files = ["--free-ports", str(self._folder), "--report", str(self._report)]
@@ -287,19 +287,14 @@ def _free_instances(count: int) -> list[int]:
     Raises:
         NoVehicleError: there are not so many.
     """
-    free = [number for number in range(_PX4_INSTANCES) if _is_free(_PX4_PORT + number)]
+    free = [
+        number
+        for number in range(_PX4_INSTANCES)
+        if is_free(socket.SOCK_DGRAM, "127.0.0.1", _PX4_PORT + number)
+    ]
     if len(free) < count:
         raise NoVehicleError(f"{count} PX4s are to start, and ports are free for {len(free)} only")
     return free[:count]
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
 
 
 def _named(what: str, uav: str) -> str:
@@ -308,14 +303,3 @@ def _named(what: str, uav: str) -> str:
 
 def _camera(places: dict[str, dict[str, str]], uav: str) -> str:
     return places[uav]["camera"] if uav else next(iter(places.values()))["camera"]
-
-
-def _free_ports() -> tuple[int, int, int]:
-    """Ports that are free now: two UDP, one TCP."""
-    with contextlib.ExitStack() as stack:
-        ports = []
-        for kind in (socket.SOCK_DGRAM, socket.SOCK_DGRAM, socket.SOCK_STREAM):
-            probe = stack.enter_context(socket.socket(socket.AF_INET, kind))
-            probe.bind(("127.0.0.1", 0))
-            ports.append(probe.getsockname()[1])
-    return ports[0], ports[1], ports[2]

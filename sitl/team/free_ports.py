@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import AirRouterError
+from air_router.sim.ports import PORTS, is_free
 from mocha_link.team.document import Document
 from mocha_link.team.team import Robot, Team
 
 _ATTEMPTS = 50
-_PORTS = range(20_000, 32_000)  # below the ephemeral range, whose ports any program may hold
-
 
 _TEXT: Final = """
 robots:
@@ -74,7 +73,7 @@ def derive_team(team: Team, directory: Path, name: str = "team.yaml") -> Team:
 def _places(team: Team, chance: random.Random) -> dict[str, dict[str, object]]:
     network = f"127.{chance.randint(1, 254)}.{chance.randint(0, 255)}"
     needed = sum(len(robot.clients) + 1 for robot in team.robots.values())
-    port = chance.randrange(_PORTS.start, max(_PORTS.start + 1, _PORTS.stop - needed))
+    port = chance.randrange(PORTS.start, max(PORTS.start + 1, PORTS.stop - needed))
     places: dict[str, dict[str, object]] = {}
     for index, robot in enumerate(team.robots.values()):
         listen = f"{network}.{1 + index % 120}"
@@ -91,7 +90,7 @@ def _places(team: Team, chance: random.Random) -> dict[str, dict[str, object]]:
 
 def _all_free(robot: Robot) -> bool:
     return all(
-        _free(kind, host, port)
+        is_free(kind, host, port)
         for kind, host, port in (
             *_tcp_places(robot),
             (socket.SOCK_DGRAM, robot.listen, robot.base_port + len(robot.clients)),
@@ -103,12 +102,3 @@ def _tcp_places(robot: Robot) -> Iterator[tuple[socket.SocketKind, str, int]]:
     for offset in range(len(robot.clients)):
         for host in (robot.address, robot.listen):
             yield socket.SOCK_STREAM, host, robot.base_port + offset
-
-
-def _free(kind: socket.SocketKind, host: str, port: int) -> bool:
-    with socket.socket(socket.AF_INET, kind) as attempt:
-        try:
-            attempt.bind((host, port))
-        except OSError:
-            return False
-    return True

@@ -17,16 +17,11 @@ import urllib.request
 
 import pytest
 
+from air_router.sim.ports import free_port
 from tests.docs.blocks import ROOT, blocks
 
 STEPS = [block for block in blocks() if block.page.name == "tutorial.md"]
 PATIENCE_S = 240
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture
@@ -45,7 +40,7 @@ class Walk:
 
     def __init__(self, folder):
         self.folder = folder
-        self.web = str(free_port())
+        self.web = str(free_port(socket.SOCK_STREAM))
         self.flight = None
         self.told = folder / "flight.log"
 

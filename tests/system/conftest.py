@@ -20,6 +20,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 import air_router.cli.cli
+from air_router.sim.ports import free_port
 from mocha_link import Team
 from sitl.team.free_ports import derive_team
 from tests.system.looker import CHROMIUM, OPTIONS
@@ -45,12 +46,6 @@ def program(name, checkout=UNDER_TEST):
 
 def environment(checkout=UNDER_TEST):
     return {**os.environ, "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
-
-
-def find_port(kind=socket.SOCK_DGRAM):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Command:
@@ -181,12 +176,12 @@ def browser():
 
 @pytest.fixture
 def udp_port():
-    return find_port()
+    return free_port()
 
 
 @pytest.fixture
 def free_udp_port():
-    return find_port
+    return free_port
 
 
 class Heartbeats:

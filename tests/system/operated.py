@@ -3,8 +3,9 @@
 import os
 import pty
 
+from air_router.sim.ports import free_port
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
-from tests.system.conftest import LIMIT_S, ROOT, find_port, hurry
+from tests.system.conftest import LIMIT_S, ROOT, hurry
 from tests.system.test_hostile_flight import without_relays
 
 DRAWN = "  - {name: drawn, circle: {centre: [39.94260, -75.20030], radius_m: 3}}\n"
@@ -30,7 +31,7 @@ class Operated:
         self.mission = hurry(folder / "mission")
         without_relays(self.mission.with_name("team.yaml"))
         self.logs = folder / "logs"
-        port = find_port()
+        port = free_port()
         self.relay = LossyRelay(port, 0)
         self.relay.weather = weather or Weather()
         self._keyboard, terminal = pty.openpty()

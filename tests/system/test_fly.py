@@ -15,9 +15,10 @@ from air_router.control.control import ControlClient, ControlError
 from air_router.mission.loading import load_mission
 from air_router.record.log import Log
 from air_router.record.replay import replay
+from air_router.sim.ports import free_port
 from geo.frame import Point
 from mocha_link import Team
-from tests.system.conftest import find_port, program
+from tests.system.conftest import program
 
 HOLD, MISSION = 0x03040000, 0x04040000
 
@@ -63,7 +64,7 @@ def test_a_flight_that_meets_no_robot_goes_where_it_is_told_and_comes_home(
     mission = load_mission(short_mission)
     inside = Point(*mission.zones[0].polygon.centroid.coords[0])
     outside = Point(0.0, 5000.0)
-    pace = f"127.0.0.1:{find_port(socket.SOCK_STREAM)}"
+    pace = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     vehicle(speed=25, pace=["--pace", pace])
     endpoint = f"ipc://{tmp_path}/control"
     flight = fly("--arm", "--yes", "--control", endpoint, f"--pace-from={pace},25")

@@ -15,6 +15,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.control.control import ControlClient
+from air_router.sim.ports import free_port
 from mocha_link import Team
 from mocha_link.service.service_client import ServiceClient
 from sitl.px4sim.state import FlightMode
@@ -25,7 +26,7 @@ from tests.air_router.record.test_replay import chunks_of
 from tests.stray_post import post
 from tests.system.conftest import LIMIT_S, ROOT, UNDER_TEST
 from tests.system.operated import Operated, draw_zone
-from tests.system.test_hostile_flight import free_port, without_relays
+from tests.system.test_hostile_flight import without_relays
 
 CORNER = "39.9419367"
 HOLD = FlightMode.AUTO_LOITER.custom_mode
@@ -133,7 +134,7 @@ def test_what_is_installed_is_checked_and_what_is_shipped_is_listed():
 
 
 def test_a_web_page_asks_a_node_for_nothing(node):
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     node(f"--serve=tcp://127.0.0.1:{port}")
     assert b"{" not in answer_to_a_page(port, b'{"request":"team","id":1}')
 
@@ -214,7 +215,7 @@ def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
 @pytest.fixture(scope="module")
 def ready(shared_command, shared_folder):
     """A flight that waits for its pilot."""
-    control = free_port()
+    control = free_port(socket.SOCK_STREAM)
     folder = shared_folder / "ready"
     folder.mkdir()
     with Operated(shared_command, folder, f"--control={control}", speed=4) as flight:

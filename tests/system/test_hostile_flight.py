@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.control.control import ControlClient
 from air_router.live.page_address import SHOWN_AT, PageAddress
+from air_router.sim.ports import free_port
 from mocha_link import ManualRadio, Node, Team
 from mocha_link.links.link_events import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post
@@ -29,11 +30,6 @@ SOCKET = """(url) => new Promise((done) => {
   socket.onopen = () => done('open');
   socket.onerror = () => done('refused');
 })"""
-
-
-def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
 
 
 class Answerer:
@@ -153,7 +149,7 @@ def without_relays(path):
 def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission, udp_port, browser):
     team = without_relays(short_mission.parent / "team.yaml")
     vehicle(speed=6)
-    control = free_port()
+    control = free_port(socket.SOCK_STREAM)
     flight = command(
         *("air-router", "fly", short_mission, "--arm", "--yes", "--json"),
         *(f"--connect=udpin://127.0.0.1:{udp_port}", "--web", "0", "--control", control),

@@ -16,6 +16,7 @@ from pathlib import Path
 import lz4.frame
 import pytest
 
+from air_router.sim.ports import free_port
 from mocha_link import Node
 from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.radios import ManualRadio
@@ -60,9 +61,7 @@ class Original:
         self._stack = stack
         self._folder = folder
         self._name = name
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = free_port(socket.SOCK_STREAM)
         self._master = f"http://127.0.0.1:{port}"
         master = f"\"import rosmaster; rosmaster.rosmaster_main(['', '--core', '-p', '{port}'])\""
         self._run("master", "exec", PYTHON, "-c", master)

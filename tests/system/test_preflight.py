@@ -7,8 +7,9 @@ import socket
 import pytest
 import zmq
 
+from air_router.sim.ports import free_port
 from mocha_link import Team
-from tests.system.conftest import ROOT, find_port, hurry
+from tests.system.conftest import ROOT, hurry
 
 
 @pytest.fixture
@@ -61,14 +62,14 @@ def test_another_place_s_vehicle_is_refused(vehicle, preflight):
 @pytest.fixture(scope="module")
 def card(shared_command, shared_folder):
     """The lines of a card, by name; some parameters of the vehicle are wrong."""
-    mission, port = hurry(shared_folder / "wrong"), find_port()
+    mission, port = hurry(shared_folder / "wrong"), free_port()
     text = re.sub(r"(?m)^accepts: .*$", "", mission.read_text(encoding="utf-8"))
     mission.write_text(text, encoding="utf-8")
     wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
     wrong["COM_OBC_LOSS_T"] = 12  # of its seconds, of which ten go in one of ours
     vehicle = shared_command(
         *("sitl", "vehicle", mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
-        f"--truth-to=127.0.0.1:{find_port()}",
+        f"--truth-to=127.0.0.1:{free_port()}",
         *(f"--param={name}={value}" for name, value in wrong.items()),
         checkout=ROOT,
     )

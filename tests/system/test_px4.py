@@ -9,6 +9,7 @@ import pytest
 from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import Command, FlightPlan, Frame
 from air_router.mission.loading import load_mission
+from air_router.sim.ports import free_port
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4, px4_connection, px4_plan
 from air_router.vehicle.px4.px4 import Px4Vehicle
@@ -22,7 +23,6 @@ from air_router.vehicle.vehicle import (
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
-from tests.system.conftest import find_port
 
 LIMIT_S = 240  # against hangs only
 
@@ -40,10 +40,10 @@ def vehicle(vehicle):
 @pytest.fixture(scope="module")
 def standing(shared_command, shared_mission):
     """A mission, and the port of a vehicle that stands at its home: for what moves nothing."""
-    port = find_port()
+    port = free_port()
     vehicle = shared_command(
         *("sitl", "vehicle", shared_mission, "--speed=8", f"--api-to=127.0.0.1:{port}"),
-        *("--no-gcs", f"--truth-to=127.0.0.1:{find_port()}"),
+        *("--no-gcs", f"--truth-to=127.0.0.1:{free_port()}"),
     )
     vehicle.ready()
     return load_mission(shared_mission), port
@@ -293,9 +293,12 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
 
     async def come_later(vehicle):
         heard = vehicle.telemetry._on_flight_information
+        lost = []
 
         def late(fields):
-            asyncio.get_running_loop().call_later(0.3, heard, fields)
+            if lost:
+                asyncio.get_running_loop().call_later(0.3, heard, fields)
+            lost.append(fields)
 
         monkeypatch.setattr(vehicle.telemetry, "_on_flight_information", late)
         return (await vehicle.connect()).took_off_s

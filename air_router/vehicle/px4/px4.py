@@ -93,7 +93,8 @@ class Px4Vehicle(Px4Motions, Vehicle):
                 f"{self._url}: PX4 answers but sends no positions within {DATA_S:.0f} s; "
                 "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
             )
-        await telemetry.shows(telemetry.introduced, ONCE_S)
+        if not await telemetry.shows(telemetry.introduced, ONCE_S) and telemetry.in_air:
+            await px4_requests.ask_since_when_it_flies(telemetry)
         work = (self._watch_silence(), px4_requests.keep_streams(telemetry))
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(

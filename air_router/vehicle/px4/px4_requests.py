@@ -57,6 +57,7 @@ REPORT_S: Final = 1.0
 
 PARAMETER_S: Final = 0.5
 PARAMETER_ATTEMPTS: Final = 5
+FLIGHT_ATTEMPTS: Final = 5
 
 
 async def begin(telemetry: Px4Telemetry) -> None:
@@ -64,6 +65,14 @@ async def begin(telemetry: Px4Telemetry) -> None:
     requests = [(SET_MESSAGE_INTERVAL, STREAMS[name], 1e6 / hz) for name, hz in RATES_HZ.items()]
     requests += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
     await asyncio.gather(*(_request(telemetry, *request) for request in requests))
+
+
+async def ask_since_when_it_flies(telemetry: Px4Telemetry) -> None:
+    """Ask a vehicle in the air again: one lost datagram must not cost the flight its duration."""
+    for _ in range(FLIGHT_ATTEMPTS):
+        await _request(telemetry, REQUEST_MESSAGE, FLIGHT_INFORMATION)
+        if await telemetry.shows(lambda: telemetry.told_flight, PARAMETER_S):
+            return
 
 
 async def keep_streams(telemetry: Px4Telemetry) -> None:

@@ -5,8 +5,6 @@ passes and where the vehicle really is; pilots and other stations are played fro
 out is evidence for the same judge as of flights in one process.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re
@@ -17,12 +15,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
+from air_router.sim.ports import free_port
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
-from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, free_port, hurry
+from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WireScene

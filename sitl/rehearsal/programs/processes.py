@@ -10,7 +10,6 @@ import pty
 import random
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -19,6 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, Final
 
+from air_router.sim.ports import free_port
 from mocha_link import Team
 from sitl.process.end_with_parent import ending_with_us
 from sitl.rehearsal.faults import Fault
@@ -205,13 +205,6 @@ def draw_zone(path: Path, dice: random.Random) -> str:
     text = f"{before}{found}  - {zone}\n{after}"
     path.write_text(text, encoding="utf-8")
     return text
-
-
-def free_port() -> int:
-    """A UDP port that no program has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Programs:

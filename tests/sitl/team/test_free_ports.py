@@ -42,7 +42,7 @@ def test_every_ordered_pair_of_a_team_is_relayed_where_the_client_dials(team):
 
 
 def test_when_nothing_is_free_it_says_so(team, tmp_path, monkeypatch):
-    monkeypatch.setattr("sitl.team.free_ports._free", lambda *_: False)
+    monkeypatch.setattr("sitl.team.free_ports.is_free", lambda *_: False)
     with pytest.raises(NoFreePortsError, match=r"127\.0\.0\.0/8"):
         derive_team(team, tmp_path)
 

@@ -1,6 +1,5 @@
 """MAVSDK, which reads plans by strict rules of its own, reads those that we write."""
 
-import contextlib
 import socket
 import threading
 from pathlib import Path
@@ -15,6 +14,7 @@ from pymavlink.dialects.v20 import common
 from air_router.files.json_document import json_text
 from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
 from air_router.mission.loading import read_draft
+from air_router.sim.ports import free_port
 
 DATA = Path(__file__).parents[3] / "data"
 MISSIONS = Path(__file__).parents[4] / "missions"
@@ -31,9 +31,7 @@ SOURCES = [
 def importer():
     """The importing plugin; it wants an autopilot that says that it is there."""
     log_subscribe(lambda *_: True)  # keeps MAVSDK's log off stdout
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
     over = threading.Event()
