@@ -126,7 +126,7 @@ def _fly(
                 clock=clock,
             ),
         )
-        flight.page = page_of(
+        flight.loop.page = page_of(
             web_of(arguments),
             mission,
             flight.controller,

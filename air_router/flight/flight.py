@@ -26,13 +26,10 @@ from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, Refuse
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
-from air_router.flight.mission_reloader import MissionReloader
-from air_router.flight.motions import MotionSender
 from air_router.flight.resumption import flown_before
 from air_router.flight.terminal import StatusLine, flight_line, listening
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper, receive_patches
-from air_router.live.page import NoPage, Page
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.preflight.card import Card, PreflightRefusedError
@@ -58,7 +55,7 @@ LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
 
 
-class Flight(FlightLoop):
+class Flight:
     """Flies a mission once.
 
     Args:
@@ -75,6 +72,13 @@ class Flight(FlightLoop):
         arm: Arm and start; otherwise wait for the pilot to do it.
         survey: Looks at everything before the flight; None: nothing but the mission's router.
         resume: Go on with a flight that is under way, instead of beginning one.
+
+    Attributes:
+        router: Plans the mission's routes.
+        controller: Decides.
+        stats: Counts for the flight result.
+        loop: Brings events to the controller, and carries out what it decides.
+        commands: Takes requests.
     """
 
     def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
@@ -94,7 +98,6 @@ class Flight(FlightLoop):
         survey: Callable[[Router], PreflightSurvey] | None = None,
         resume: bool = False,
     ) -> None:
-        super().__init__()
         self._mission = mission
         self._vehicle = vehicle
         self._clock = clock
@@ -117,25 +120,30 @@ class Flight(FlightLoop):
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
         self.controller = Controller(setup, self.router, self._plan)
-        self.stats = FlightStats.of(mission, mapper, seek)  # what the flight result says
+        self.stats = FlightStats.of(mission, mapper, seek)
+        self.loop = FlightLoop(
+            self.controller,
+            self.stats,
+            plan=self._plan,
+            vehicle=vehicle,
+            clock=clock,
+            gossip=gossip,
+            recorder=recorder,
+            status=status,
+        )
         view = FlightView(mission, self.controller, self.stats, gossip.links)
         self.commands = CommandService(
-            mission.frame, self.controller, self._decide, lambda: self._reloader.latest, view.tell
+            mission.frame,
+            self.controller,
+            self.loop.decide,
+            lambda: self.loop.reloader.latest,
+            view.tell,
         )
-        self.page: Page = NoPage()  # told of every event; serves nothing by default
         self._control = None if control is None else ControlServer(control, self.commands.grant)
-        self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
-        self._motions = MotionSender(
-            vehicle,
-            self._plan,
-            lambda motion: self.controller.navigator.objection(motion, clock.boot_s()),
-            self._on_event,
-        )
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
-        self._leaving = False  # it ends; what still comes is not decided on
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
 
     async def run(self) -> FlightResult:
@@ -144,34 +152,33 @@ class Flight(FlightLoop):
         Raises:
             NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
         """
-        loop = asyncio.get_running_loop()
-        self._finish = loop.create_future()
-        self._first = loop.create_future()
-        loop.set_exception_handler(self._on_loop_error)
-        self._recorder.trouble = lambda text: loop.call_soon_threadsafe(self._status.say, text)
+        running = asyncio.get_running_loop()
+        ended = self.loop.begin()
+        self._first = running.create_future()
+        self._recorder.trouble = lambda text: running.call_soon_threadsafe(self._status.say, text)
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self._on_interrupt)
+            running.add_signal_handler(number, self._on_interrupt)
         say = self._status.say
         try:
-            async with self.page.serving(say):
+            async with self.loop.page.serving(say):
                 with listening(partial(self.commands.typed, say), say):
-                    self._start(self._begin())
-                    outcome, exit_code = await self._finish
+                    self.loop.start(self._begin())
+                    outcome, exit_code = await ended
         finally:
             await self._let_go()
             for number in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(number)
+                running.remove_signal_handler(number)
         return self._result(outcome, exit_code)
 
     async def _begin(self) -> None:
         await self._prepare()
-        self._start(self._motions.run())
+        self.loop.start(self.loop.motions.run())
         if self._camera is not None:
-            self._start(receive_patches(self._camera, self._paint))
+            self.loop.start(receive_patches(self._camera, self._paint))
         if self._resume:
             self._go_on()
             return
-        await self._reloader.settled()
+        await self.loop.reloader.settled()
         if self._arm:
             self._check_still()
             await self._vehicle.arm()
@@ -198,14 +205,14 @@ class Flight(FlightLoop):
         self._admit()
         await self._vehicle.upload(self._plan)
         self._status.say(f"on board and read back: {self._plan.size}")
-        self._reloader.plan_on_board()
+        self.loop.reloader.plan_on_board()
 
     def _admit(self) -> None:
         self._admitted = True
-        self._gossip.start(self._on_event)
+        self._gossip.start(self.loop.on_event)
         if self._control is not None:
             self._control.open()
-            self._start(self._control.run())
+            self.loop.start(self._control.run())
             self._status.say(f"requests are taken at {self._control.endpoint}")
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
@@ -226,10 +233,10 @@ class Flight(FlightLoop):
         find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
         flown, words = await asyncio.to_thread(find, self._mission, info, self._newest)
         self._status.say(words)
-        self._reloader.plan_on_board()
+        self.loop.reloader.plan_on_board()
         self._admit()
-        self._on_event(flown)
-        self._on_event(self._newest)
+        self.loop.on_event(flown)
+        self.loop.on_event(self._newest)
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
@@ -257,10 +264,10 @@ class Flight(FlightLoop):
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
-        if self._leaving:
+        if self.loop.leaving:
             return  # what still comes while the link is closed
         if isinstance(event, Telemetry) and self._restarted(event):
-            self._end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
+            self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
         if not self._admitted:  # nothing is decided on a vehicle that may be refused
             if isinstance(event, Telemetry):
@@ -269,10 +276,10 @@ class Flight(FlightLoop):
                     self._first.set_result(event)
             return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
-            self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
+            self.loop.end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
         if isinstance(event, Telemetry) and self._too_late(event):
             return
-        self._on_event(event)
+        self.loop.on_event(event)
         if isinstance(event, Telemetry):
             self._gossip.tell(event)
             self._recorder.map(self._mapper, event.time_s)
@@ -286,7 +293,7 @@ class Flight(FlightLoop):
             return False
         if self._clock.now_s() <= latest.timestamp():
             return False
-        self._end(
+        self.loop.end(
             f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
             "apply at certain times; start it anew",
             ExitCode.REFUSED,
@@ -312,16 +319,12 @@ class Flight(FlightLoop):
             os._exit(ExitCode.INTERRUPTED)
         self._interrupted = True
         self._status.say("interrupted; once more to leave at once")
-        self._end("interrupted", ExitCode.INTERRUPTED)
+        self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
-        tasks = tuple(self._tasks)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-        self._carry_out()
-        ours = self._flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
-        self._leaving = True
+        await self.loop.stop()
+        ours = self.loop.flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
+        self.loop.leaving = True
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours:

@@ -39,7 +39,8 @@ from air_router.flight.mission_reloader import MissionReloader, ReloadReport
 from air_router.flight.motions import MotionSender
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
-from air_router.live.page import Page
+from air_router.live.page import NoPage, Page
+from air_router.mission.flight_plan import FlightPlan
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import FlightMode, Vehicle
@@ -127,45 +128,80 @@ class CommandService:
 
 
 class FlightLoop:
-    """Events in, actions out; its parts, which `Flight` puts together.
+    """Events in, actions out.
+
+    Args:
+        controller: Decides.
+        stats: Counts for the flight result.
+        plan: What goes on board.
+        vehicle: Flies what is decided.
+        clock: The vehicle's.
+        gossip: The UAV's node.
+        recorder: Where every event and decision goes.
+        status: What the operator sees.
 
     Attributes:
-        controller: Decides.
-        stats: What the flight result says.
-        page: Told of every event.
+        page: Told of every event; serves nothing by default.
+        motions: Brings the controller's motions to the vehicle.
+        reloader: Reads the mission file again, and puts changed zones on board.
+        leaving: The vehicle is let go: what still comes is not decided on.
     """
 
-    controller: Controller
-    stats: FlightStats
-    page: Page
-    _clock: VehicleClock
-    _vehicle: Vehicle
-    _gossip: Gossip
-    _recorder: Recorder
-    _status: StatusLine
-    _motions: MotionSender
-    _reloader: MissionReloader
-    _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends
-    _leaving: bool  # it ends; what still comes is not decided on
+    _finish: asyncio.Future[tuple[str, ExitCode]]  # how the flight ends; set by `begin`
 
-    def __init__(self) -> None:
+    def __init__(  # noqa: PLR0913 - all that an action can reach
+        self,
+        controller: Controller,
+        stats: FlightStats,
+        *,
+        plan: FlightPlan,
+        vehicle: Vehicle,
+        clock: VehicleClock,
+        gossip: Gossip,
+        recorder: Recorder,
+        status: StatusLine,
+    ) -> None:
+        self._controller = controller
+        self._stats = stats
+        self._vehicle = vehicle
+        self._clock = clock
+        self._gossip = gossip
+        self._recorder = recorder
+        self._status = status
+        self.page: Page = NoPage()
+        self.motions = MotionSender(
+            vehicle,
+            plan,
+            lambda motion: controller.navigator.objection(motion, clock.boot_s()),
+            self.on_event,
+        )
+        self.reloader = MissionReloader(controller, vehicle, self.on_event, status.say)
+        self.leaving = False
         # what happened, what was decided on it and when, to be noted and carried out in order
         self._decided: deque[tuple[Event, list[Action], float]] = deque()
         self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
 
-    def _on_event(self, event: Event) -> None:
+    def begin(self) -> asyncio.Future[tuple[str, ExitCode]]:
+        """Get ready in the running event loop; the outcome of the flight, once it has one."""
+        running = asyncio.get_running_loop()
+        running.set_exception_handler(self._on_loop_error)
+        self._finish = running.create_future()
+        return self._finish
+
+    def on_event(self, event: Event) -> None:
+        """Something happened: decide on it, and do what was decided."""
         try:
-            self._decide(event)
+            self.decide(event)
         finally:
             self._carry_out()
 
-    def _decide(self, event: Event) -> list[Action]:
+    def decide(self, event: Event) -> list[Action]:
         """Decide on what happened; that is carried out in the loop's next turn, if not before."""
         asyncio.get_running_loop().call_soon(self._carry_out)
         now_s, actions = self._clock.boot_s(), list[Action]()
         self._decided.append((event, actions, now_s))  # also what leads to a fault is recorded
-        if not self._leaving:  # once the vehicle is let go nothing is decided any more
-            actions += self.controller.handle(event, now_s)
+        if not self.leaving:  # once the vehicle is let go nothing is decided any more
+            actions += self._controller.handle(event, now_s)
         return actions
 
     def _carry_out(self) -> None:
@@ -174,7 +210,7 @@ class FlightLoop:
             event, actions, now_s = self._decided.popleft()
             self._recorder.event(event, now_s)
             self._recorder.actions(actions, now_s)
-            self.stats.step(event, actions, now_s)
+            self._stats.step(event, actions, now_s)
             self.page.step(event, actions, now_s)
             for action in actions:
                 self._act(action, now_s)
@@ -182,14 +218,14 @@ class FlightLoop:
     def _act(self, action: Action, now_s: float) -> None:
         match action:
             case _ if isinstance(action, Motion):
-                self._motions.give(action)
+                self.motions.give(action)
             case PublishMap():
                 self._gossip.publish_map(now_s)
                 self._gossip.exchange()
             case Seeking(robot=robot):
                 self._gossip.tell_sought(robot, now_s)
             case ReadAgain() | RenewPlan():
-                self._start(self._reloader.work(action))
+                self.start(self.reloader.work(action))
             case Announce(text=text):
                 self._tell(text, now_s)
             case CommandAck(by=by, accepted=accepted, why=why):
@@ -199,35 +235,44 @@ class FlightLoop:
             case StateChanged():
                 self._on_state(action, now_s)
             case Finish():
-                aborted_why = None if self.stats.flew else self.controller.context.ending_why
-                self._end(*ending_of(action, aborted_why))
+                aborted_why = None if self._stats.flew else self._controller.context.ending_why
+                self.end(*ending_of(action, aborted_why))
 
     def _on_state(self, change: StateChanged, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
         if change.target is State.PASSIVE:
-            self._motions.call_off()
+            self.motions.call_off()
         if change.source is State.READY:
             self._reckon_with_delays(now_s)
 
     def _reckon_with_delays(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
-        self.controller.gate.reaction_s = reaction_s
+        self._controller.gate.reaction_s = reaction_s
         self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
 
     def _tell(self, text: str, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {text}")
-        self._start(self._vehicle.announce(f"air_router: {text}"))
+        self.start(self._vehicle.announce(f"air_router: {text}"))
 
-    def _end(self, outcome: str, exit_code: ExitCode) -> None:
+    def end(self, outcome: str, exit_code: ExitCode) -> None:
+        """The flight is over; the first outcome counts."""
         if not self._finish.done():
             self._finish.set_result((outcome, exit_code))
 
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+    def start(self, work: Coroutine[Any, Any, None]) -> None:
         """Run something beside the flight; an error in it ends the flight."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._on_task_done)
+
+    async def stop(self) -> None:
+        """Cancel what runs beside the flight, and carry out what was decided."""
+        tasks = tuple(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self._carry_out()
 
     def _on_task_done(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
@@ -243,8 +288,9 @@ class FlightLoop:
         else:
             loop.default_exception_handler(context)
 
-    def _flies_by_us(self) -> bool:
-        controller, telemetry = self.controller, self.controller.context.telemetry
+    def flies_by_us(self) -> bool:
+        """Whether the vehicle flies, or is about to, because we told it to."""
+        controller, telemetry = self._controller, self._controller.context.telemetry
         if telemetry is None or telemetry.in_air:
             return telemetry is not None and controller.context.in_charge
         # Armed in Mission mode on the ground it is about to take off, with no companion.
