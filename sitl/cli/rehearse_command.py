@@ -11,7 +11,7 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
@@ -118,21 +118,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Rehearse, and print what became of it."""
-    if arguments.mavlink or arguments.px4:
-        return _run_programs(arguments)
-    chosen = [
-        scene
-        for scene in scenes(arguments.share, arguments.seed)
-        if not arguments.fault or scene.fault.name in arguments.fault
-    ]
-    began_s = time.monotonic()
-    verdicts = []
-    for scene, verdict in rehearse(arguments.mission, chosen, arguments.jobs):
+    began_s, verdicts = time.monotonic(), []
+    programs = bool(arguments.mavlink or arguments.px4)
+    for scene, verdict in _flown_by_programs(arguments) if programs else _flown(arguments):
         verdicts.append((scene.fault.name, verdict))
         if arguments.json:
             print_json(_as_json(scene, verdict))
+            sys.stdout.flush()
         for violation in verdict.violations[:MOST_VIOLATIONS]:
             sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: {violation}\n")
+        if programs and verdict.good:  # one takes a minute
+            sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: good\n")
     if not arguments.json:
         sys.stdout.write(table(verdicts, {fault.name: fault.words for fault in Fault}) + "\n")
     sys.stderr.write(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s\n")
@@ -140,14 +136,19 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE
 
 
-def rehearse(path: Path, chosen: Sequence[Scene], jobs: int) -> Iterator[tuple[Scene, Verdict]]:
-    """Fly scenes of a mission, in processes of their own where there are several jobs."""
-    if jobs <= 1:
-        yield from ((scene, fly(path, scene)) for scene in chosen)
+def _flown(arguments: argparse.Namespace) -> Iterator[tuple[Scene, Verdict]]:
+    """Scenes in processes of ours."""
+    chosen = [
+        scene
+        for scene in scenes(arguments.share, arguments.seed)
+        if not arguments.fault or scene.fault.name in arguments.fault
+    ]
+    fly_one = functools.partial(fly, arguments.mission)
+    if arguments.jobs <= 1:
+        yield from zip(chosen, map(fly_one, chosen), strict=True)
         return
-    with ProcessPoolExecutor(jobs) as pool:
-        verdicts = pool.map(functools.partial(fly, path), chosen, chunksize=2)
-        yield from zip(chosen, verdicts, strict=True)
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        yield from zip(chosen, pool.map(fly_one, chosen, chunksize=2), strict=True)
 
 
 def fly(path: Path, scene: Scene) -> Verdict:
@@ -161,25 +162,18 @@ def fly(path: Path, scene: Scene) -> Verdict:
         logging.disable(logging.NOTSET)
 
 
-def _not_flown(scene: str, faults: frozenset[str], error: Exception) -> Verdict:
-    """The verdict where the rehearsal itself failed."""
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
-    return Verdict(scene, faults, End.NOT, (Violation(0.0, "evidence", text),))
-
-
-def _run_programs(arguments: argparse.Namespace) -> int:
+def _flown_by_programs(arguments: argparse.Namespace) -> Iterator[tuple[WireScene, Verdict]]:
+    """Scenes in which the real programs fly, each in processes of its own."""
     chosen = [
         scene
         for scene in wire_scenes(arguments.share)
         if (not arguments.fault or scene.fault.name in arguments.fault)
         and arguments.seed in {None, scene.seed}
     ]
-    began_s, bad = time.monotonic(), 0
+    path = arguments.mission.absolute()
+    companion = shlex.split(arguments.companion) if arguments.companion else OURS
 
-    def flown(scene: WireScene) -> Verdict:
-        path = arguments.mission.absolute()
-        companion = shlex.split(arguments.companion) if arguments.companion else OURS
+    def fly_one(scene: WireScene) -> Verdict:
         try:
             return judge(RealFlight(scene, path, arguments.speed, arguments.px4, companion).fly())
         except Exception as error:  # noqa: BLE001 - as in `fly`
@@ -187,17 +181,14 @@ def _run_programs(arguments: argparse.Namespace) -> int:
 
     # Threads only wait for the programs; of PX4s one flies at a time.
     with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:
-        for scene, verdict in zip(chosen, pool.map(flown, chosen), strict=True):
-            bad += not verdict.good
-            words = "good" if verdict.good else "; ".join(map(str, verdict.violations))
-            if arguments.json:
-                print_json(_as_json(scene, verdict))
-            else:
-                sys.stdout.write(f"{verdict.scene}: {verdict.end.value}: {words}\n")
-            sys.stdout.flush()
-    spent_s = time.monotonic() - began_s
-    sys.stderr.write(f"{len(chosen)} flights in {spent_s:.0f} s, {bad} not as they should be\n")
-    return ExitCode.ENDED_OTHERWISE if bad else ExitCode.DONE
+        yield from zip(chosen, pool.map(fly_one, chosen), strict=True)
+
+
+def _not_flown(scene: str, faults: frozenset[str], error: Exception) -> Verdict:
+    """The verdict where the rehearsal itself failed."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
+    return Verdict(scene, faults, End.NOT, (Violation(0.0, "evidence", text),))
 
 
 def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
