@@ -293,6 +293,15 @@ class CurveConnection:
 
     def turn(self, _now_s: float) -> bool:
         """Take in what ZeroMQ tells about the connection; says whether anything arrived."""
+        self._take_events()
+        if self._full:  # if nothing has told a better reason
+            self.failure = self.failure or "the connection takes nothing more"
+        before = self._received
+        with kernel.borrowed(self._fd, remote=self._port) as connection:
+            self._received = kernel.bytes_received(connection) or before
+        return self._received > before
+
+    def _take_events(self) -> None:
         while self._monitor.poll(0):
             event = parse_monitor_message(self._monitor.recv_multipart(zmq.NOBLOCK))
             if event["event"] == zmq.Event.CONNECTED:
@@ -300,12 +309,6 @@ class CurveConnection:
             else:
                 self._fd = None  # the first event says why, those after it only that
                 self.failure = self.failure or _FAILURES.get(event["event"])
-        if self._full:  # if nothing has told a better reason
-            self.failure = self.failure or "the connection takes nothing more"
-        before = self._received
-        with kernel.borrowed(self._fd, remote=self._port) as connection:
-            self._received = kernel.bytes_received(connection) or before
-        return self._received > before
 
     def send(self, frame: bytes) -> None:
         """Send a request; the empty delimiter makes it one for REP sockets."""
@@ -337,6 +340,7 @@ class CurveConnection:
 
     def abort(self) -> None:
         """Close at once: what was sent and is not out yet shall not come late."""
+        self._take_events()  # its descriptor may not have been told yet
         with kernel.borrowed(self._fd, remote=self._port) as connection:
             kernel.reset(connection)
         self.close(0)

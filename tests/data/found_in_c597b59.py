@@ -1,7 +1,7 @@
 """Faults of commit c597b59 that no program shows in seconds, as tests in the names of that commit.
 
     cp tests/data/found_in_c597b59.py OLD/tests/air_router/test_found.py
-    cd OLD && python -m pytest -n 0 tests/air_router/test_found.py
+    PYTHONPATH=OLD python -m pytest -n 0 -c OLD/pyproject.toml OLD/tests/air_router/test_found.py
 
 All fail there. docs/rehearsal.md names the same tests in today's names, which pass.
 """

@@ -79,6 +79,7 @@ FOREIGN = {  # first words of commands that are not ours
     "ros2": "ROS 2",
     "export": "",
     "CHECKOUT_UNDER_TEST=OLD": "needs another checkout (rehearsal.md)",
+    "PYTHONPATH=OLD": "the same",
     "MOCHA_WORKSPACE=CATKIN_WS": "needs ROS 1; starts tests/system/test_live_original.py",
     "while": "a shell loop with a radio's own program",
     "do": "",
