@@ -209,6 +209,9 @@ class Controller:
                 self._missing.follow(status, telemetry)  # the climb ends above home by itself
         if context.state is State.READY:
             self.states.ready.watch(telemetry)
+        climbs = context.state is State.READY and context.handed_over and telemetry.in_air
+        if climbs and (why := self.returns.due(telemetry)) is not None:
+            context.come_home(why)
         if moved is Response.HOLD and context.in_charge:
             context.come_home("home was moved in the climb")
 

@@ -195,6 +195,27 @@ def hand_back(dice: random.Random) -> Schedule:
     ]
 
 
+pushed: Final = often("push", 5, (15.0, 35.0), lambda dice: dice.uniform(22.0, 40.0))
+"""Gusts of so many m/s, each as soon as something is near."""
+
+
+def hand_back_low(dice: random.Random) -> Schedule:
+    """The pilot has it land, stops that well below its altitude, and hands it back."""
+    return [
+        ScheduledFault(0.0, "pilot", "AUTO_LAND"),
+        ScheduledFault(dice.uniform(12.0, 24.0), "hand back"),
+    ]
+
+
+def blind_and_empty(dice: random.Random) -> Schedule:
+    """No position comes any more, and the battery reaches its reserve meanwhile."""
+    lost_s = dice.choice((90.0, math.inf))
+    return [
+        ScheduledFault(0.0, "stream", (POSITION, StreamFault.LOST, lost_s)),
+        ScheduledFault(0.0, "battery", dice.uniform(22.0, 38.0)),
+    ]
+
+
 def taken_in_haste(dice: random.Random) -> Schedule:
     """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
     at_s = dice.uniform(2.0, 5.0)

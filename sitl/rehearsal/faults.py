@@ -21,16 +21,19 @@ from sitl.rehearsal.courses import (
     Course,
     Schedule,
     ScheduledFault,
+    blind_and_empty,
     brief,
     diverted,
     drift,
     hand_back,
+    hand_back_low,
     height,
     lie,
     often,
     on_board,
     one,
     placed,
+    pushed,
     restart_taken,
     span,
     spells,
@@ -84,6 +87,7 @@ class Fault(Enum):
     NONE = Kind("nothing", 6, alone=True)
     GUSTS = Kind("wind to 10 m/s with gusts", 20)
     STORM = Kind("wind of 12 to 25 m/s with gusts", 12)
+    PUSHED = Kind("a gust pushes it towards a zone or the fence", 12, pushed, "INIT", alone=True)
     JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, _JUMPS, "INIT")
     DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, drift(0.3, 0.0))
     ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, height)
@@ -101,6 +105,9 @@ class Fault(Enum):
     )
     BRIEF_STREAM = Kind("one stream lost, frozen, late or wrong for 3 s", 30, brief)
     LOST_POSITION = Kind("position lost, frozen, late or wrong", 24, stream(*POSITION))
+    BLIND_AND_EMPTY = Kind(
+        "position lost while the battery falls to its reserve", 6, blind_and_empty, alone=True
+    )
     LOST_BATTERY = Kind("battery lost, frozen, late or wrong", 24, stream(*BATTERY))
     LOST_FIX = Kind("satellites lost, frozen, late or wrong", 24, stream(*SATELLITES))
     LOST_LANDED = Kind("landed state lost, frozen, late or wrong", 24, stream(*LANDED))
@@ -121,6 +128,9 @@ class Fault(Enum):
         "pilot moves the sticks without COM_RC_OVERRIDE", 8, one("sticks", lambda _: False)
     )
     HAND_BACK = Kind("pilot takes over and hands back", 20, hand_back)
+    HANDED_BACK_LOW = Kind(
+        "pilot lands it, stops that low, and hands back", 8, hand_back_low, alone=True
+    )
     TAKEN_IN_HASTE = Kind(
         "pilot takes over while commands of ours wait", 16, taken_in_haste, alone=True
     )

@@ -69,6 +69,16 @@ class FlyableSpace:
         self._legal = kept(_SHORT_M)  # outside of it the judge calls a way bad
         shapely.prepare([self._clear, self._leaving, self._legal])
 
+    def nearest(self, here: Pair) -> tuple[float, Pair]:
+        """How far the next zone or fence is, and its direction: east and north, of length 1."""
+        borders = [zone.polygon for zone in self.mission.zones]
+        borders += [fence.polygon.boundary for fence in self.mission.fences]
+        point = shapely.Point(here)
+        near = min(borders, key=point.distance)
+        to = shapely.get_coordinates(shapely.shortest_line(point, near))[1]
+        away_m = max(float(point.distance(near)), 1e-6)
+        return away_m, ((to[0] - here[0]) / away_m, (to[1] - here[1]) / away_m)
+
     def around_a_corner(self, here: Pair, velocity_m_s: Pair, dice: random.Random) -> Pair | None:
         """A place that is clear from here, and not from where it can stop; None: none found."""
         stands = rest(here, velocity_m_s)

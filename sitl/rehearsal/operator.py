@@ -163,22 +163,22 @@ class Operator:
             self.ask(GoOn(upload=self._upload))
 
     def _send(self) -> bool:
-        place = self._space.in_sight(self._here, self._haste)
+        place = self.space.in_sight(self.here, self._haste)
         if place is not None:
             self._sent = place
             self._go_to(place)
         return True
 
     def _set_out(self, brakes_s: float | None) -> bool:
-        space = self._space
-        turn = space.turn(self._here, space.mission.speed_m_s, brakes_s or 0.0, self._haste)
+        space = self.space
+        turn = space.turn(self.here, space.mission.speed_m_s, brakes_s or 0.0, self._haste)
         if turn is None:
             return True
         self._go_to(turn.towards)
 
         def turn_off() -> bool:
             speed_m_s = math.hypot(*self._velocity_m_s)
-            if math.dist(self._here, turn.at) > AT_M or speed_m_s < FAST_M_S or not self._ours:
+            if math.dist(self.here, turn.at) > AT_M or speed_m_s < FAST_M_S or not self._ours:
                 return False
             if brakes_s is not None:
                 self.ask(HoldNow())
@@ -188,13 +188,13 @@ class Operator:
                 self._go_to(turn.off_to)
             return True
 
-        self._wait_for(turn_off)
+        self.wait_for(turn_off)
         return True
 
     def _around(self) -> bool:
         """Send it around a corner while it brakes; what it was sent to before is forgotten."""
         velocity_m_s = self._velocity_m_s
-        off_to = self._space.around_a_corner(self._here, velocity_m_s, self._haste)
+        off_to = self.space.around_a_corner(self.here, velocity_m_s, self._haste)
         if off_to is not None:
             self._go_to(off_to)
         return off_to is not None or math.hypot(*velocity_m_s) < SLOW_M_S
@@ -221,19 +221,19 @@ class Operator:
             if speed_m_s < FAST_M_S or not self._ours:
                 return False
             radius_m = self._haste.uniform(5.0, 10.0)
-            ahead_m = STOPS_M + self._space.mission.clearance_m + spare_m + radius_m
-            here, share = self._here, ahead_m / speed_m_s
+            ahead_m = STOPS_M + self.space.mission.clearance_m + spare_m + radius_m
+            here, share = self.here, ahead_m / speed_m_s
             centre = (here[0] + share * east_m_s, here[1] + share * north_m_s)
             self._draw_circle(self._point(centre), radius_m)
             return True
 
-        self._wait_for(draw)
+        self.wait_for(draw)
 
     def do_zone_over(self, deep_m: float) -> None:
         """Draw a zone over it, and over the way to where it was sent last."""
         if self._sent is None:
             return
-        here, radius_m = self._here, 10.0
+        here, radius_m = self.here, 10.0
         share = (radius_m - deep_m) / math.dist(here, self._sent)
         east_m, north_m = (a + share * (b - a) for a, b in zip(here, self._sent, strict=True))
         self._draw_circle(self._point((east_m, north_m)), radius_m)
@@ -292,13 +292,15 @@ class Operator:
         return companion is not None and companion.in_charge
 
     @property
-    def _space(self) -> FlyableSpace:
+    def space(self) -> FlyableSpace:
+        """Where it may fly, by the mission file as it is now."""
         return flyable_space(self._flight.file.path, self._flight.file.text)
 
     @property
-    def _here(self) -> Pair:
+    def here(self) -> Pair:
+        """Where the vehicle really is: metres east and north in the mission's frame."""
         degrees = self._flight.mission.frame.to_geodetic(self._flight.place)
-        east, north = self._space.mission.frame.metres(*degrees)
+        east, north = self.space.mission.frame.metres(*degrees)
         return float(east), float(north)
 
     @property
@@ -307,7 +309,7 @@ class Operator:
         return airframe.velocity_east_m_s, airframe.velocity_north_m_s
 
     def _point(self, place: Pair) -> Point:
-        return self._flight.mission.frame.to_local(*self._space.mission.frame.degrees(*place))
+        return self._flight.mission.frame.to_local(*self.space.mission.frame.degrees(*place))
 
     def _go_to(self, place: Pair) -> None:
         self.ask(GoTo((self._point(place),)))
@@ -316,7 +318,8 @@ class Operator:
         at_s = self._flight.now_s + seconds
         self._waiting.append((math.inf, lambda: self._flight.now_s >= at_s and what()))
 
-    def _wait_for(self, moment: Moment) -> None:
+    def wait_for(self, moment: Moment) -> None:
+        """Do something in its moment, if that comes soon."""
         self._waiting.append((self._flight.now_s + LOOKS_S, moment))
 
 

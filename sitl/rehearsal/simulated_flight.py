@@ -20,6 +20,10 @@ from sitl.rehearsal.stand_ins.link import StreamFault, Way, wrong_of
 from sitl.rehearsal.stand_ins.team import pose, prank_of
 
 STICKS_S: Final = 3.0
+GUST_S: Final = 2.0
+PUSHED_M: Final = (5.5, 10.0)
+"""So near to a zone a vehicle is pushed: from nearer it would be in it at once."""
+
 _RESUME_S: Final = 2.0
 MOVING_M_S: Final = 1.0
 _ACK_ERROR, _NO_SPACE = 1, 4  # MAV_MISSION_RESULT
@@ -89,6 +93,25 @@ class SimulatedFlight(Scenario):
     def do_off(self, up_m: float) -> None:
         """The altitude estimate jumps."""
         self.autopilot.errors.jump(0.0, 0.0, up_m)
+
+    def do_push(self, gust_m_s: float) -> None:
+        """Wind comes up for a moment where a zone or fence is near, and blows towards it."""
+        wind, operator = self.autopilot.wind, self._operator
+
+        def push() -> bool:
+            away_m, (east, north) = operator.space.nearest(operator.here)
+            in_charge = self.companion is not None and self.companion.in_charge
+            if not PUSHED_M[0] < away_m < PUSHED_M[1] or not in_charge:
+                return False
+            wind.blow(gust_m_s * north, gust_m_s * east)
+            self._agenda.add(self.now_s + GUST_S, ScheduledFault(0.0, "calm"))
+            return True
+
+        operator.wait_for(push)
+
+    def do_calm(self, _: None) -> None:
+        """The gust is over."""
+        self.autopilot.wind.blow(0.0, 0.0)
 
     def do_satellites(self, number: int) -> None:
         """So many are in use."""

@@ -155,6 +155,10 @@ class Wind:
         self._trim = (0.0, 0.0)  # the part of the push that the controller makes up for, m/s2
         self.north_m_s = self.east_m_s = 0.0
 
+    def blow(self, north_m_s: float, east_m_s: float) -> None:
+        """The mean wind is another one from now on, and goes towards there."""
+        self._mean = (north_m_s, east_m_s)
+
     def step(
         self, step_s: float, velocity_m_s: tuple[float, float], *, flying: bool
     ) -> tuple[float, float]:

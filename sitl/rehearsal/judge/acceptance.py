@@ -95,6 +95,10 @@ ACCEPTED: Final = MappingProxyType(
         "NONE": _HOME,
         "GUSTS": _row(End.LANDED, tolerance=Tolerance(home_m=2.0)),
         "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0)),
+        # Pushed over the border it is the autopilot's, or given away; pushed near it is told.
+        "PUSHED": _row(
+            *(End.LANDED, End.FAILSAFE, End.PILOT), tolerance=Tolerance(room_m=8.0, home_m=2.0)
+        ),
         "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,
@@ -116,6 +120,7 @@ ACCEPTED: Final = MappingProxyType(
         # For ever: it holds, or commands nothing, until the pilot or a battery failsafe ends it.
         # What has to be said of it, and when, `judge_inputs` knows.
         "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
+        "BLIND_AND_EMPTY": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         "LOST_BATTERY": _HOME,
         "LOST_FIX": _HOME,
         "WRONG_FIX": _row(End.LANDED, End.NOT),  # one that comes and goes is held for
@@ -125,6 +130,7 @@ ACCEPTED: Final = MappingProxyType(
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
+        "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _row(End.PILOT, says="pilot|ground station|taken|took"),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),

@@ -13,6 +13,7 @@ import numpy as np
 from sitl.rehearsal.judge.acceptance import End, Row, accepted
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, SceneEventKind
 from sitl.rehearsal.judge.judge_inputs import InputJudge
+from sitl.rehearsal.judge.judge_requests import RequestJudge
 from sitl.rehearsal.judge.judge_seat import announcements
 from sitl.rehearsal.judge.judge_space import SpaceJudge
 from sitl.rehearsal.judge.judge_track import LAND_MODE, Responsible, Track, Violation, number
@@ -94,11 +95,14 @@ def judge(evidence: Evidence) -> Verdict:
     wire.judge()
     inputs = InputJudge(track, wire.legs, row.notice_s)
     inputs.judge()
+    requests = RequestJudge(track, wire.legs, row.notice_s)
+    requests.judge()
     end = _end(track, row)
     found = [
         *space.violations,
         *wire.violations,
         *inputs.violations,
+        *requests.violations,
         *_ending(track, end, row),
         *_words(track, end, row),
     ]

@@ -11,7 +11,7 @@ import itertools
 import math
 import re
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -48,9 +48,19 @@ _NEARS_S: Final = 10.0
 _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
 
+_SHORT_M, _SHORT_S = 1.0, 1.0
+"""So much of a clearance has to be missing, for so long, that it must be noticed."""
+
+_BACK_S: Final = 15.0
+"""What a vehicle has to leave the place where a pilot gave it back."""
+
+_HOME_UP_M: Final = 3.0
+"""A home that is moved up or down by so much changes what the plan's heights mean."""
+
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
+_LEVEL: Final = _CRUISE | {"GOTO", "HOLD"}
 _ENDING: Final = frozenset({"HOME", "LAND", "PASSIVE", "DONE"})
 
 
@@ -78,6 +88,7 @@ class InputJudge(CompanionsSeat):
         self._judge_failsafe([m for m in heard if m.name == "HEARTBEAT"])
         self._judge_breaches(positions)
         self._judge_heights(positions)
+        self._judge_home_moved()
 
     def _judge_files_left(self) -> None:
         """Other zones or fences that it was asked to apply, and did not: it says why."""
@@ -182,10 +193,13 @@ class InputJudge(CompanionsSeat):
             counts = (times_s >= version.from_s) & (
                 times_s < (later[0].from_s if later else math.inf)
             )
+            places = np.column_stack((east_m, north_m))
             for area, fence in areas_in_force(version):
-                within = counts & (amsl_m >= area.lower_m) & (amsl_m <= area.upper_m)
-                within &= _is_in(area, np.column_stack((east_m, north_m)), fence=fence)
-                for begin_s, end_s in spans(messages, within):
+                level = counts & (amsl_m >= area.lower_m) & (amsl_m <= area.upper_m)
+                deep_m = _depths_m(area, places, fence=fence)
+                short = level & (-deep_m < area.clearance_m - _SHORT_M)
+                self._judge_room(version, area, list(spans(messages, short)))
+                for begin_s, end_s in spans(messages, level & (deep_m > _BREACH_M)):
                     due_s = begin_s + _BREACH_S + self._reacts_s
                     drawn = (
                         begin_s < version.from_s + _LEAVES_S
@@ -194,6 +208,30 @@ class InputJudge(CompanionsSeat):
                     if lasts and self._answers(begin_s, due_s, ours=False):
                         what = f"a breach of {area.name}"
                         self._expect("breach|too near", begin_s, due_s, what, _NEARS_S)
+
+    def _judge_room(
+        self, version: MissionVersion, area: Area, too_near: Sequence[tuple[float, float]]
+    ) -> None:
+        """By its own report it was nearer to a zone or fence than it may be, in cruise."""
+        for begin_s, end_s in too_near:
+            if end_s - begin_s < _SHORT_S or self._state(begin_s) not in _LEVEL:
+                continue
+            appears = begin_s < version.from_s + _LEAVES_S
+            given = any(from_s < begin_s < to_s + _BACK_S for from_s, to_s, _ in self.track.given)
+            due_s = begin_s + 2 * _SHORT_S + self.notice_s + self.track.evidence.reaction_s
+            if appears or given or not self._answers(begin_s, due_s):
+                continue
+            what = f"it came too near to {area.name}"
+            self._expect("breach|too near", begin_s, due_s, what, _NEARS_S)
+            self._judge_stop(begin_s, what)
+
+    def _judge_home_moved(self) -> None:
+        """By a station, up or down."""
+        before_m = self.track.ground_m
+        for moved in self.track.evidence.told(SceneEventKind.HOME_MOVED):
+            up_m, before_m = moved.value[2] - before_m, moved.value[2]
+            if abs(up_m) >= _HOME_UP_M and self._state(moved.time_s) in _CRUISE:
+                self._judge_stop(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
 
     def _judge_heights(self, messages: Sequence[WireMessage]) -> None:
         """An altitude that no vehicle can have flown to."""
@@ -206,20 +244,19 @@ class InputJudge(CompanionsSeat):
             if self._state(begin_s) in _CRUISE and self._answers(begin_s, due_s):
                 what = f"the altitude jumped by {jump_m:.1f} m"
                 self._expect("altitude|height", begin_s, due_s, what)
+                self._judge_stop(begin_s, what)
 
 
 def _is_among(area: Area, version: MissionVersion) -> bool:
     return any(same_area(area, other) for other, _ in areas_in_force(version))
 
 
-def _is_in(area: Area, places: Floats, *, fence: bool) -> Any:
-    """Which places are in a zone, or outside of a fence, and not at its very border."""
+def _depths_m(area: Area, places: Floats, *, fence: bool) -> Floats:
+    """How deep each place is in a zone, or how far outside of a fence; negative: not at all."""
     points = shapely.points(places)
-    away_m = shapely.distance(area.outline, points)
     if area.radius_m:
-        depth_m = away_m - area.radius_m if fence else area.radius_m - away_m
-        return depth_m > _BREACH_M
-    if fence:
-        return away_m > _BREACH_M
-    deep = shapely.distance(shapely.boundary(area.outline), points) > _BREACH_M
-    return shapely.intersects(area.outline, points) & deep
+        beyond_m = shapely.distance(area.outline, points) - area.radius_m
+    else:
+        border_m = shapely.distance(shapely.boundary(area.outline), points)
+        beyond_m = np.where(shapely.intersects(area.outline, points), -border_m, border_m)
+    return np.asarray(beyond_m if fence else -beyond_m)

@@ -133,33 +133,51 @@ class CompanionsSeat(Judge):
     def _reacts_s(self) -> float:
         return _SAID_S + self.notice_s + max(self.track.evidence.reaction_s - 1.0, 0.0)
 
-    def _judge_standing(self, began_s: float, span: tuple[float, float], what: str) -> None:
+    def _judge_standing(
+        self, began_s: float, span: tuple[float, float], what: str, kind: str = "blind"
+    ) -> None:
         """Within the span no leg begins, and some seconds later the vehicle stands."""
         track, (from_s, until_s) = self.track, span
         if from_s >= until_s or not self._answers(began_s, from_s):
             return
         for message in self.legs:
             if from_s <= message.time_s <= until_s and self._answers(began_s, message.time_s):
-                self.add(message.time_s, "blind", f"a leg, though {what} at {began_s:.1f} s")
+                self.add(message.time_s, kind, f"a leg, though {what} at {began_s:.1f} s")
                 break
         first, last = track.at(from_s + _BRAKED_S), track.at(until_s)
         limit_m_s = track.mission.speed_m_s / 2.0
         for index in range(first, last, _SECOND):
             after = min(index + _SECOND, len(track.time_s) - 1)
-            seconds = float(track.time_s[after] - track.time_s[index])
-            if seconds <= 0.0 or not self._cruises(index) or not self._cruises(after):
+            if not self._cruises(index) or not self._cruises(after):
                 continue
-            speed_m_s = (
-                math.hypot(
-                    track.east_m[after] - track.east_m[index],
-                    track.north_m[after] - track.north_m[index],
-                )
-                / seconds
-            )
+            speed_m_s = self._speed_m_s(index, after)
             if speed_m_s > limit_m_s:
                 text = f"flies on at {speed_m_s:.1f} m/s, though {what} at {began_s:.1f} s"
-                self.add(float(track.time_s[after]), "blind", text, speed_m_s, limit_m_s)
+                self.add(float(track.time_s[after]), kind, text, speed_m_s, limit_m_s)
                 return
+
+    def _judge_stop(self, began_s: float, what: str) -> None:
+        """Some seconds later the vehicle has slowed down, if only for a moment."""
+        track, due_s = self.track, began_s + self._reacts_s + _BRAKED_S
+        if not self._answers(began_s, due_s):
+            return
+        first, last = track.at(began_s), track.at(due_s)
+        if not all(self._cruises(index) for index in range(first, last + 1)):
+            return
+        parts = range(first, last - _SECOND // 2, _SECOND // 5)
+        slowest_m_s = min(self._speed_m_s(index, index + _SECOND // 2) for index in parts)
+        limit_m_s = track.mission.speed_m_s / 2.0
+        if slowest_m_s > limit_m_s:
+            text = f"at {slowest_m_s:.1f} m/s all the time, though {what} at {began_s:.1f} s"
+            self.add(due_s, "held", text, slowest_m_s, limit_m_s)
+
+    def _speed_m_s(self, index: int, after: int) -> float:
+        """Horizontally, from one sample to another."""
+        track = self.track
+        seconds = max(float(track.time_s[after] - track.time_s[index]), 1e-3)
+        east_m = float(track.east_m[after] - track.east_m[index])
+        north_m = float(track.north_m[after] - track.north_m[index])
+        return math.hypot(east_m, north_m) / seconds
 
     def _cruises(self, index: int) -> bool:
         track = self.track

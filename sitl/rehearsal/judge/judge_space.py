@@ -33,6 +33,9 @@ STOP_S: Final = 6.0
 DRIFT_M: Final = 2.0
 """So much nearer a vehicle may come while it stops where a pilot left it too near to a zone."""
 
+CLIMBS_M: Final = 12.0
+"""So far a vehicle may drift, or brake, that climbs where a pilot gave it back."""
+
 BESIDE_HOME_M: Final = 3.0
 """So far beyond the acceptance radius it may climb, and begin to land."""
 
@@ -110,7 +113,7 @@ class SpaceJudge(Judge):
         near_m = mission.acceptance_m + BESIDE_HOME_M + self.tolerance.home_m
         worst: dict[str, tuple[float, Violation]] = {}
         up = landing = False
-        excuse_m, before = 0.0, Responsible.OURS
+        excuse_m, before, back_at = 0.0, Responsible.OURS, 0
 
         def note(kind: str, text: str, value: float, limit: float) -> None:
             short = abs(value - limit)
@@ -131,7 +134,7 @@ class SpaceJudge(Judge):
                 if (
                     before is not Responsible.OURS and beyond_m
                 ):  # it may not get farther off from here
-                    excuse_m = beyond_m + DRIFT_M
+                    excuse_m, back_at = beyond_m + DRIFT_M, index
                 lands = track.evidence.samples[index].custom_mode == LAND_MODE
                 begins = (lands and not landing) or not (up or excuse_m or lands)
                 if begins and home_m > (allowed_m := near_m + track.off_m[index]):
@@ -140,6 +143,10 @@ class SpaceJudge(Judge):
                 if up and not lands and beyond_m > excuse_m:
                     text = f"at {above_m:.1f} m, the plan flies {low_m:.1f} to {high_m:.1f} m"
                     note("altitude", text, above_m, low_m if above_m < low_m else high_m)
+                on_m = track.between_m(back_at, index) - track.off_m[index]
+                if excuse_m and not lands and on_m > CLIMBS_M + self.tolerance.room_m:
+                    text = f"flew {on_m:.0f} m on at {above_m:.1f} m, where it was given back"
+                    note("altitude", text, on_m, CLIMBS_M)
                 landing = lands
             before = by
         self.violations += [violation for _, violation in worst.values()]

@@ -173,6 +173,11 @@ class Track:
         """How far a sample is from home, horizontally."""
         return math.hypot(self.east_m[index], self.north_m[index])
 
+    def between_m(self, index: int, other: int) -> float:
+        """How far two samples are from each other, horizontally."""
+        east_m = self.east_m[other] - self.east_m[index]
+        return math.hypot(east_m, self.north_m[other] - self.north_m[index])
+
     def commands(self) -> Iterator[WireMessage]:
         """What the companion sent to the vehicle."""
         return (m for m in self.evidence.messages if m.component == COMPANION)

@@ -91,6 +91,9 @@ def test_a_flight_that_heard_all_is_good():
     assert found(flight()) == set()
 
 
+CRUISES = (43.0, "43.0 s  READY -> INIT")
+NEAR = ((0, 0), (17, 0), (17, 60), (0, 60), (0, 0))
+"""By 3 m past the shed."""
 POSITION, FIX = "GLOBAL_POSITION_INT", "GPS_RAW_INT"
 
 
@@ -191,15 +194,36 @@ def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
 
 def test_an_altitude_that_nothing_can_have_flown_to_is_said():
     def spoil(message):
-        if message.name != POSITION or not 70.0 <= message.time_s < 90.0:
+        if message.name != POSITION or not 70.0 <= message.time_s < 88.0:
             return message
         fields = {**message.fields, "alt": message.fields["alt"] + 6000}
         return dataclasses.replace(message, fields=fields)
 
-    cruises = (43.0, "43.0 s  READY -> INIT")
-    assert found(flight(spoil=spoil, said=[cruises])) == {"told"}
-    said = [cruises, (70.5, "the altitude jumped from 40 to 46 m"), (90.5, "the altitude jumped")]
-    assert found(flight(spoil=spoil, said=said)) == set()
+    said = [CRUISES, (70.5, "the altitude jumped from 40 to 46 m"), (88.5, "the altitude jumped")]
+    assert found(flight(HOVERS, spoil, said=[CRUISES])) == {"told"}
+    assert found(flight(HOVERS, spoil, said=said)) == set()
+    assert found(flight(FLOWN, spoil, said=said)) == {"held"}
+
+
+def test_a_clearance_that_is_lost_is_said_and_held_for():
+    early = (22.0, "22.0 s  READY -> INIT")
+    near = (28.5, "too near to no-fly zone 'shed': 3.0 m, 5 m are to be kept: holding")
+    for speed_m_s, said, wrong in (
+        (5.0, [early], {"told", "held"}),
+        (5.0, [early, near], {"held"}),
+        (2.0, [early, (38.5, near[1])], set()),
+    ):
+        flown = track(NEAR, speed=speed_m_s)
+        assert found(flight(flown, faults=("PUSHED",), said=said)) == wrong
+
+
+@pytest.mark.parametrize(("up_m", "wrong"), [(-25.0, {"held"}), (1.0, set())])
+def test_for_a_home_that_is_moved_up_or_down_it_is_held(up_m, wrong):
+    moved = (SceneEvent(70.0, SceneEventKind.HOME_MOVED, (0.0, 0.0, 6.7 + up_m)),)
+    said = [CRUISES, (70.5, "home was moved")]
+    how = {"faults": ("HOME_MOVED",), "happenings": moved, "said": said}
+    assert found(flight(FLOWN, **how)) == wrong
+    assert found(flight(HOVERS, **how)) == set()
 
 
 @pytest.mark.parametrize(
