@@ -42,6 +42,16 @@ ITEM: Final = ("MISSION_CURRENT",)
 MODE: Final = ("HEARTBEAT", "CURRENT_MODE")
 _STREAMS: Final = (POSITION, BATTERY, SATELLITES, LANDED, ITEM, MODE)
 
+WRONG_STREAMS: Final = {
+    POSITION: "LOST_POSITION",
+    BATTERY: "LOST_BATTERY",
+    SATELLITES: "WRONG_FIX",
+    LANDED: "LOST_LANDED",
+    ITEM: "LOST_ITEM",
+    MODE: "LOST_MODE",
+}
+"""The judge's row for a stream whose messages are believable, and not true."""
+
 ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
 _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
 _SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
@@ -148,6 +158,14 @@ def often(
     return course
 
 
+pushed: Final = often("push", 5, (15.0, 35.0), lambda dice: dice.uniform(22.0, 40.0))
+"""Gusts of so many m/s, each as soon as something is near."""
+
+
+altered: Final = one("alter", lambda dice: (dice.randrange(1, 40), dice.choice((6.0, math.inf))))
+"""Which item, and for how long its place is altered on the way."""
+
+
 def spells(
     times: int,
     within_s: float,
@@ -195,8 +213,10 @@ def hand_back(dice: random.Random) -> Schedule:
     ]
 
 
-pushed: Final = often("push", 5, (15.0, 35.0), lambda dice: dice.uniform(22.0, 40.0))
-"""Gusts of so many m/s, each as soon as something is near."""
+def ready_taken(dice: random.Random) -> Schedule:
+    """The pilot takes the vehicle on the ground, once it was looked at and before it is armed."""
+    how = dice.choice(("POSCTL", "ALTCTL", "arm"))
+    return [ScheduledFault(dice.uniform(2.5, 7.5), "before us", how)]
 
 
 def hand_back_low(dice: random.Random) -> Schedule:
@@ -213,6 +233,17 @@ def blind_and_empty(dice: random.Random) -> Schedule:
     return [
         ScheduledFault(0.0, "stream", (POSITION, StreamFault.LOST, lost_s)),
         ScheduledFault(0.0, "battery", dice.uniform(22.0, 38.0)),
+    ]
+
+
+def restarted_on_another(dice: random.Random) -> Schedule:
+    """A station puts another plan on board while no companion is there."""
+    at_s = dice.uniform(1.0, 5.0)
+    restart_s = at_s + dice.uniform(2.0, 10.0)
+    return [
+        ScheduledFault(0.0, "kill"),
+        ScheduledFault(at_s, "plan", "other"),
+        ScheduledFault(restart_s, "restart"),
     ]
 
 

@@ -18,9 +18,11 @@ from sitl.rehearsal.courses import (
     PHASES,
     POSITION,
     SATELLITES,
+    WRONG_STREAMS,
     Course,
     Schedule,
     ScheduledFault,
+    altered,
     blind_and_empty,
     brief,
     diverted,
@@ -34,7 +36,9 @@ from sitl.rehearsal.courses import (
     one,
     placed,
     pushed,
+    ready_taken,
     restart_taken,
+    restarted_on_another,
     span,
     spells,
     stream,
@@ -47,7 +51,6 @@ from sitl.rehearsal.stand_ins.link import StreamFault
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
 FLIGHT_S: Final = 260.0
-
 
 _JUMPS: Final = spells(
     4, 150.0, lambda d: ("jump", d.uniform(0.0, 2 * math.pi)), ("jump back", None), (3.0, 15.0)
@@ -121,6 +124,8 @@ class Fault(Enum):
     UPLOAD = Kind(
         "uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready", alone=True
     )
+    ALTERED = Kind("an item is stored that was not sent", 6, altered, "ready", alone=True)
+    READY_TAKEN = Kind("pilot arms or chooses before us", 9, ready_taken, "ready", alone=True)
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, _BUSY, "INIT")
     PILOT = Kind("pilot takes over", 48, one("pilot", lambda d: d.choice(ON_MODE)))
     STICKS = Kind("pilot moves the sticks", 16, one("sticks", lambda _: True))
@@ -159,6 +164,10 @@ class Fault(Enum):
         "another speed by a station", 6, one("speed", lambda d: d.choice((2.0, 8.0, 12.0)))
     )
     PLAN_REPLACED = Kind("another mission put on board", 14, on_board("plan", lambda _: "other"))
+    RESTARTED_ON_ANOTHER = Kind(
+        *("another mission put on board while no companion runs", 8, restarted_on_another, "INIT"),
+        alone=True,
+    )
     SAME_PLAN = Kind("the same plan put on board again", 14, on_board("plan", lambda _: "same"))
     PLAN_DELETED = Kind("mission deleted by a station", 8, on_board("plan", lambda _: "none"))
     FENCE_DELETED = Kind(
@@ -251,16 +260,6 @@ class Fault(Enum):
         return self.value.words
 
 
-_WRONG_STREAMS: Final = {
-    POSITION: "LOST_POSITION",
-    BATTERY: "LOST_BATTERY",
-    SATELLITES: "WRONG_FIX",
-    LANDED: "LOST_LANDED",
-    ITEM: "LOST_ITEM",
-    MODE: "LOST_MODE",
-}
-"""The judge's row for a stream whose messages are believable, and not true."""
-
 _SINGLE: Final = tuple(fault for fault in Fault if not fault.value.alone)
 """What two of may happen in one flight."""
 
@@ -283,7 +282,7 @@ class Scene:
     def judged(self) -> frozenset[str]:
         """The names that it is judged by: a moment of a wrong stream may end as a long one."""
         wrong = {
-            _WRONG_STREAMS[happening.value[0]]
+            WRONG_STREAMS[happening.value[0]]
             for happening in self.schedule()
             if happening.what == "stream" and happening.value[1] is StreamFault.WRONG
         }

@@ -26,6 +26,7 @@ PUSHED_M: Final = (5.5, 10.0)
 
 _RESUME_S: Final = 2.0
 MOVING_M_S: Final = 1.0
+_ALTERED: Final = 3000  # degE7: 33 m north
 _ACK_ERROR, _NO_SPACE = 1, 4  # MAV_MISSION_RESULT
 
 
@@ -163,6 +164,30 @@ class SimulatedFlight(Scenario):
             *(Way.DOWN, "MISSION_ACK", StreamFault.WRONG, self.now_s + seconds),
             wrong=lambda fields, _: {**fields, "type": result},
         )
+
+    def do_alter(self, what: tuple[int, float]) -> None:
+        """One item of every mission that is put on board arrives with another place."""
+        number, seconds = what
+
+        def alter(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
+            it = fields["mission_type"] == MissionType.MISSION and fields["seq"] == number
+            return {**fields, "x": fields["x"] + (_ALTERED if it else 0)}
+
+        self.link.trouble(
+            *(Way.UP, "MISSION_ITEM_INT", StreamFault.WRONG, self.now_s + seconds), wrong=alter
+        )
+
+    def do_before_us(self, how: str) -> None:
+        """The pilot arms, or chooses a mode, while the companion still gets ready."""
+        pilot = self.stations.first
+        if self._operator.flies:
+            return
+        if how == "arm":
+            pilot.arm()
+        else:
+            pilot.sticks()
+            pilot.choose(FlightMode[how])
+        self._taken("armed" if how == "arm" else how)
 
     def do_busy(self, on: bool) -> None:
         """A station downloads the plan."""

@@ -114,6 +114,8 @@ ACCEPTED: Final = MappingProxyType(
         "SILENCE": _HOME,
         "NO_FIX": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
+        "ALTERED": _row(End.LANDED, End.STAYED),
+        "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
         "BUSY": _HOME,
         # One message stream alone: said, held, or home; for a moment: nothing comes of it.
         "BRIEF_STREAM": _HOME,
@@ -142,6 +144,7 @@ ACCEPTED: Final = MappingProxyType(
         "PLAN_REPLACED": _row(
             *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
         ),
+        "RESTARTED_ON_ANOTHER": _row(End.LANDED, End.PILOT),
         "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
         "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, End.STAYED, says="home"),

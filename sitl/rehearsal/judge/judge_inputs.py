@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage
+from sitl.rehearsal.judge.evidence import COMPANION, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_seat import (
     INPUTS,
     CompanionsSeat,
@@ -58,6 +58,10 @@ _HOME_UP_M: Final = 3.0
 """A home that is moved up or down by so much changes what the plan's heights mean."""
 
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
+_ANNOUNCED: Final = re.compile(r" *[0-9.]+ s  (?!.*: (?:accepted|refused): |[A-Z]+ -> )(.+)")
+_SENT, _SENT_S = 24, 1.0
+"""So many letters of it are looked for, and so late they may leave."""
+
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
 _LEVEL: Final = _CRUISE | {"GOTO", "HOLD"}
@@ -80,6 +84,7 @@ class InputJudge(CompanionsSeat):
         self._clock = np.cumsum(np.minimum(steps, _LONELY_S))
         self._judge_silence()
         self._judge_files_left()
+        self._judge_announcements()
         for each in INPUTS:
             self._judge_stream(each, [n for n, m in enumerate(heard) if m.name in each.messages])
         positions = [m for m in heard if m.name == "GLOBAL_POSITION_INT"]
@@ -89,6 +94,22 @@ class InputJudge(CompanionsSeat):
         self._judge_breaches(positions)
         self._judge_heights(positions)
         self._judge_home_moved()
+
+    def _judge_announcements(self) -> None:
+        """What the operator is told, the pilot reads in the ground station as well."""
+        texts = [
+            (m.time_s, str(m.fields["text"]))
+            for m in self.track.evidence.messages
+            if m.name == "STATUSTEXT" and m.component == COMPANION
+        ]
+        for at_s, line in self._said:
+            announced = _ANNOUNCED.match(line)
+            if announced is None or not self._answers(at_s, at_s + _SENT_S, ours=False):
+                continue
+            sent = "".join(text for sent_s, text in texts if 0.0 <= sent_s - at_s <= _SENT_S)
+            if announced[1][:_SENT] not in sent:
+                self.add(at_s, "told", f"'{announced[1]}' was not sent to the ground station")
+                return
 
     def _judge_files_left(self) -> None:
         """Other zones or fences that it was asked to apply, and did not: it says why."""

@@ -62,6 +62,7 @@ class PlanJudge(Judge):
                 self._judge_items(upload, all_there=upload.time_s <= armed_s)
         if not self.uploads or armed_s == math.inf:
             return
+        self._judge_read_back(armed_s)
         self._judge_fence(armed_s, [track.version_at(armed_s)])
         for version in track.versions[1:]:
             self._judge_renewal(version)
@@ -108,6 +109,24 @@ class PlanJudge(Judge):
             ]
             if missing:
                 self.add(upload.time_s, "plan", f"waypoints {missing} are not on board")
+
+    def _judge_read_back(self, armed_s: float) -> None:
+        """Whatever the vehicle said that is on board before it was armed, is what was sent."""
+        for told in self.track.evidence.messages:
+            if told.time_s > armed_s:
+                return
+            if told.name != "MISSION_ITEM_INT" or told.component != AUTOPILOT:
+                continue
+            kind, seq = told.fields.get("mission_type", MISSION), int(told.fields["seq"])
+            of_kind = [u for u in self.uploads if u.kind == kind and u.time_s <= told.time_s]
+            if not of_kind or seq >= len(of_kind[-1].items):
+                continue
+            sent = of_kind[-1].items[seq]
+            away_m = math.dist(self._metres(sent), self._metres(told))
+            if away_m > _PLACE_M:
+                text = f"armed, though item {seq} on board is {away_m:.1f} m from where it was sent"
+                self.add(armed_s, "plan", text, away_m, _PLACE_M)
+                return
 
     def _judge_renewal(self, version: MissionVersion) -> None:
         """A changed file gets on board as it is, while the vehicle is ours."""

@@ -206,10 +206,13 @@ class Track:
             if sample.failsafe and not acting:
                 takings.append((sample.time_s, Responsible.AUTOPILOT))
             acting = sample.failsafe
+        # A companion that is started anew may go on with the plan that is its own, and no other.
+        told = self.evidence.told(SceneEventKind.PILOT)
+        replaced = {happening.time_s for happening in told if happening.value == "plan"}
         last: dict[Responsible, float] = {}
         for begin_s, by in sorted(takings):
             if begin_s >= last.get(by, -math.inf):
-                last[by] = self._given_back_s(begin_s)
+                last[by] = self._given_back_s(begin_s, restarted=begin_s not in replaced)
                 yield begin_s, last[by], by
 
     def _shows(self, taking: SceneEvent) -> bool:
@@ -240,13 +243,14 @@ class Track:
         later = (time_s for time_s, to in told if time_s >= taking.time_s and to != before)
         return next(later, math.inf)
 
-    def _given_back_s(self, since_s: float) -> float:
+    def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""
         asked = [
             h.time_s
             for h in self.evidence.happenings
             if h.time_s > since_s
-            if (_resumes(h) and self._free(h.time_s)) or h.what is SceneEventKind.STARTED
+            if (_resumes(h) and self._free(h.time_s))
+            or (restarted and h.what is SceneEventKind.STARTED)
         ]
         if not asked:
             return math.inf

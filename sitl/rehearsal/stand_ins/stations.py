@@ -53,6 +53,10 @@ class Station:
         """DO_SET_MODE."""
         self.command(_SET_MODE, 1.0, *mode.value[:2])
 
+    def arm(self) -> None:
+        """As the pilot's switch does."""
+        self.command(_ARM_DISARM, 1.0)
+
     def disarm(self, *, forced: bool) -> None:
         """As it is: refused in the air, unless it is forced."""
         self.command(_ARM_DISARM, 0.0, _FORCED if forced else 0.0)
