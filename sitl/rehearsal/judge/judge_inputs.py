@@ -60,7 +60,7 @@ _HOME_UP_M: Final = 3.0
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
 _ANNOUNCED: Final = re.compile(r" *[0-9.]+ s  (?!.*: (?:accepted|refused): |[A-Z]+ -> )(.+)")
 _SENT, _SENT_S = 24, 1.0
-"""So many letters of it are looked for, and so late they may leave."""
+"""So many letters of it are looked for, and so far from the line in time."""
 
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
@@ -106,7 +106,7 @@ class InputJudge(CompanionsSeat):
             announced = _ANNOUNCED.match(line)
             if announced is None or not self._answers(at_s, at_s + _SENT_S, ours=False):
                 continue
-            sent = "".join(text for sent_s, text in texts if 0.0 <= sent_s - at_s <= _SENT_S)
+            sent = "".join(text for sent_s, text in texts if abs(sent_s - at_s) <= _SENT_S)
             if announced[1][:_SENT] not in sent:
                 self.add(at_s, "told", f"'{announced[1]}' was not sent to the ground station")
                 return

@@ -16,7 +16,7 @@ MISSION: Final = frozenset({*range(37, 48), 51, 73})
 _HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
 _FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *MISSION})
 _INPUTS: Final = frozenset({_HEARTBEAT, 1, 24, 33, 42, 245, 436})
-_FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *MISSION})
+_FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, 253, *MISSION})
 _ARMED, _CRITICAL = 128, 5
 _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""

@@ -464,3 +464,15 @@ def test_the_judge_imports_nothing_of_what_it_judges():
         packages = {".".join(n.split(".")[:k]) for n in names for k in (1, 2)}
         waiting += [n for n in names | packages if n.split(".")[0] == "sitl"]
     assert len(seen) >= 8
+
+
+@pytest.mark.parametrize(("off_east_m", "wrong"), [(0.0, False), (20.0, True)])
+def test_what_is_read_back_is_what_was_sent(off_east_m, wrong):
+    def told(item):
+        number, spot = item.fields["seq"], {}
+        if item.fields["mission_type"] == 0 and number == 2:
+            spot = place(60 + off_east_m, 60)
+        return WireMessage(0.2, 1, 1, 1, item.name, {**item.fields, **spot})
+
+    back = [told(m) for m in upload() if m.name == "MISSION_ITEM_INT"]
+    assert ("plan" in kinds(evidence(more=back))) == wrong

@@ -285,3 +285,19 @@ def test_a_fix_that_comes_and_goes_is_told_once(again, wrong):
     said = [(71.0, "GPS has lost its fix: holding")]
     said += [(73.0, "GPS has its fix again")] if again else []
     assert found(flight(HOVERS, spoil, said=said)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("sent", "wrong"),
+    [
+        (["air_router: hands off: the pilot chose Posi", "tion mode"], set()),
+        (["air_router: coming home"], {"told"}),
+        ([], {"told"}),
+    ],
+)
+def test_what_is_announced_is_sent_to_the_ground_station(sent, wrong):
+    taken = (SceneEvent(15.0, SceneEventKind.PILOT, "sticks"),)
+    said = [(16.0, "    16.0 s  hands off: the pilot chose Position mode")]
+    texts = [WireMessage(16.0, 1, 191, 0, "STATUSTEXT", {"text": text}) for text in sent]
+    how = {"faults": ("PILOT",), "happenings": taken, "code": 6, "said": said, "more": texts}
+    assert found(flight(**how)) == wrong

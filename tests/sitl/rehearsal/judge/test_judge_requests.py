@@ -4,7 +4,7 @@ import pytest
 
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind
 from sitl.rehearsal.judge.judge_flight import judge
-from tests.sitl.rehearsal.judge.test_judge import command, evidence, goto, track
+from tests.sitl.rehearsal.judge.test_judge import command, evidence, goto, heart, track
 from tests.sitl.rehearsal.judge.test_judge_inputs import CRUISES, FLOWN, HOVERS
 
 
@@ -39,6 +39,19 @@ def test_the_next_request_is_another_wish():
     later = (SceneEvent(72.0, SceneEventKind.REQUEST, "explore"),)
     assert found(FLOWN, "hold", "accepted: it stops and hovers", later=later) == set()
     assert found(FLOWN, "home", "accepted: it comes home", later=later) == set()
+
+
+def test_a_companion_that_is_started_anew_has_no_claim_to_another_plan():
+    happenings = [
+        SceneEvent(30.0, SceneEventKind.KILLED),
+        SceneEvent(32.0, SceneEventKind.PILOT, "plan"),
+        SceneEvent(40.0, SceneEventKind.STARTED),
+    ]
+    faults, more = ("RESTARTED_ON_ANOTHER",), [heart(45.0), command(50.0, 176)]
+    for value, wrong in (("plan", True), ("sticks", False)):
+        happenings[1] = SceneEvent(32.0, SceneEventKind.PILOT, value)
+        flown = evidence(more=more, faults=faults, happenings=tuple(happenings))
+        assert ("authority" in {v.kind for v in judge(flown).violations}) == wrong
 
 
 @pytest.mark.parametrize("stands", [False, True])
