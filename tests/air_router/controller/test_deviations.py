@@ -100,6 +100,17 @@ def test_home_moved_in_the_climb_it_comes_down_again(pretend):
     assert told(flight, "home was moved in the climb")
 
 
+def test_a_battery_at_its_reserve_in_the_climb_is_told_and_ends_it(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.battery = 0.2
+    flight.step()
+    assert flight.states[-2:] == [State.HOME, State.LAND]
+    assert told(flight, "coming home: battery at 20%")
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
 @pytest.mark.parametrize("off_m", [-8.0, 8.0])
 def test_sinking_or_climbing_off_its_altitudes_is_told_and_held_for(cruising, off_m):
     for _ in range(20):
