@@ -123,6 +123,7 @@ def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
         first, _ = io.accept()
         titan.sync("callisto")
         stack.enter_context(callisto.accept()[0])
+        io.close()  # one that has asked before the handshake was over dials once more
         first.close()
         saw.wait(SyncTimedOut, peer="io")
         saw.wait(SyncTimedOut, peer="callisto", reason="a test")
