@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import math
 import os
@@ -65,7 +66,8 @@ class Companion:
         folder: Path,
         now_s: Callable[[], float],
     ) -> None:
-        self._keyboard, terminal = pty.openpty()
+        keyboard, terminal = pty.openpty()
+        self._keyboard = io.FileIO(keyboard, "wb")
         self.process = subprocess.Popen(  # noqa: S603 - our own program
             ending_with_us(*program, "fly", *arguments, "--json"),
             cwd=folder,
@@ -112,7 +114,7 @@ class Companion:
 
     def type(self, word: str) -> None:
         """As an operator at its terminal."""
-        os.write(self._keyboard, f"{word}\n".encode())
+        self._keyboard.write(f"{word}\n".encode())
 
     def signal(self, number: int) -> None:
         """Send it a signal, if it runs."""
@@ -125,8 +127,7 @@ class Companion:
         self.process.wait()
         for reader in self._readers:
             reader.join(2.0)
-        with contextlib.suppress(OSError):
-            os.close(self._keyboard)
+        self._keyboard.close()  # once: by then its number may be that of another flight's socket
 
 
 class ProcessPause:
