@@ -58,7 +58,9 @@ _HOME_UP_M: Final = 3.0
 """A home that is moved up or down by so much changes what the plan's heights mean."""
 
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
-_ANNOUNCED: Final = re.compile(r" *[0-9.]+ s  (?!.*: (?:accepted|refused): |[A-Z]+ -> )(.+)")
+_ANNOUNCED: Final = re.compile(
+    r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
+)
 _SENT, _SENT_S = 24, 1.0
 """So many letters of it are looked for, and so far from the line in time."""
 

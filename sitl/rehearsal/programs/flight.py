@@ -275,10 +275,10 @@ class RealFlight:
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
-        self._note(SceneEventKind.HOME_MOVED, value)
-        first = self._seen.samples[0]
-        amsl_m = (self._seen.ground_m or 0.0) + value
-        self._station.move_home(first.latitude_deg, first.longitude_deg, amsl_m)
+        first, amsl_m = self._seen.samples[0], (self._seen.ground_m or 0.0) + value
+        place = (first.latitude_deg, first.longitude_deg, amsl_m)
+        self._note(SceneEventKind.HOME_MOVED, place)
+        self._station.move_home(*place)
 
     def do_speed(self, value: float) -> None:
         """A station changes the speed."""
