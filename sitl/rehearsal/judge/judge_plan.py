@@ -13,10 +13,11 @@ from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.evidence import AUTOPILOT, COMPANION, WireMessage
 from sitl.rehearsal.judge.judge_seat import announcements
+from sitl.rehearsal.judge.judge_space import areas_in_force
 from sitl.rehearsal.judge.judge_track import Judge, MissionVersion, number
 from sitl.rehearsal.judge.mission_reader import Area, Pair
 
-MISSION, FENCE, EVERYTHING = 0, 1, 255  # MAV_MISSION_TYPE
+MISSION, FENCE, RALLY, EVERYTHING = 0, 1, 2, 255  # MAV_MISSION_TYPE
 _WAYPOINT, _TAKEOFF = 16, 22  # MAV_CMD
 _IN_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5003, 5004
 _RELATIVE: Final = frozenset({3, 6})
@@ -63,6 +64,7 @@ class PlanJudge(Judge):
         if not self.uploads or armed_s == math.inf:
             return
         self._judge_read_back(armed_s)
+        self._judge_rally(armed_s)
         self._judge_fence(armed_s, [track.version_at(armed_s)])
         for version in track.versions[1:]:
             self._judge_renewal(version)
@@ -126,6 +128,24 @@ class PlanJudge(Judge):
             if away_m > _PLACE_M:
                 text = f"armed, though item {seq} on board is {away_m:.1f} m from where it was sent"
                 self.add(armed_s, "plan", text, away_m, _PLACE_M)
+                return
+
+    def _judge_rally(self, armed_s: float) -> None:
+        """Where the autopilot may land in need: all places of the file that are clear by far."""
+        version = self.track.version_at(armed_s)
+        uploads = [u for u in self.uploads if u.kind == RALLY and u.time_s <= armed_s]
+        there = MultiPoint([self._metres(item) for item in (uploads[-1].items if uploads else ())])
+        borders = [
+            area.polygon.boundary if fence else area.polygon
+            for area, fence in areas_in_force(version)
+        ]
+        far_m = 2.0 * version.mission.clearance_m
+        for place in map(Point, version.mission.rally):
+            clear = all(border.distance(place) > far_m for border in borders)
+            if clear and (there.is_empty or there.distance(place) > _PLACE_M):
+                self.add(
+                    armed_s, "plan", f"no rally point is on board at {place.x:.0f}, {place.y:.0f}"
+                )
                 return
 
     def _judge_renewal(self, version: MissionVersion) -> None:

@@ -103,6 +103,7 @@ class RawMission:
         ground_amsl_m: Of the ground at home; None: the file does not say.
         altitudes_m: All that it cruises at, above home.
         waypoints: Where to, in metres.
+        rally: Where it may land in need, in metres; of several UAVs none is put on board.
         zones: To stay outside of.
         fences: To stay inside of, all of them.
         clearance_m: To be kept from fences, and from zones without one of their own.
@@ -119,6 +120,7 @@ class RawMission:
     waypoints: tuple[Pair, ...]
     zones: tuple[Area, ...]
     fences: tuple[Area, ...]
+    rally: tuple[Pair, ...] = ()
     clearance_m: float = _CLEARANCE_M
     vertical_margin_m: float = _MARGIN_M
     acceptance_m: float = _ACCEPTANCE_M
@@ -169,7 +171,7 @@ class _YamlReader:
     def read(self) -> RawMission:
         data, planner = self._data, self._planner
         places = [p if isinstance(p, dict) else {"position": p} for p in data["waypoints"]]
-        altitudes = {float(data["altitude_m"])}
+        altitudes, alone = {float(data["altitude_m"])}, "uavs" not in data
         altitudes |= {float(p["altitude_m"]) for p in places if "altitude_m" in p}
         fences = data.get("fences") or ([data["fence"]] if data.get("fence") else [])
         zones = [self._area(zone, f"zone {n}") for n, zone in enumerate(data["no_fly_zones"], 1)]
@@ -184,6 +186,7 @@ class _YamlReader:
             waypoints=tuple(self._metres(p["position"]) for p in places),
             zones=tuple(zones),
             fences=tuple(self._area(fence, f"fence {n}") for n, fence in enumerate(fences, 1)),
+            rally=tuple(self._metres(p) for p in data.get("rally_points") or () if alone),
             clearance_m=self._clearance_m,
             vertical_margin_m=float(planner.get("vertical_margin_m", _MARGIN_M)),
             acceptance_m=float(planner.get("acceptance_radius_m", _ACCEPTANCE_M)),

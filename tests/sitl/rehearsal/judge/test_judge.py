@@ -476,3 +476,20 @@ def test_what_is_read_back_is_what_was_sent(off_east_m, wrong):
 
     back = [told(m) for m in upload() if m.name == "MISSION_ITEM_INT"]
     assert ("plan" in kinds(evidence(more=back))) == wrong
+
+
+@pytest.mark.parametrize(("at", "wrong"), [(None, True), ((90, 150), True), ((150, 150), False)])
+def test_a_place_to_land_in_need_is_on_board(at, wrong):
+    more = (
+        []
+        if at is None
+        else [
+            ours(0.2, "MISSION_COUNT", count=1, mission_type=2),
+            ours(0.2, "MISSION_ITEM_INT", seq=0, command=5100, mission_type=2, **place(*at)),
+            WireMessage(0.2, 1, 1, 1, "MISSION_ACK", {"type": 0, "mission_type": 2}),
+        ]
+    )
+    for rally, missing in (("[150, 150]", wrong), ("[43, 30]", False)):  # the other is by the shed
+        text = f"{TEXT}rally_points: [{rally}]\n"
+        flown = dataclasses.replace(evidence(more=more), mission_text=text)
+        assert ("plan" in kinds(flown)) == missing
