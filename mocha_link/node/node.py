@@ -86,7 +86,8 @@ class Node(Startable):
         self._broadcast = Broadcast()
         self._transport: Transport | None = None  # while it is started
         self._closed = False  # for good
-        self._settling = True  # no subscriber to tell yet
+        # What became of the file before there was anything to tell it by; None: there is.
+        self._early: list[LinkEvent] | None = []
         self._peer_keys = peer_keys(team, robot) if self._secret else {}  # of protected peers
         self._storage = (
             Storage(Path(storage), config=TeamConfig.of(team), on_fault=self._fault)
@@ -108,9 +109,10 @@ class Node(Startable):
             if self._storage:
                 self._storage.close()
             raise
-        self._settling = False
-        if self._storage and self._storage.fault:
-            self._fault(self._storage.fault)
+        with self._lock:
+            early, self._early = self._early, None
+            for event in early or ():
+                self._gossip.tell(event)
 
     @property
     def robot(self) -> Robot:
@@ -324,15 +326,14 @@ class Node(Startable):
         self._wake()
 
     def _fault(self, fault: StorageError | None) -> None:
-        if self._settling:
-            return
         at_s = self.clock.now_s()
+        failed = fault and StorageFailed(self.name, at_s, str(fault))
+        event = failed or StorageRecovered(self.name, at_s)
         with self._lock:
-            self._gossip.tell(
-                StorageFailed(self.name, at_s, str(fault))
-                if fault
-                else StorageRecovered(self.name, at_s)
-            )
+            if self._early is not None:
+                self._early.append(event)
+                return
+            self._gossip.tell(event)
         self._wake()
 
     def _now(self) -> Instant:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import sqlite3
+import time
 from pathlib import Path
 
 import pytest
 
 from mocha_link.links.metrics import StorageFailed
+from mocha_link.node import node
 from mocha_link.store.config_hash import TeamConfig
 from tests.mocha_link.conftest import TEAM, team_of
 from tests.mocha_link.node.test_node_storage import pull, running
@@ -61,12 +63,22 @@ def test_what_was_refused_before_is_asked_for_again(field_of, file):
         assert titan.latest("io", "/cloud").data == b"of points"
 
 
-def test_a_file_whose_configuration_is_altered(field, file):
+def test_a_file_whose_configuration_is_altered(field, file, monkeypatch, caplog):
+    """It is told, though a new file is good before there is a node to tell it."""
     with running(field, "titan", storage=file) as (titan, _):
         titan.publish("/map", b"grid")
     with contextlib.closing(sqlite3.connect(file)) as connection:
         connection.execute("UPDATE terms SET mark = x'00', names = '{'")
         connection.commit()
+    make = node.Gossip
+
+    def make_slowly(*what, **how):
+        made = make(*what, **how)
+        while "all is on disk again" not in caplog.text:
+            time.sleep(0.001)
+        return made
+
+    monkeypatch.setattr(node, "Gossip", make_slowly)
     with running(field, "titan", storage=file) as (titan, saw):
         assert "its configuration is altered" in saw.wait(StorageFailed).reason
         assert titan.messages() == []
