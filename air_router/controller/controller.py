@@ -18,7 +18,7 @@ from typing import Any, get_args
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority, SilenceReminder
-from air_router.controller.deviations import Deviations, ReturnMonitor
+from air_router.controller.deviations import Deviations
 from air_router.controller.missing_inputs import MissingInputs
 from air_router.controller.model.actions import (
     Action,
@@ -47,6 +47,7 @@ from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.motion.navigator import Navigator
+from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.states.explore_state import PASSING_M, Exploration
 from air_router.controller.states.goto_state import GotoValidator

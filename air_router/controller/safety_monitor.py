@@ -161,6 +161,7 @@ class Deviation(NamedTuple):
 
     response: Response
     words: str  # announced
+    counts: bool = False  # held for again and again, it comes home instead
 
 
 @dataclass(slots=True, eq=False)

@@ -1,0 +1,248 @@
+"""Looks whether the vehicle keeps to what was planned: its height, its clearance, its speed.
+
+Each is looked at in every telemetry while the vehicle flies its mission by our commands. What
+follows from what is found, `deviations` has in one table.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.safety_monitor import Deviation, Response
+from air_router.mission.mission import Mission
+from air_router.routing.departure import names_of
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
+
+OFF_M: Final = 5.0
+"""How far off its altitudes a vehicle may be at least, whatever margin the mission keeps: PX4
+corrects the altitude of home by more than 2 m while it flies."""
+
+OFF_S: Final = 4.0
+"""How long the vehicle is off its altitudes, and comes no nearer, before that is told."""
+
+BACK_S: Final = 2.0
+"""It counts as back after so long."""
+
+OFF_HOME_S: Final = 30.0
+"""After so long off its altitudes it comes home."""
+
+_NEARER_M: Final = 0.5
+"""A climb or descent that gains so much goes on."""
+
+JUMP_M: Final = 2.5
+CLIMB_M_S: Final = 6.0
+"""An altitude that changes by more than this, on top of what a climb at that speed makes in the
+time, has not been flown."""
+
+NOISE_M: Final = 0.25
+"""What a position wanders by is no loss of clearance."""
+
+_NEARER_STILL_M: Final = 1.0
+"""A clearance that was lost is told again when so much more of it is."""
+
+FASTER_M_S: Final = 0.5
+FASTER: Final = 1.1
+FAST_S: Final = 2.0
+"""A gust makes a vehicle no faster than this for so long."""
+
+SLOW: Final = 0.6
+SLOW_S: Final = 5.0
+SLOW_M: Final = 10.0
+"""A leg of which more than this is left is flown faster than this share, after some seconds."""
+
+
+@dataclass(slots=True, eq=False)
+class HeightWatch:
+    """Whether the vehicle is at the altitudes of the mission.
+
+    Args:
+        context: They, and whether the altitude has jumped off them.
+    """
+
+    _context: MissionContext
+    _before: tuple[float, float] | None = None  # time, altitude above sea level
+    _out_m: float = 0.0  # the least that it was off its altitudes lately
+    _out_since_s: float | None = None  # since when it came no nearer
+    _off_since_s: float | None = None  # when it was announced
+    _back_since_s: float | None = None  # within its altitudes again since
+
+    def look(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether the altitude jumps, is off, or is back."""
+        band, now_s, before = self._context.mission.cruise, telemetry.time_s, self._before
+        altitude_m = telemetry.altitude_m
+        # With nothing in it of home, which the autopilot corrects by a metre or two.
+        amsl_m = altitude_m if telemetry.altitude_amsl_m is None else telemetry.altitude_amsl_m
+        self._before = (now_s, amsl_m)
+        slack_m = max(OFF_M - self._context.mission.planner.vertical_margin_m, 0.0)
+        out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
+        gained_m = 0.0 if before is None else amsl_m - before[1]
+        if before is not None and abs(gained_m) > JUMP_M + CLIMB_M_S * max(now_s - before[0], 0.0):
+            words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
+            if out_m == 0.0:
+                return Deviation(Response.HOLD, words)
+            self._context.jumped = True
+            self._off_since_s, self._back_since_s = now_s, None
+            return Deviation(Response.WAIT, words)
+        if self._off_since_s is not None:
+            return self._while_off(telemetry, out_m, self._off_since_s)
+        if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - _NEARER_M:
+            self._out_m, self._out_since_s = out_m, now_s
+            return None
+        if now_s - self._out_since_s < OFF_S:
+            return None
+        self._off_since_s, self._back_since_s = now_s, None
+        return Deviation(Response.HOLD, f"too {self._off(altitude_m)}", counts=True)
+
+    def _while_off(
+        self, telemetry: Telemetry, out_m: float, off_since_s: float
+    ) -> Deviation | None:
+        now_s = telemetry.time_s
+        if out_m == 0.0:
+            if self._back_since_s is None:
+                self._back_since_s = now_s
+            if now_s - self._back_since_s < BACK_S:
+                return None
+            self._context.jumped = False
+            self._off_since_s = self._out_since_s = None
+            return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again")
+        self._back_since_s = None
+        if now_s - off_since_s < OFF_HOME_S:
+            return None
+        self._context.jumped = False
+        self._off_since_s = math.inf  # once, until it is back
+        return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}")
+
+    def _off(self, altitude_m: float) -> str:
+        band = self._context.mission.cruise
+        side = "low" if altitude_m < band.lower_m else "high"
+        return (
+            f"{side}: {altitude_m:.0f} m above home, {band.lower_m:.0f} to {band.upper_m:.0f} m "
+            "is flown"
+        )
+
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now."""
+        self._context.jumped = False
+        self._before = self._out_since_s = self._off_since_s = self._back_since_s = None
+
+
+@dataclass(slots=True, eq=False)
+class ClearanceWatch:
+    """Whether the vehicle keeps the clearance to zones and fence.
+
+    Args:
+        context: They, as they are now.
+    """
+
+    _context: MissionContext
+    _told_m: float | None = 0.0  # what was left when that was told last; None: it is kept
+    # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
+    _spare: tuple[float, Point, int, Mission] | None = None
+
+    def look(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether it has come too near to something, or nearer still."""
+        here = telemetry.position
+        mission, altitude_m = self._context.mission, telemetry.altitude_m
+        side = (altitude_m > mission.cruise.upper_m) - (altitude_m < mission.cruise.lower_m)
+        if self._spare is not None:
+            spare_m, there, at, among = self._spare
+            if among is not mission:
+                self._told_m = 0.0  # a zone may have been drawn near to the vehicle
+            elif at == side and math.dist(here, there) < spare_m:
+                return None
+        airspace = mission.airspace_at(altitude_m)
+        spare_m, name = airspace.spare_m(here)
+        self._spare = (spare_m, here, side, mission)
+        told_m = self._told_m
+        if spare_m >= -NOISE_M:
+            if spare_m >= 0.0:
+                self._told_m = None
+            return None
+        if told_m is not None and spare_m > told_m - _NEARER_STILL_M:
+            return None
+        self._told_m = spare_m
+        kept_m = airspace.kept_m(name)
+        left_m = max(spare_m + kept_m, 0.0)
+        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
+        if told_m is not None:
+            return Deviation(Response.TELL, words)
+        return Deviation(Response.HOLD, words, counts=True)
+
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now."""
+        self._told_m, self._spare = 0.0, None
+
+
+@dataclass(slots=True, eq=False)
+class SpeedWatch:
+    """Whether the vehicle flies as fast as it was told.
+
+    Args:
+        context: How fast that is.
+        gate: What it was told last.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    _fast_since_s: float | None = None  # faster than commanded
+    _fast_told: bool = True  # announced, or braking from a pilot's flight
+    _slow_since_s: float | None = None  # slower than commanded, on this leg
+    _slow_told: bool = False  # until it is faster again
+
+    def look(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether it flies faster, or much slower, than it was told."""
+        commanded_m_s = self._context.mission.speed_m_s
+        speed_m_s = math.hypot(*telemetry.velocity_m_s)
+        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
+        if speed_m_s > SLOW * commanded_m_s:
+            self._slow_since_s = None
+        if speed_m_s > FASTER * commanded_m_s + FASTER_M_S:
+            return self._fast(telemetry, speed_m_s)
+        self._fast_since_s, self._fast_told = None, False
+        if speed_m_s <= SLOW * commanded_m_s:
+            return self._slow(telemetry, speed_m_s)
+        return None
+
+    def _fast(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
+        if self._fast_since_s is None:
+            self._fast_since_s = telemetry.time_s
+        if self._fast_told or telemetry.time_s - self._fast_since_s < FAST_S:
+            return None
+        self._fast_told = True
+        words = (
+            f"it flies {speed_m_s:.1f} m/s and was told {self._context.mission.speed_m_s:.1f} m/s: "
+            "another ground station changed its speed, or the wind carries it"
+        )
+        if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
+            return Deviation(Response.TELL, words)
+        return Deviation(Response.HOLD, words, counts=True)
+
+    def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
+        leg = self._gate.last
+        far = (
+            self._gate.pending is None
+            and isinstance(leg, FlyToNode | FlyToPoint)
+            and math.dist(telemetry.position, leg.position) > SLOW_M
+        )
+        if not far:
+            self._slow_since_s = None
+            return None
+        if self._slow_since_s is None:
+            self._slow_since_s = telemetry.time_s
+        if self._slow_told or telemetry.time_s - self._slow_since_s < SLOW_S:
+            return None
+        self._slow_told = True
+        commanded_m_s = self._context.mission.speed_m_s
+        words = f"it flies only {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s"
+        return Deviation(Response.TELL, words)
+
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now: out of another's it brakes."""
+        self._fast_since_s = self._slow_since_s = None
+        self._fast_told = True
