@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import os
 import queue
+import random
 import socket
 import threading
 from pathlib import Path
@@ -50,6 +51,9 @@ def team_of(text: str) -> Team:
     return Team.from_document(Document.from_text(text, Path("team.yaml")))
 
 
+_chance = random.SystemRandom()
+
+
 def own_host() -> str:
     """A loopback address that no other test uses, so that ports found free stay free."""
     number = next(_hosts)
@@ -58,14 +62,16 @@ def own_host() -> str:
 
 
 def free_ports(host: str, count: int) -> int:
-    """The first of `count` ports in a row that are free on a host."""
+    """The first of `count` ports in a row that are free on a host, TCP and UDP.
+
+    Below the ephemeral ones, which the system gives to sockets of the same test.
+    """
     while True:
+        base = _chance.randrange(20_000, 32_000 - count)
         with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
-            first = stack.enter_context(socket.socket())
-            first.bind((host, 0))
-            base: int = first.getsockname()[1]
-            for port in range(base + 1, base + count):
-                stack.enter_context(socket.socket()).bind((host, port))
+            for port in range(base, base + count):
+                for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+                    stack.enter_context(socket.socket(socket.AF_INET, kind)).bind((host, port))
             return base
 
 

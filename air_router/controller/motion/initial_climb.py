@@ -94,12 +94,13 @@ class InitialClimb:
         if not low(mission, telemetry):
             self._context.climbs_first = False
             return motion
+        goes_on = self.climb is not None and self._gate.last is self.climb
         self._gate.stop()
         why_not = self.why_not(telemetry)
         if why_not is not None:
             self._gate.wait_here(why_not)
             return None
-        if self.climb is None:
+        if not goes_on:  # another climb than the one that a pilot may have ended
             self._context.say(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"

@@ -220,3 +220,17 @@ def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
         flight.step()
     assert flight.controller.state is State.PASSIVE
     assert any("the climb to the mission's altitude does not go on" in s for s in flight.said)
+
+
+def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in):
+    flight = flight_in(State.EXPL)
+    for _ in range(2):
+        sticks(flight)
+        flight.altitude_m = 20.0
+        for _ in range(200):
+            flight.step()
+        flight.pilot_chooses(FlightMode.HOLD)
+        flight.operator_asks(GoOn())
+        flight.step()
+        assert flight.controller.state is State.EXPL, flight.said[-3:]
+    assert sum(text.startswith("climbing from 20 to 40 m") for text in flight.said) == 2
