@@ -141,7 +141,7 @@ class ClearanceWatch:
     """
 
     _context: MissionContext
-    _told_m: float | None = 0.0  # what was left when that was told last; None: it is kept
+    _told_m: float | None = 0.0  # what was to spare when that was told last; None: it is kept
     # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
     _spare: tuple[float, Point, int, Mission] | None = None
 

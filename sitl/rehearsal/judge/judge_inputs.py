@@ -275,7 +275,7 @@ def _is_among(area: Area, version: MissionVersion) -> bool:
 
 
 def _depths_m(area: Area, places: Floats, *, fence: bool) -> Floats:
-    """How deep each place is in a zone, or how far outside of a fence; negative: not at all."""
+    """How deep each place is in a zone, or outside of a fence; negative: how far from there."""
     points = shapely.points(places)
     if area.radius_m:
         beyond_m = shapely.distance(area.outline, points) - area.radius_m
