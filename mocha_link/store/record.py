@@ -50,8 +50,9 @@ class Record:
 class Knowledge:
     """What we know of a peer's database.
 
-    Everything that it held up to its number `sequence` of its `epoch` has been offered to us. Our
-    own last number was `own_sequence` then. Each is a u64; ValueError otherwise.
+    Everything that it held up to its number `sequence` of its `epoch` has been offered to us. What
+    we held then up to our own number `own_sequence` it was told, or gave us itself. Each is a u64;
+    ValueError otherwise.
     """
 
     epoch: int

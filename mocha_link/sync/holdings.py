@@ -5,6 +5,8 @@ What it had of the peer up to some number and has stored since, the ids of every
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from mocha_link.store import wire
 from mocha_link.sync.frames import record_id
 from mocha_link.sync.peer import Peer
@@ -22,15 +24,21 @@ SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 
 
 class Holdings:
-    """The messages that the node holds, whole or in part, as one peer is told of them."""
+    """The messages that the node holds, whole or in part, as one peer is told of them.
+
+    Attributes:
+        told_sequence: the database's number when the peer was told last.
+    """
 
     def __init__(self, peer: Peer) -> None:
+        self.told_sequence = 0
         self._peer = peer
         self._database = peer.node.database
         self._reassembly = peer.node.reassembly
 
     def knowledge(self) -> Since | Have | Digest:
         """What the peer need not send, if it remembers what it offered; otherwise see `all`."""
+        self.told_sequence = self._database.sequence  # first: others store meanwhile
         known = self._database.knowledge(self._peer.name)
         if known is None:
             return self.all()
@@ -44,10 +52,22 @@ class Holdings:
 
     def all(self) -> Have | Digest:
         """What the peer need not send, whatever it remembers."""
+        self.told_sequence = self._database.sequence
         kept = self._database.kept()
         if len(kept) <= MAX_LISTED:
             return Have([record_id(record) for record in kept])
         return Digest(self._database.digests())
+
+    def untold_since(self, given: Container[int]) -> int:
+        """The database's number after which there is something that the peer was not told of.
+
+        `given` are the ids of the messages that it gave us itself. Without this a message that we
+        wrote during a pull would come back, once the peer had it from somebody else.
+        """
+        for number, record in self._database.numbered_since(self.told_sequence):
+            if record_id(record) not in given:
+                return number - 1
+        return self._database.sequence
 
     def answer(self, robot_id: int, digests: tuple[int, ...]) -> Answer:
         """What there is of the groups of a robot's topics of which the peer has other digests."""

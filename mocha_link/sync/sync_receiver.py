@@ -139,6 +139,7 @@ class SyncReceiver:
         self._ahead: set[int] = set()  # that came ahead of it
         self._damaged = 0  # frames
         self._done: sync_messages.Done | None = None  # of this round
+        self._given: set[int] = set()  # messages that the peer gave us before it was over
         self._begun: set[int] = set()  # messages of which a part came in this pull
         self._skipped: set[int] = set()  # asked not to be sent on
         self._failed: set[int] = set()  # messages
@@ -290,6 +291,8 @@ class SyncReceiver:
             header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
             record = Record(header, topic.priority, body, stamp_ms, self._now_s, trailer is None)
             peer.holds(message_id)
+            if not self.over:
+                self._given.add(message_id)
             try:
                 self.messages += peer.take_in(known, record, trailer)
             except PayloadError as error:  # intact, so it will not be another one next time
@@ -323,7 +326,8 @@ class SyncReceiver:
         self.over = True
         self.complete = not (flawed or done.cut_short)
         if self.complete:
-            knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
+            own_sequence = self._holdings.untold_since(self._given)
+            knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != self._database.knowledge(self._peer.name):
                 self._database.learn(self._peer.name, knowledge)
         self.follows = self._peer.node.follow and self.complete

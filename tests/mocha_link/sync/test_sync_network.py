@@ -6,7 +6,7 @@ import random
 from collections import Counter
 from unittest import mock
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mocha_link.sync import holdings
@@ -74,6 +74,8 @@ class World:
 
 
 @given(seed=st.integers(0, 2**32), nodes=st.integers(2, 4), ordered=st.booleans())
+@example(seed=523, nodes=3, ordered=True)
+@example(seed=2816, nodes=3, ordered=False)
 def test_every_node_ends_with_the_newest_and_gets_no_byte_twice(seed, nodes, ordered):
     world = World(seed, nodes)
     rng = world.random
@@ -135,6 +137,20 @@ def test_damage_on_the_way_is_never_kept(seed, nodes, ordered):
         for node in world.nodes:
             assert node.content.items() <= world.bodies.items()
     world.settle(clean=False)
+
+
+def test_a_message_written_during_a_pull_does_not_come_back_through_a_third_node():
+    ugv, peer, uav = Node("ugv"), Node("peer"), Node("uav")
+    pull = Pull(ugv, peer)
+    pull.ask()
+    written = ugv.store(0, 0, START_MS, size=100_000)  # the peer cannot hear of it in this pull
+    assert pull.run().receiver.complete
+    Pull(uav, ugv).run()
+    Pull(peer, uav).run()
+    assert peer.content == {record_id(written): written.body}
+    telling = Pull(ugv, peer).run()
+    assert telling.data_down == 0
+    assert Pull(ugv, peer).bytes_up < telling.bytes_up  # it is told once
 
 
 def test_a_large_message_resumes_over_many_short_contacts():
