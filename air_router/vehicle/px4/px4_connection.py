@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import logging
 import os
 import re
@@ -39,7 +40,7 @@ USUAL_PORTS: Final = (*range(14540, 14550), 14550)
 """PX4's: its API links by instance, and the ground station's."""
 
 _MOST_DATAGRAMS: Final = 100  # that are looked at of a port
-_EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only where the operator says so
+_EVERYWHERE: Final = ("", "0.0.0.0")  # noqa: S104 - only where the operator says so
 
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
@@ -143,10 +144,18 @@ class Px4Connection:
         bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             bound.bind((host, int(port)))
-        except (OSError, ValueError, OverflowError) as error:
+        except (ValueError, OverflowError):
             bound.close()
+            raise NoVehicleError(f"{self._url}: a port is a number from 1 to 65535") from None
+        except OSError as error:
+            bound.close()
+            if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+                raise NoVehicleError(
+                    f"{self._url}: this machine has no address {host}; udpin takes one of its own, "
+                    "udpout that of another machine"
+                ) from None
             raise self._in_use(error) from None
-        if host == _EVERYWHERE:
+        if host in _EVERYWHERE:
             _log.warning(
                 "%s listens on every network: the first machine that sends as system %d is taken "
                 "for the vehicle; write the address that the vehicle sends to",
