@@ -1,1 +1,1 @@
-"""One file per state of the mission: explore, search, communicate, go to, hold, return."""
+"""The table of states, and what is flown in each: exploring, seeking, going to points, coming home."""

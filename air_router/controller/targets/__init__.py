@@ -1,1 +1,1 @@
-"""Whom and what to seek next, and where: robots, waypoints, search points."""
+"""Which robot to seek next, and where it is and will be."""
