@@ -1,1 +1,1 @@
-"""The table of states, and what is flown in each: exploring, seeking, going to points, coming home."""
+"""The table of states, and what is flown in each: exploring, seeking, hovering, coming home."""
