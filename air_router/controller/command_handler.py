@@ -6,6 +6,7 @@ somewhere, against the airspace and the battery. Only then the state changes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
@@ -66,6 +67,7 @@ class CommandHandler:
     _states: StateHandlers
     _airspace_update: AirspaceUpdate
     later: GoTo | None = None
+    _until_s: float = math.inf  # they wait, vehicle's clock
 
     def asked(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program; points may wait for their time."""
@@ -298,6 +300,7 @@ class CommandHandler:
     def _put_off(self, request: GoTo) -> None:
         """Keep a request that waits until the vehicle flies its mission; of several the newest."""
         before, self.later = self.later, request
+        self._until_s = self._context.now_s + request.waits_s
         if before is not None:
             why, code = "a newer request came", Refusal.REPLACED
             self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
@@ -307,7 +310,12 @@ class CommandHandler:
         """The time of a request that waited has come, or will not come any more."""
         if self.later is not None and not self._context.spec.puts_off:
             request, self.later = self.later, None
-            self.asked(request)
+            if self._context.now_s <= self._until_s:
+                self.asked(request)
+                return
+            why = "its time was over before the vehicle flew on"
+            ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)
+            self._context.actions.append(ack)
 
 
 def _comes_home(why: str | None) -> RequestRefusedError:

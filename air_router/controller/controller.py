@@ -183,14 +183,14 @@ class Controller:
             authority.fallen(killed)
         elif ours and flies and chosen:
             authority.taken(telemetry)
+        elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
+            authority.take_over(ControlHolder.PILOT, foreign)
         elif context.giving_up is not None or context.compares is not None:
             authority.check()
         elif context.state is State.READY:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:
             authority.look_on(telemetry)
-        elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
-            authority.take_over(ControlHolder.PILOT, foreign)
         elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
             authority.give_up(f"{breach} is not resumed by itself")
         elif ours:

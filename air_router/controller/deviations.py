@@ -92,9 +92,11 @@ class Deviations:
 
     def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
         context = self._context
-        if response is Response.HOME and context.knows(Signal.COME_HOME):
+        if response is Response.HOME:
+            comes_home = context.knows(Signal.COME_HOME)
             context.come_home(words)
-            return
+            if comes_home:
+                return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
         if not said:
             context.say(f"{words}: holding" if holds else words)

@@ -22,11 +22,11 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
 from air_router.controller.motion.initial_climb import why_not_started
-from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
+from air_router.errors import AirRouterError, ExitCode, RefusedError
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
-from air_router.flight.resumption import flown_before
+from air_router.flight.resumption import flown_before, recognised
 from air_router.flight.terminal import StatusLine, flight_line, listening
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper, receive_patches
@@ -40,6 +40,8 @@ from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import (
     LinkSilent,
+    PlanCompared,
+    PlanReplaced,
     Telemetry,
     Vehicle,
     VehicleEvent,
@@ -142,6 +144,7 @@ class Flight:
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
+        self._early: list[PlanReplaced | PlanCompared] = []  # likewise
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
@@ -217,26 +220,20 @@ class Flight:
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
-        mode = telemetry.mode.value
-        try:
-            await self._vehicle.recognise(self._plan)
-        except PlanRefusedError as error:
-            raise RefusedError(
-                f"the vehicle is flying ({mode} mode), and not with this mission on board "
-                f"({error}); land it, then start the mission"
-            ) from None
-        found = f"the vehicle is flying ({mode} mode) with this mission on board"
-        if not self._resume:
-            raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
+        found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
         self._status.say(found)
         self._take_card(await self._survey.card_in_the_air(self._vehicle), in_air=True)
         find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
-        flown, words = await asyncio.to_thread(find, self._mission, info, self._newest)
-        self._status.say(words)
+        found_out = await asyncio.to_thread(find, self._mission, info, self._newest)
+        self._status.say(found_out.words)
+        if found_out.home_amsl_m is not None:
+            self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
         self._admit()
-        self.loop.on_event(flown)
+        self.loop.on_event(found_out.flown)
         self.loop.on_event(self._newest)
+        for event in self._early:
+            self.loop.on_event(event)
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
@@ -274,6 +271,8 @@ class Flight:
                 self._newest = event
                 if not self._first.done():
                     self._first.set_result(event)
+            elif isinstance(event, PlanReplaced | PlanCompared):
+                self._early.append(event)
             return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
             self.loop.end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)

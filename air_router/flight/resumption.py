@@ -9,16 +9,16 @@ import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.events import FlownBefore
-from air_router.errors import AirRouterError
+from air_router.errors import AirRouterError, PlanRefusedError, RefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.record.log import Log
 from air_router.record.replay import replay
-from air_router.vehicle.vehicle import Telemetry, VehicleInfo
+from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +30,42 @@ APART_SHARE: Final = 0.2
 """By so much the vehicle's clock and ours may differ in what has passed since the record ended."""
 
 
+async def recognised(
+    vehicle: Vehicle, plan: FlightPlan, telemetry: Telemetry, *, resume: bool
+) -> str:
+    """That a vehicle in the air flies this mission, in words.
+
+    Raises:
+        RefusedError: it does not; or it does, and is not to be flown on.
+    """
+    flies = f"the vehicle is flying ({telemetry.mode.value} mode)"
+    try:
+        await vehicle.recognise(plan)
+    except PlanRefusedError as error:
+        raise RefusedError(
+            f"{flies}, and not with this mission on board ({error}); land it, then start the "
+            "mission"
+        ) from None
+    found = f"{flies} with this mission on board"
+    if not resume:
+        raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
+    return found
+
+
+class Resumption(NamedTuple):
+    """What is known of the flight until now.
+
+    Attributes:
+        flown: Since when, and what is explored.
+        home_amsl_m: How high home was at the take-off, metres above mean sea level; None: unknown.
+        words: Both, for the operator, and how it is known.
+    """
+
+    flown: FlownBefore
+    home_amsl_m: float | None
+    words: str
+
+
 def flown_before(  # noqa: PLR0913 - all that something is known by
     mission: Mission,
     info: VehicleInfo,
@@ -38,7 +74,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     own: Path | None = None,
     rate: float = 1.0,
     unix: Callable[[], float] = time.time,
-) -> tuple[FlownBefore, str]:
+) -> Resumption:
     """Since when a vehicle flies this mission and what it has explored, and how that is known.
 
     Args:
@@ -52,19 +88,22 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     """
     for path in _newest(own):
         try:
-            flown = _recorded(path, mission, telemetry.time_s, rate, unix())
+            recorded = _recorded(path, mission, telemetry.time_s, rate, unix())
         except (AirRouterError, OSError) as error:
             _log.info("%s: %s", path, error)
             continue
-        if flown is not None:
-            return flown, _words(mission, flown, telemetry, f"by its record {path}")
+        if recorded is not None:
+            words = _words(mission, recorded[0], telemetry, f"by its record {path}")
+            return Resumption(*recorded, words)
     visited = _before(mission, telemetry.item)
     if info.took_off_s is not None:
         flown = FlownBefore(info.took_off_s, visited)
-        return flown, _words(mission, flown, telemetry, "by what the vehicle says")
-    flown = FlownBefore(0.0, visited)
-    how = "by its plan item; since when is not known, so from when it was switched on"
-    return flown, _words(mission, flown, telemetry, how)
+        how = "by what the vehicle says"
+    else:
+        flown = FlownBefore(0.0, visited)
+        how = "by its plan item; since when is not known, so from when it was switched on"
+    how += "; without a record heights count from the home that it has now"
+    return Resumption(flown, None, _words(mission, flown, telemetry, how))
 
 
 def _newest(own: Path | None) -> list[Path]:
@@ -76,8 +115,8 @@ def _newest(own: Path | None) -> list[Path]:
 
 def _recorded(
     path: Path, mission: Mission, now_s: float, rate: float, unix_s: float
-) -> FlownBefore | None:
-    """What the controller of a record knew at its end; None if that was another flight."""
+) -> tuple[FlownBefore, float | None] | None:
+    """What a record knew at its end, and how high home was; None if that was another flight."""
     since_s = max(0.0, unix_s - path.stat().st_mtime) * rate
     setup = next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
     if setup is None or _identity(setup.mission) != _identity(mission):
@@ -86,7 +125,11 @@ def _recorded(
     until_s = replay(Log(path), controller).until_s
     if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
         return None  # it was switched off since
-    return controller.flown
+    flown, last = controller.flown, controller.context.telemetry
+    if flown is None:
+        return None
+    amsl_m = None if last is None else last.altitude_amsl_m
+    return flown, None if last is None or amsl_m is None else amsl_m - last.altitude_m
 
 
 def _identity(mission: Mission) -> tuple[object, ...]:

@@ -125,13 +125,13 @@ class TeamMessageDecoder:
 
     def _request_of(self, robot: str, goals: GoalsMessage, unix_s: float) -> GoTo | None:
         """Goals as a request, the first time that they come."""
-        late = goals.until_s is not None and unix_s > goals.until_s
+        left_s = math.inf if goals.until_s is None else goals.until_s - unix_s
         known = self._goals[robot]
-        if late or goals.to not in {None, self._name} or goals.id in known:
+        if left_s < 0.0 or goals.to not in {None, self._name} or goals.id in known:
             return None
         points = tuple(self._frame.to_local(*point) for point in goals.points)
         known.append(goals.id)
-        return GoTo(points, goals.hold_s, waits=True, by=robot, request_id=goals.id)
+        return GoTo(points, goals.hold_s, waits=True, waits_s=left_s, by=robot, request_id=goals.id)
 
     def _way(self, path: PathMessage) -> tuple[Point, ...]:
         """A path in the local frame, with as few points as tell where it leads."""

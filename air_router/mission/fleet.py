@@ -68,6 +68,12 @@ def ceiling_m(layers: Sequence[Layer], uav: str | None, separation_m: float) -> 
     return own.altitude_m + min(above, default=math.inf) - own.level_m - separation_m
 
 
+def below(layers: Sequence[Layer], uav: str | None) -> tuple[str, ...]:
+    """The UAVs that fly in lower layers than this one."""
+    own = next((layer for layer in layers if layer.uav == uav), None)
+    return () if own is None else tuple(each.uav for each in layers if each.level_m < own.level_m)
+
+
 def top_m(layers: Sequence[Layer], uav: str | None) -> float:
     """How high above its own home a UAV counts as in its own layer: halfway to the next."""
     own = next((layer for layer in layers if layer.uav == uav), None)

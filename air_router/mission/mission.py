@@ -10,7 +10,7 @@ import numpy as np
 
 from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers
 from air_router.mission.airspaces import FlightWindow, IdleZone, airspaces_within
-from air_router.mission.fleet import Layer, ceiling_m, top_m
+from air_router.mission.fleet import Layer, below, ceiling_m, top_m
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Shape, Zone
 from geo.frame import LocalFrame, Point
@@ -120,6 +120,11 @@ class Mission:
     def layer_top_m(self) -> float:
         """Higher above home it would be in the layer of another UAV; mostly infinite."""
         return top_m(self.layers, self.uav)
+
+    @property
+    def layers_below(self) -> tuple[str, ...]:
+        """The UAVs whose layers it would descend through away from home; mostly none."""
+        return below(self.layers, self.uav)
 
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
         """The same mission among other fences and zones; climb_corridors of other UAVs stay."""

@@ -99,7 +99,9 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
             f"put it within {nearest_m:g} m: the other UAVs keep out of the corridor above home"
         )
         return Check("place", BAD, found, advice)
-    if not router.check_leg(telemetry.position, mission.home):
+    column = mission.climb_airspace  # with the zones that end below the altitudes of the mission
+    clear = router.check_leg(telemetry.position, mission.home)
+    if not (clear and column.point_clear(telemetry.position)):
         found = "the way up from where the vehicle stands to home is not clear"
         return Check("place", BAD, found, "put it on the mission's home")
     if info.home is None:

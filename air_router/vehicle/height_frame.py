@@ -60,6 +60,7 @@ class HeightFrame:
     home_amsl_m: float | None = None
     moved: HomeMove | None = None
     _flew: bool = False  # since it was armed
+    _heard: tuple[float, float, Point | None] | None = None  # the last arguments of `altitude_m`
 
     def altitude_m(
         self,
@@ -89,11 +90,24 @@ class HeightFrame:
             self.home, self.home_amsl_m = home, amsl_m if grounded else now_m
         if self.home is None:
             self.home = home
-        up_m = now_m - self.home_amsl_m
+        self._heard = (amsl_m, above_home_m, home)
+        return self._above_take_off(*self._heard)
+
+    def took_off_from(self, home_amsl_m: float) -> float | None:
+        """A companion before this one knew how high home was at the take-off: count from there.
+
+        Returns how high the vehicle is above it, as heard last; None before it was heard.
+        """
+        self.home_amsl_m = home_amsl_m
+        return None if self._heard is None else self._above_take_off(*self._heard)
+
+    def _above_take_off(self, amsl_m: float, above_home_m: float, home: Point | None) -> float:
+        home_amsl_m = self.home_amsl_m or 0.0
+        up_m = amsl_m - above_home_m - home_amsl_m
         east_m, north_m = 0.0, 0.0
         if home is not None and self.home is not None:
             east_m, north_m = home.east_m - self.home.east_m, home.north_m - self.home.north_m
         off_height = abs(up_m) > HOME_UP_M
         off_place = math.hypot(east_m, north_m) > HOME_ASIDE_M
         self.moved = HomeMove(east_m, north_m, up_m) if off_height or off_place else None
-        return amsl_m - self.home_amsl_m if off_height else above_home_m
+        return amsl_m - home_amsl_m if off_height else above_home_m

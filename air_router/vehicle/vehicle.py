@@ -263,6 +263,12 @@ class Vehicle(Protocol):
     async def recognise(self, plan: FlightPlan) -> None:
         """Make sure that this plan is on board already, in flight too, without changing it."""
 
+    def count_heights_from(self, home_amsl_m: float) -> None:
+        """Take home to have been so high above mean sea level at the take-off, and tell so at once.
+
+        For a vehicle that another companion flew before: its home may have been moved since.
+        """
+
     async def arm(self) -> None:
         """Arm, once, waiting for the autopilot's health first; never over a disarming."""
 

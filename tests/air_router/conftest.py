@@ -345,6 +345,9 @@ class PretendVehicle(Vehicle):
         self._fail("recognise")
         self.plan = plan
 
+    def count_heights_from(self, home_amsl_m):
+        self.home_amsl_m = home_amsl_m
+
     async def arm(self):
         self._fail("arm")
         self.airframe.armed = True

@@ -97,6 +97,7 @@ class Refusal(StrEnum):
     ONLY_SEARCHES = "only-searches"
     NOTHING_TO_DO = "nothing-to-do"
     REPLACED = "replaced-by-newer"
+    TOO_LATE = "too-late"
     BUSY = "busy"
 
 

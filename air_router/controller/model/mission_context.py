@@ -241,8 +241,14 @@ class MissionContext:
         return signal in self.spec.on
 
     def come_home(self, why: str, *, by_request: bool = False) -> None:
-        """End the mission, in the air by flying home; nothing where it cannot be ended any more."""
+        """End the mission, in the air by flying home.
+
+        Where it comes home already, by request, that may not be called off any more.
+        """
         if not self.knows(Signal.COME_HOME):
+            requested = self.ending if self.state is State.HOME else None
+            if requested is not None and requested.by_request and not by_request:
+                self.ending = Ending(f"{requested.why}; {why}")  # not to be called off any more
             return
         self.ending = Ending(why, by_request)
         if self.in_air:

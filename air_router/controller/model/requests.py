@@ -5,6 +5,7 @@ Each is answered with `actions.CommandAck`: accepted, or refused and why.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -75,11 +76,13 @@ class GoTo(Asked):
         hold_s: How long to hover at the last; None: as the mission says.
         waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
             refused: no operator is there to ask again.
+        waits_s: So long at most, on the vehicle's clock.
     """
 
     points: tuple[Point, ...]
     hold_s: float | None = None
     waits: bool = False
+    waits_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -337,6 +337,6 @@ class Navigator:
         if cruise.lower_m <= altitude_m <= cruise.upper_m:
             return None
         stopping = stopping_point(telemetry, self._gate.reaction_s + age_s)
-        places = [setpoint.place for setpoint in self._gate.setpoints.pending(telemetry)]
+        places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry)]
         swept = (telemetry.position, stopping, *places, target)
         return self._context.router.off_cruise(altitude_m, swept)

@@ -193,6 +193,10 @@ class LandState(StateHandler):
         gate = self._gate
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
             return "it does not hover yet; ask again in a moment"
+        home_m = math.dist(telemetry.position, mission.home)
+        if mission.layers_below and home_m > mission.planner.acceptance_radius_m + LANDING_M:
+            below = ", ".join(mission.layers_below)
+            return f"the layer of {below} is below; it lands at home only: 'home'"
         margin_m = mission.planner.tracking_margin_m
         for airspace in (mission.climb_airspace, mission.airspace_at(telemetry.altitude_m)):
             if not airspace.with_margin(margin_m).point_clear(telemetry.position):

@@ -119,6 +119,10 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.recognise`."""
         await self._onboard.recognise(plan)
 
+    def count_heights_from(self, home_amsl_m: float) -> None:
+        """See `Vehicle.count_heights_from`."""
+        self._telemetry.count_heights_from(home_amsl_m)
+
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`."""
         await self._onboard.upload(plan)

@@ -186,13 +186,13 @@ class Streams:
             self._at_s[name] = (self.heard_s, before_s)
         return news
 
-    def void_position(self) -> None:
-        """The position that came last is none that can be used."""
-        name = "GLOBAL_POSITION_INT"
+    def void(self, name: str) -> None:
+        """The message of this name that came last says nothing that can be used."""
         if name in self._at_s:
             _, before_s = self._at_s[name]
             self._at_s[name] = (before_s, before_s)
-            self._position = self._believed
+            if name == "GLOBAL_POSITION_INT":
+                self._position = self._believed
 
     def ages(self) -> Ages:
         """Now; rounded, because records keep them."""

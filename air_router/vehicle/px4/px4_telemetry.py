@@ -150,6 +150,13 @@ class Px4Telemetry(Px4Messages):
         """Whether the autopilot flies by itself."""
         return self._mode.failsafe
 
+    def count_heights_from(self, home_amsl_m: float) -> None:
+        """See `Vehicle.count_heights_from`."""
+        altitude_m = self._heights.took_off_from(home_amsl_m)
+        if altitude_m is not None:
+            self.altitude_m = altitude_m
+            self._emit_snapshot()
+
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
         if self.position is None or not self._mode.known:
@@ -220,12 +227,12 @@ class Px4Telemetry(Px4Messages):
             position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
         except FrameError as error:
             _log.warning("a position of the vehicle is left out: %s", error)
-            self._streams.void_position()
+            self._streams.void("GLOBAL_POSITION_INT")
             return
         reported = ReportedPosition(boot_s, position)
         if not self._continuity.believes(reported, loop_s(), self._clock.rate):
             _log.info("a position that does not follow from the one before waits for others")
-            self._streams.void_position()
+            self._streams.void("GLOBAL_POSITION_INT")
             return
         self.time_s, self.position = boot_s, position
         self._clock.heard(boot_s)
@@ -248,7 +255,10 @@ class Px4Telemetry(Px4Messages):
 
     def _on_sys_status(self, fields: dict[str, Any]) -> None:
         remaining = fields["battery_remaining"]
-        self.battery = None if remaining is None or remaining < 0 else remaining / 100
+        if remaining is not None and remaining >= 0:
+            self.battery = remaining / 100
+        elif self.battery is not None:  # it was known: what is not told any more grows old
+            self._streams.void("SYS_STATUS")
         voltage_mv = fields["voltage_battery"]
         self.voltage_v = None if voltage_mv in {None, UNKNOWN} else voltage_mv / 1e3
         self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)

@@ -517,6 +517,18 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     assert (answered.request_id, answered.code) == ("4", Refusal.NOT_OURS)
 
 
+def test_points_that_waited_for_too_long_are_not_flown_to(pretend):
+    flight = pretend()
+    flight.step()
+    flight.give(GoTo(FAR, waits=True, waits_s=30.0, by="basestation", request_id="1"))
+    flight.fly_for(31.0)
+    flight.take_off()
+    flight.step()
+    (answer,) = [a for a in flight.actions if isinstance(a, CommandAck)]
+    assert (answer.request_id, answer.code) == ("1", Refusal.TOO_LATE)
+    assert flight.controller.state is State.INIT
+
+
 def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):
     flight = in_state(State.GOTO)
     route = flight.router.route

@@ -1,5 +1,6 @@
 """Whose the vehicle is: a pilot takes it, the plan on board changes, a flight is resumed."""
 
+import dataclasses
 import math
 
 import pytest
@@ -190,6 +191,32 @@ def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(pretend):
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
     assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+@pytest.mark.parametrize("climbing", [False, True])
+def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(pretend, climbing):
+    flight = pretend()
+    if climbing:
+        flight.take_off_halfway()
+    else:
+        flight.take_off()
+        flight.fly_away()
+    target, telemetry = [None], flight.telemetry
+    flight.telemetry = lambda: dataclasses.replace(telemetry(), target=target[0])
+    flight.give(PlanReplaced(flight.now_s))
+    target[0] = flight.position
+    flight.fly_for(5.0)
+    east_m, north_m = flight.position
+    target[0] = Point(east_m + 60.0, north_m)
+    flight.fly_for(4.0)
+    commanded = len(flight.motions)
+    flight.give(PlanCompared(flight.now_s))
+    flight.fly_for(5.0)
+    assert (flight.controller.state, len(flight.motions)) == (State.PASSIVE, commanded)
+    assert flight.said[-2:] == [
+        "hands off: a pilot or ground station gave it another place to go to",
+        "the plan on board flies as this mission's does",
+    ]
 
 
 def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):

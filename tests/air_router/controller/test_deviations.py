@@ -6,9 +6,9 @@ import math
 import pytest
 
 from air_router.controller.envelope import FAST_S, OFF_HOME_S, OFF_S
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.actions import CommandAck, FlyToNode, FlyToPoint, HoldHere, Refusal
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.requests import ComeHome, ExploreNow, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.states.return_state import HomeReachability
@@ -203,6 +203,27 @@ def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_hom
     assert words.endswith("40 m by the autopilot, 36 m by the satellites")
     assert last.startswith("coming home")
     assert flight.controller.state in {State.HOME, State.LAND}
+
+
+def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off(pretend):
+    flight, off_m = pretend(duration_s=600.0), [0.0]
+
+    def reads():
+        telemetry = Airframe.telemetry(flight)
+        amsl_m = 489.0 + telemetry.altitude_m
+        return dataclasses.replace(telemetry, altitude_amsl_m=amsl_m, gps_amsl_m=amsl_m + off_m[0])
+
+    flight.telemetry = reads
+    flight.take_off()
+    flight.fly_away()
+    flight.give(ComeHome())
+    off_m[0] = 8.0
+    fly(flight, 12.0)
+    assert flight.controller.state is State.HOME
+    flight.give(ExploreNow())
+    refused = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+    assert refused.code is Refusal.COMING_HOME
+    assert refused.why.startswith("it comes home: the operator's request; the altitude is in doubt")
 
 
 def test_a_home_that_px4_corrects_is_no_jump_of_the_altitude(cruising):

@@ -8,8 +8,10 @@ from air_router.controller.model.actions import CommandAck, LandHere, Refusal
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
+from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
+from tests.air_router.conftest import MISSIONS
 
 
 def asked(flight, request):
@@ -55,6 +57,21 @@ def test_it_holds_first_and_stands_still(pretend):
     refused = asked(flight, LandNow())
     assert "it does not hover yet" in refused.why
     assert flight.controller.state is State.HOLD
+
+
+def test_it_does_not_land_through_the_layer_of_another_uav(pretend):
+    mission = load_mission(MISSIONS / "pair" / "mission.yaml", uav="titan")
+    flight = pretend(mission)
+    flight.take_off()
+    flight.fly_away()
+    asked(flight, HoldNow())
+    flight.fly_for(6.0)
+    refused = asked(flight, LandNow())
+    assert (refused.code, flight.controller.state) == (Refusal.NO_WAY, State.HOLD)
+    assert refused.why == "the layer of atlas is below; it lands at home only: 'home'"
+    assert asked(flight, ComeHome()).accepted
+    flight.fly_until(lambda: flight.finished is not None)
+    assert math.dist(flight.position, mission.home) < 3.0
 
 
 @pytest.mark.parametrize("band", [None, Band(-math.inf, 15.0), Band(35.0, 60.0)], ids=str)

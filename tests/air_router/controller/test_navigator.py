@@ -14,7 +14,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.routing.router import Leg, Route
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Zone
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 
 GIVEN_UP_S = 3.0
@@ -172,6 +172,17 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
     flight.telemetry = telemetry
     flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 10.0)
     assert flight.motions[-1].node == told.node
+
+
+def test_below_the_cruise_altitudes_it_is_reckoned_with_that_it_swings_beyond_its_leg(bend):
+    mast = Zone("mast", Circle(Point(215.5, 0.0), 10.0), band=Band(-math.inf, 20.0))
+    mission = bend.mission.with_areas((), (mast,))
+    low = at(190.0, 0.0, velocity_m_s=(3.5, 0.0), target=Point(200.0, 0.0))
+    flight = type(bend)(mission)
+    for altitude_m, clear in ((40.0, True), (30.0, False)):
+        _, _, navigator = navigating(flight, dataclasses.replace(low, altitude_m=altitude_m))
+        telemetry = navigator._context.heard
+        assert navigator.clear(telemetry, Point(190.0, 60.0)) is clear
 
 
 def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):

@@ -10,6 +10,7 @@ import pytest
 
 from air_router.controller.model.actions import FlyToNode
 from air_router.controller.model.events import FlownBefore
+from air_router.controller.model.states import State
 from air_router.flight import flight as flight_module
 from air_router.flight.resumption import flown_before
 from air_router.mission.flight_plan import FlightPlan
@@ -17,12 +18,21 @@ from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    GpsFix,
+    Inspection,
+    PlanCompared,
+    PlanReplaced,
+    Telemetry,
+    VehicleInfo,
+)
 from geo.frame import Point
 from tests.air_router.flight.test_flight import Rig
 
 INFO = VehicleInfo(1, "PX4", "1.17.0", Point(0.0, 0.0), 6.7)
 DURATION_S = 200.0
+HOME_AMSL_M = 6.7
 
 
 @pytest.fixture
@@ -34,7 +44,11 @@ def mission(pennovation):
 def first(mission, pretend_vehicle, tmp_path):
     """A flight whose companion was interrupted once it had visited a waypoint."""
     rig = Rig(mission, pretend_vehicle, tmp_path)
-    controller = rig.flight.controller
+    controller, airframe = rig.flight.controller, rig.vehicle.airframe
+    told = airframe.telemetry
+    airframe.telemetry = lambda: dataclasses.replace(
+        told(), altitude_amsl_m=HOME_AMSL_M + airframe.altitude_m
+    )
     rig.at(
         lambda: controller.exploration.mark()[0] == 1,
         lambda: os.kill(os.getpid(), signal.SIGINT),
@@ -50,8 +64,9 @@ def telemetry(rig, later_s=0.0):
 
 def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, mission, tmp_path):
     known = partial(flown_before, mission, INFO, own=tmp_path / "own.mcap", unix=lambda: 0.0)
-    flown, words = known(telemetry(first, later_s=10.0))
+    flown, home_amsl_m, words = known(telemetry(first, later_s=10.0))
     assert flown == first.flight.controller.flown
+    assert home_amsl_m == pytest.approx(HOME_AMSL_M)
     assert (flown.visited, flown.left_out) == (1, ())
     assert flown.airborne_s < first.vehicle.airframe.now_s - 5.0
     assert f"1 of {len(mission.waypoints)} waypoints explored (by its record" in words
@@ -68,7 +83,7 @@ def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, missio
 )
 def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, later_s, changes):
     mission = dataclasses.replace(mission, **changes)
-    _, words = flown_before(
+    _, _, words = flown_before(
         mission, INFO, telemetry(first, later_s), own=tmp_path / "own.mcap", unix=lambda: 0.0
     )
     assert "by its record" not in words
@@ -77,25 +92,32 @@ def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, la
 def test_without_a_record_the_vehicle_is_asked(mission):
     item = FlightPlan.of(mission).first_node_item + 4
     heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
-    flown, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
+    flown, _, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
     assert flown == FlownBefore(50.0, 3)
     assert words.startswith("in the air for 150 s, 3 of ")
-    flown, words = flown_before(mission, INFO, heard)
+    flown, _, words = flown_before(mission, INFO, heard)
     assert flown == FlownBefore(0.0, 3)
     assert "so from when it was switched on" in words
 
 
-def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
-    first, mission, pretend_vehicle, tmp_path, monkeypatch
-):
+@pytest.fixture
+def second(first, mission, pretend_vehicle, tmp_path, monkeypatch):
+    """A companion that goes on with it."""
+
     async def at_once(function, *arguments):  # the pretended vehicle's time stands still meanwhile
         return function(*arguments)
 
     monkeypatch.setattr(flight_module, "flown_before", partial(flown_before, unix=lambda: 0.0))
     monkeypatch.setattr(flight_module.asyncio, "to_thread", at_once)
-    flown = first.flight.controller.flown
-    second = Rig(mission, pretend_vehicle, tmp_path, arm=False, resume=True)
-    airframe = second.vehicle.airframe = first.vehicle.airframe
+    rig = Rig(mission, pretend_vehicle, tmp_path, arm=False, resume=True)
+    rig.vehicle.airframe = first.vehicle.airframe
+    return rig
+
+
+def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
+    first, second, mission
+):
+    flown, airframe = first.flight.controller.flown, first.vehicle.airframe
     second.vehicle.inspection = Inspection(gps=GpsFix(3, 14, 0.8), battery=0.3)
     result = second.run()
     assert (result.outcome, result.report["came_home_because"]) == (
@@ -112,6 +134,25 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
     assert "in flight: " in said
     assert re.search(r"battery +30%", said)  # not good, and said
     assert airframe.mode is FlightMode.LAND
+    assert second.vehicle.home_amsl_m == pytest.approx(HOME_AMSL_M)
+
+
+def test_a_plan_that_is_replaced_while_the_flight_is_looked_at_is_not_flown(second):
+    inspect = second.vehicle.inspect
+
+    async def replaced_meanwhile(parameters):
+        for event in (PlanReplaced(1.0), PlanCompared(1.0, "the mission: 8 items")):
+            second.vehicle.callback(event)
+        return await inspect(parameters)
+
+    second.vehicle.inspect = replaced_meanwhile
+    controller = second.flight.controller
+    second.at(
+        lambda: controller.state is State.PASSIVE, lambda: os.kill(os.getpid(), signal.SIGINT)
+    )
+    second.run()
+    assert "hands off: another plan is on board (the mission: 8 items)" in second.out.getvalue()
+    assert not {"jump", "reposition", "land"} & {*second.vehicle.verbs}
 
 
 def test_since_when_it_flies_is_counted_from_its_boot(pennovation):

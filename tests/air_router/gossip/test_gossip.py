@@ -312,7 +312,8 @@ def test_goals_of_others_for_others_too_late_or_broken_are_no_requests(pennovati
     for broken in ({"points": ()}, {"points": (place,) * 51}, {"hold_s": -1.0}, {"id": ""}):
         with pytest.raises(MessageError):
             read(reader, **broken)
-    assert read(reader, to="titan", until_s=101.0).request_id == "a"
+    taken = read(reader, to="titan", until_s=101.0)
+    assert (taken.request_id, taken.waits_s) == ("a", 1.0)
     assert read(reader) is None  # the same again
     assert read(reader, id="b").request_id == "b"
     assert read(reader, stamp_s=2.0) is None  # also after others

@@ -1,4 +1,5 @@
 import dataclasses
+import math
 from typing import get_args
 
 import pytest
@@ -123,6 +124,16 @@ def test_the_place(pennovation, router):
         pennovation, router, info(home=None), telemetry(position=pennovation.home)
     )
     assert nowhere.verdict is LOOK
+
+
+def test_it_may_not_stand_below_a_zone_that_ends_below_the_altitudes_of_the_mission(pennovation):
+    here = Point(pennovation.home.east_m + 15.0, pennovation.home.north_m)
+    shed = Zone("shed", Circle(here, 6.0), band=Band(-math.inf, 12.0))
+    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, shed))
+    router = Router(WaypointGraph(mission))
+    for position, verdict in ((mission.home, GOOD), (here, BAD)):
+        at = telemetry(position=position)
+        assert preflight.place(mission, router, info(home=mission.home), at).verdict is verdict
 
 
 def test_a_home_that_is_not_as_high_as_the_vehicle_stands(pennovation):

@@ -29,7 +29,7 @@ RATES_HZ = {
 class Px4:
     """The streams of a PX4, at its rates, of which some may be turned off."""
 
-    def __init__(self, mission, monkeypatch):
+    def __init__(self, mission, monkeypatch, *, battery=90):
         self.wall_s = 1000.0
         self.boot_s = 50.0
         self.clock = VehicleClock(monotonic=lambda: self.wall_s)
@@ -42,7 +42,7 @@ class Px4:
         self._mission = mission
         self.east_m, self.height_m, self.speed_m_s, self.climb_m_s = 0.0, 40.0, 0.0, 0.0
         self.mode, self.intended, self.armed, self.status = MISSION, MISSION, True, ACTIVE
-        self.landed, self.item, self.battery, self.fix = IN_AIR, 3, 90, 3
+        self.landed, self.item, self.battery, self.fix = IN_AIR, 3, battery, 3
         self.telemetry = Px4Telemetry(mission.frame, self.clock)
         self.telemetry.listen(self, 1)
         self.telemetry.subscribe(self.events.append)

@@ -16,6 +16,7 @@ from air_router.vehicle.px4.px4_streams import (
 )
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
+from tests.air_router.vehicle.px4.conftest import Px4
 
 LAND, HOLD, MISSION, RETURN = 0x06040000, 0x03040000, 0x04040000, 0x05040000
 CRITICAL, TERMINATED = 5, 8
@@ -120,6 +121,31 @@ def test_gps_that_repeats_its_time_says_nothing(px4):
         px4.run(1.0)
         px4.says("GPS_RAW_INT", time_usec=stamp)
     assert px4.last.ages.fix_s == pytest.approx(10.0, abs=1.1)
+
+
+def test_a_charge_that_was_known_and_is_not_told_any_more_grows_old(px4):
+    px4.battery = -1
+    px4.run(6.0)
+    assert px4.last.battery == 0.9
+    assert px4.last.ages.battery_s == pytest.approx(6.0, abs=0.5)
+    px4.battery = 80
+    px4.run(1.0)
+    assert (px4.last.battery, px4.last.ages.battery_s < 1.0) == (0.8, True)
+
+
+def test_a_vehicle_that_never_knows_its_charge_is_flown_without(pennovation, monkeypatch):
+    px4 = Px4(pennovation, monkeypatch, battery=-1)
+    px4.run(40.0)
+    assert (px4.last.battery, px4.last.ages.battery_s < 1.0) == (None, True)
+
+
+def test_heights_count_from_the_home_that_an_earlier_companion_took_off_from(px4):
+    px4.telemetry.count_heights_from(6.7 - 15.0)  # home was moved up by 15 m since
+    assert (px4.last.altitude_m, px4.last.home_moved.up_m) == pytest.approx((55.0, 15.0))
+    px4.run(1.0)
+    assert px4.last.altitude_m == pytest.approx(55.0)
+    px4.telemetry.count_heights_from(6.7 - 2.0)  # as PX4 corrects it
+    assert (px4.last.altitude_m, px4.last.home_moved) == (40.0, None)
 
 
 def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
