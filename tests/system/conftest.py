@@ -45,7 +45,24 @@ def program(name, checkout=UNDER_TEST):
 
 
 def environment(checkout=UNDER_TEST):
-    return {**os.environ, "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
+    said = {"PYTHONUNBUFFERED": "1", "PYTHONFAULTHANDLER": "1"}  # see `where_it_hangs`
+    return {**os.environ, "PYTHONPATH": str(checkout), **said}
+
+
+def where_it_hangs(pid):
+    """Where the threads of all processes below this one are, by the logs that these leave."""
+    told = []
+    for listed in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in map(int, listed.read_text().split()):
+            told.append(where_it_hangs(child))
+            with contextlib.suppress(OSError):
+                log = Path(f"/proc/{child}/fd/2").resolve()
+                command = Path(f"/proc/{child}/cmdline").read_text().replace("\0", " ")
+                os.kill(child, signal.SIGABRT)
+                time.sleep(0.5)
+                if log.is_file():
+                    told.append(f"\n--- {command}\n{log.read_text(errors='replace')[-20_000:]}")
+    return "".join(told)
 
 
 class Command:
@@ -73,7 +90,10 @@ class Command:
             left_s = deadline_s - time.monotonic()
             ready = left_s > 0 and select.select([self.process.stderr], [], [], left_s)[0]
             chunk = os.read(self.process.stderr.fileno(), 65536) if ready else b""
-            assert chunk, f"{what} was not said; but: {self.said}"
+            if not chunk:
+                pytest.fail(
+                    f"{what} was not said; but: {self.said}{where_it_hangs(self.process.pid)}"
+                )
             self.said += chunk.decode()
 
     def read(self):
