@@ -233,7 +233,8 @@ class CommandHandler:
         self._check_kept()
         if state in {State.HOME, State.LAND}:
             return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
-        if context.in_air and not context.in_charge and state is not State.DONE:
+        not_ours = context.held is not None or not context.in_charge
+        if context.in_air and not_ours and state is not State.DONE:
             self._check_heard()
             why = self._authority.take_home()
             if why is not None:

@@ -234,6 +234,8 @@ class ControlAuthority:
             self.take_over(ControlHolder.PILOT, why)
         elif context.state in {State.LAND, State.PASSIVE}:
             context.say(why)
+            context.compares = None
+            context.handler.replan()  # a landing needs no plan
         elif context.in_charge and context.giving_up is None:
             self.give_up(why)
 
@@ -294,6 +296,6 @@ class ControlAuthority:
 
     def _take_back(self) -> None:
         self._gate.ours_in_the_air()
-        self._context.taken_by = None
+        self._context.taken_by = self._context.held = None
         self._gate.assume(self._context.heard.mode)
         self._context.climbs_first = True

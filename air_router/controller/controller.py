@@ -191,6 +191,7 @@ class Controller:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:
             authority.look_on(telemetry)
+            self._deviations.forget()
         elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
             authority.give_up(f"{breach} is not resumed by itself")
         elif ours:
@@ -226,7 +227,7 @@ class Controller:
         if context.spec.cruises and context.zones is None and not climbs:
             self._deviations.keep(telemetry, moved)
         else:
-            self._deviations.forget()
+            self._deviations.stand_aside(moved)
         exploration.here = telemetry.position
         if exploration.began_s is None:
             exploration.began_s = context.now_s
@@ -267,7 +268,8 @@ class Controller:
     def _item_reached(self, event: ItemReached) -> None:
         """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
         context = self.context
-        if context.telemetry is None or not context.in_charge or context.zones is not None:
+        waits = context.zones is not None or context.jumped
+        if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):
             return  # the report may be of the node before; the vehicle has not confirmed the jump
@@ -318,7 +320,7 @@ class Controller:
         """Hands are off, or the flight is over."""
         context = self.context
         done = context.state is State.DONE
-        context.giving_up = context.compares = None
+        context.giving_up = context.compares = context.held = None
         if done:
             self.gate.stop()
         self._commands.now_what_waited()

@@ -85,6 +85,14 @@ class Deviations:
             again = deviation.counts and self._happens_again(telemetry.time_s)
             self._respond(Response.HOME if again else deviation.response, deviation.words)
 
+    def stand_aside(self, moved: Response | None) -> None:
+        """It does not fly at its altitudes just now; on a leg a home that moves is held for."""
+        self.forget()
+        if moved is Response.HOLD and self._context.zones is not None:
+            self._gate.stop()
+            self._context.has_to_stop = True
+            self._gate.hold("home was moved")
+
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
         for watch in (self._height, self._clearance, self._speed):

@@ -42,6 +42,9 @@ _AVERAGE_S: Final = 4.0
 FOREIGN_ORDER_S: Final = 1.5
 """How long an order that is not ours has to show: our own shows late on a slow link."""
 
+STALE_S: Final = 5.0
+"""What it was told to do so long ago says nothing of an order of now."""
+
 FOREIGN_TARGET_M: Final = 4.0
 """A target so far from ours is not ours; the autopilot's position estimate wanders less."""
 
@@ -262,7 +265,7 @@ class SafetyMonitor:
                 order = _elsewhere(telemetry, position)
             case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
                 order = self._moved_from_hold(hold, telemetry)
-        if order is None:
+        if order is None or told_s >= STALE_S:
             self._foreign_since_s, self._context.doubts = None, False
             if self._context.put_off:
                 self._context.put_off = False

@@ -21,7 +21,6 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
-from air_router.controller.motion.initial_climb import why_not_started
 from air_router.errors import AirRouterError, ExitCode, RefusedError
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
@@ -39,6 +38,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import (
+    FlightMode,
     LinkSilent,
     PlanCompared,
     PlanReplaced,
@@ -145,6 +145,7 @@ class Flight:
         self._first: asyncio.Future[Telemetry]  # set by the first telemetry
         self._newest: Telemetry  # before anything is decided
         self._early: list[PlanReplaced | PlanCompared] = []  # likewise
+        self._starts: FlightMode | None = None  # of before, once it was told to take off
         self._interrupted = False  # by a signal of the operating system
         self._admitted = False  # the vehicle may be flown: decisions begin
         self._vehicle_s = -math.inf  # of the latest telemetry; inf: it started anew
@@ -186,6 +187,7 @@ class Flight:
             self._check_still()
             await self._vehicle.arm()
             self._check_still(armed=True)
+            self._starts = self._first.result().mode
             await self._vehicle.start()
             self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
@@ -253,8 +255,7 @@ class Flight:
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
-        telemetry = self.controller.context.telemetry
-        why = telemetry and why_not_started(self._first.result(), telemetry, armed=armed)
+        why = self.controller.states.ready.why_not_started(self._first.result(), armed=armed)
         if why is not None:
             raise RefusedError(f"{why}; it is left to the pilot")
 
@@ -322,11 +323,13 @@ class Flight:
 
     async def _let_go(self) -> None:
         await self.loop.stop()
-        ours = self.loop.flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
+        ours = self.loop.flies_by_us(starts=self._starts) and self._vehicle_s < math.inf
         self.loop.leaving = True
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
-            if ours:
+            if ours and self.loop.may_be_taken():
+                self._status.say("the vehicle is left as it is: a pilot may have taken it unheard")
+            elif ours:
                 await self._vehicle.hold()
                 self._status.say("the vehicle holds; take over, or let it return")
         except AirRouterError as error:

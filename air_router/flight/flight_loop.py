@@ -14,6 +14,7 @@ from collections.abc import Callable, Coroutine, Iterable
 from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError, View
+from air_router.controller.command_handler import NOT_HEARD_S
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import (
     Action,
@@ -48,6 +49,9 @@ from geo.frame import LocalFrame
 
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
+
+_STARTING: Final = (FlightMode.HOLD, FlightMode.MISSION)
+"""Modes of a vehicle that was told to take off, if no pilot has chosen another."""
 
 
 class CommandService:
@@ -288,11 +292,21 @@ class FlightLoop:
         else:
             loop.default_exception_handler(context)
 
-    def flies_by_us(self) -> bool:
-        """Whether the vehicle flies, or is about to, because we told it to."""
+    def may_be_taken(self) -> bool:
+        """Whether its mode has not been heard for so long that a pilot may have it."""
+        context = self._controller.context
+        return context.silent_s > NOT_HEARD_S or context.inputs.silent
+
+    def flies_by_us(self, *, starts: FlightMode | None) -> bool:
+        """Whether the vehicle flies, or is about to, because we told it to.
+
+        Args:
+            starts: The mode from before it was told to take off, which may not show yet.
+        """
         controller, telemetry = self._controller, self._controller.context.telemetry
         if telemetry is None or telemetry.in_air:
             return telemetry is not None and controller.context.in_charge
         # Armed in Mission mode on the ground it is about to take off, with no companion.
-        about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
+        modes = {FlightMode.MISSION} if starts is None else {*_STARTING, starts}
+        about_to = telemetry.armed and telemetry.mode in modes
         return about_to and controller.state in {State.READY, State.DONE}

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import io
+import logging
 import math
+import os
 import shutil
 import signal
 import sys
@@ -33,9 +36,10 @@ class StatusLine:
         out: TextIO | None = None,
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._out = out if out is not None else sys.stderr
+        out = out if out is not None else sys.stderr
+        self._live = out.isatty()  # on a terminal: one line, redrawn in place
+        self._out = _patient(out)
         self._monotonic = monotonic
-        self._live = self._out.isatty()  # on a terminal: one line, redrawn in place
         self._shown_s = -math.inf  # when it was written last
         self._width = 0  # of the line that is overwritten
 
@@ -72,6 +76,36 @@ class StatusLine:
         with contextlib.suppress(OSError):  # the terminal is gone; the flight goes on without
             self._out.write(text)
             self._out.flush()
+
+
+class _Screen(io.TextIOBase):
+    """A terminal that goes without what it does not take at once, after Ctrl-S or while SSH stalls.
+
+    Args:
+        path: Of the terminal; opened once more, since for other programs it is to stay as it is.
+    """
+
+    def __init__(self, path: str) -> None:
+        descriptor = os.open(path, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        self._raw = io.FileIO(descriptor, "w")
+
+    def write(self, text: str) -> int:
+        """Write what it takes."""
+        self._raw.write(text.encode())
+        return len(text)
+
+    def close(self) -> None:
+        """Free the descriptor."""
+        self._raw.close()
+        super().close()
+
+
+def _patient(out: TextIO) -> TextIO | _Screen:
+    """The same terminal, as one that keeps nothing waiting; what is none stays as it is."""
+    try:
+        return _Screen(os.ttyname(out.fileno()))
+    except OSError:
+        return out
 
 
 def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
@@ -122,6 +156,9 @@ def _vehicle(controller: Controller, telemetry: Telemetry) -> list[str]:
 SIGNALS: Final = MappingProxyType({signal.SIGUSR1: "home", signal.SIGUSR2: "resume"})
 """What another terminal or a service manager can send: `kill -USR1 PID`, `kill -USR2 PID`."""
 
+_STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+"""With these a terminal stops a program: zones and battery would be watched no more."""
+
 _GONE: Final = "the terminal is gone; the flight goes on without it"
 
 
@@ -132,6 +169,9 @@ def listening(
     keyboard: TextIO | None = None,
 ) -> Iterator[None]:
     """Hand what is asked for to `deliver` on the running event loop while this lasts.
+
+    Nothing that a terminal does stops the program meanwhile: no Ctrl-Z, no line that is typed while
+    it runs in the background, no log that the terminal does not take.
 
     Args:
         deliver: Takes a request.
@@ -162,12 +202,29 @@ def listening(
     for number, word in SIGNALS.items():
         loop.add_signal_handler(number, deliver, parse_command(word))
     try:
-        yield
+        with _unstopped():
+            yield
     finally:
         for number in (signal.SIGHUP, *SIGNALS):
             loop.remove_signal_handler(number)
         if typed:
             loop.remove_reader(keyboard)
+
+
+@contextlib.contextmanager
+def _unstopped() -> Iterator[None]:
+    """No terminal stops the program while this lasts, nor has it wait for a line of its log."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in _STOPS}
+    logs = [log for log in logging.getLogger().handlers if isinstance(log, logging.StreamHandler)]
+    streams = [log.setStream(_patient(log.stream)) for log in logs]
+    try:
+        yield
+    finally:
+        for log, stream in zip(logs, streams, strict=True):
+            if stream is not None:
+                log.setStream(stream)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _line_of(keyboard: TextIO) -> str:

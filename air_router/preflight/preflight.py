@@ -104,13 +104,24 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     if not (clear and column.point_clear(telemetry.position)):
         found = "the way up from where the vehicle stands to home is not clear"
         return Check("place", BAD, found, "put it on the mission's home")
+    good = Check("place", GOOD, f"{away_m:.1f} m from the mission's home, inside the fence")
+    return _own_home(mission, info) or good
+
+
+def _own_home(mission: Mission, info: VehicleInfo) -> Check | None:
+    """What is wrong with the home that the autopilot has itself; None if nothing."""
     if info.home is None:
         return Check("place", LOOK, "the vehicle has no home position yet", "wait for GPS")
     if not mission.airspace.point_clear(info.home):
         found = "the vehicle's home is outside the fence, in a no-fly zone or too close to one"
         advice = "PX4 ignores a fence that does not contain home: move it, or draw the fence wider"
         return Check("place", BAD, found, advice)
-    return Check("place", GOOD, f"{away_m:.1f} m from the mission's home, inside the fence")
+    elsewhere_m = math.dist(info.home, mission.home)
+    if elsewhere_m > HOME_TOLERANCE_M:
+        found = f"the vehicle's home is {elsewhere_m:.0f} m from the mission's"
+        advice = "its own Return flies there: set home to where it stands (DO_SET_HOME)"
+        return Check("place", BAD, found, advice)
+    return None
 
 
 def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[Check]:

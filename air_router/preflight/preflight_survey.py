@@ -110,7 +110,7 @@ async def _answers(host: str, port: int) -> bool:
                 probe.setblocking(False)
                 await loop.sock_connect(probe, address)
                 return (await loop.sock_recv(probe, 1)) == _GREETING
-    except (OSError, TimeoutError):
+    except (OSError, TimeoutError, ValueError):  # ValueError: no host can have that name
         return False
 
 

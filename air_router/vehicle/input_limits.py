@@ -190,6 +190,11 @@ class InputWatch:
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
     _good_since_s: float | None = None  # since when the fix is good again
 
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is commanded: a pilot may have taken the vehicle."""
+        return Stop.SILENT in self.stopped.values()
+
     def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
         waits = not telemetry.fix or self.stopped or self._told
@@ -218,8 +223,7 @@ class InputWatch:
         if back and home_why is None:
             fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is heard again"
             news.append(InputNews(fix, "going on"))
-        stops = self.stopped.values()
-        stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE
+        stop = Stop.SILENT if self.silent else Stop.HOLD if self.stopped else Stop.NONE
         why = next(iter(missing), next(iter(self.stopped), ""))
         return InputStatus(stop, why, back, home_why, tuple(news))
 

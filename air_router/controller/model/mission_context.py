@@ -159,6 +159,8 @@ class MissionContext:
         handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
+        held: Why a vehicle that was handed over hovers where no leg of this mission may begin, and
+            what the pilot does about it; None: it does not.
         giving_up: Why hands will be off as soon as the vehicle holds; None if they will not.
         compares: What was replaced on board, while it holds until that was compared.
         zones: How far a change of zones is; None if none is under way.
@@ -194,6 +196,7 @@ class MissionContext:
     handed_over: bool = False
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
+    held: str | None = None
     giving_up: str | None = None
     compares: str | None = None
     zones: ZoneChange | None = None
@@ -243,8 +246,14 @@ class MissionContext:
     def come_home(self, why: str, *, by_request: bool = False) -> None:
         """End the mission, in the air by flying home.
 
-        Where it comes home already, by request, that may not be called off any more.
+        Where it comes home already, by request, that may not be called off any more. One that is
+        `held` stays where it is.
         """
+        if self.held is not None:  # by what ways it would come home, is not checked
+            if self.ending_why != why:
+                self.ending = Ending(why, by_request)
+                self.say(f"{why}: it should come home, and cannot: {self.held}")
+            return
         if not self.knows(Signal.COME_HOME):
             requested = self.ending if self.state is State.HOME else None
             if requested is not None and requested.by_request and not by_request:

@@ -21,6 +21,7 @@ from typing import Final
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext, Way, ZoneChange
+from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -205,6 +206,8 @@ class CommandGate:
         context.put_off |= context.doubts
         lost_fix = context.telemetry is not None and not context.telemetry.fix
         if lost_fix or context.inputs.stopped or context.jumped or context.doubts:
+            if isinstance(motion, LandHere):
+                context.retry_in(RETRY_S)  # in LAND nothing else has it land
             return
         # Which of several orders would it follow?
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
@@ -228,14 +231,20 @@ class CommandGate:
             self.send(allowed)
 
     def send(self, motion: Motion) -> None:
-        """The same, whatever stands against it."""
-        pending = self.pending
+        """The same, whatever stands against it.
+
+        A hold only the operator asks for while it is not known whose the vehicle is.
+        """
+        pending, context = self.pending, self._context
+        asked = context.state is State.HOLD
+        if isinstance(motion, HoldHere) and context.inputs.silent and not asked:
+            return  # a pilot may have the vehicle
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way
         self.pending = self.last = motion
         self.modes |= {MODES[type(motion)]}
         self.setpoints.sent(motion)
-        self._context.actions.append(motion)
+        context.actions.append(motion)
 
     def hold(self, why: str) -> None:
         """Stop, unless that is what the vehicle was told last."""

@@ -8,10 +8,10 @@ from enum import Enum
 from typing import Final
 
 from air_router.controller.model.actions import HoldHere
-from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.mission_context import MissionContext, OnBoard, StateHandler
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch
+from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch, why_not_started
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 HOME_TOLERANCE_M: Final = 20.0
@@ -67,6 +67,19 @@ class ReadyState(StateHandler):
     _gate: CommandGate
     _rise: ClimbWatch = field(default_factory=ClimbWatch)
 
+    def why_not_started(self, before: Telemetry, *, armed: bool) -> str | None:
+        """What a pilot or ground station has done with a vehicle that we were to start.
+
+        Args:
+            before: As it was when it was found.
+            armed: It was armed by us.
+        """
+        context = self._context
+        if context.on_board is not OnBoard.OURS:
+            return "a ground station has put another plan, or fence, on board"
+        now = context.telemetry
+        return None if now is None else why_not_started(before, now, armed=armed)
+
     def disarmed(self) -> None:
         """It was armed and disarmed on the ground, and the pilot may begin anew."""
         self._rise = ClimbWatch()
@@ -81,9 +94,10 @@ class ReadyState(StateHandler):
             gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         elif stage in HELD and gate.pending is None:
-            context.say(f"holding: {HELD[stage]}")
+            context.held = HELD[stage]
+            context.say(f"holding: {context.held}")
             gate.command(HoldHere(stage.value))
-        elif self._stuck(telemetry) and gate.pending is None:
+        elif context.held is None and self._stuck(telemetry) and gate.pending is None:
             context.come_home("the climb does not go on")
 
     def _stuck(self, telemetry: Telemetry) -> bool:

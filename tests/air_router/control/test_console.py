@@ -1,11 +1,12 @@
 import asyncio
 import os
 import pty
+import signal
 
 import pytest
 
 from air_router.control.command_request import parse_command
-from air_router.flight.terminal import listening
+from air_router.flight.terminal import StatusLine, listening
 
 
 @pytest.fixture
@@ -34,6 +35,26 @@ def test_typed_words_are_requests_and_nonsense_is_answered(terminal):
     assert requests == [parse_command("home")]
     assert len(complaints) == 1
     assert "no request 'fly'; use one of hold" in complaints[0]
+
+
+def test_a_terminal_that_takes_nothing_keeps_nothing_waiting(terminal):
+    _, keyboard = terminal
+    with os.fdopen(os.dup(keyboard.fileno()), "w") as screen:
+        status = StatusLine(screen)
+        for number in range(2_000):  # far more than it buffers, and nothing reads it
+            status.say(f"line {number} {'x' * 60}")
+
+
+def test_a_terminal_stops_no_flight():
+    async def fly():
+        stops = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
+        before = [signal.getsignal(number) for number in stops]
+        with listening(print, print):
+            for number in stops:
+                os.kill(os.getpid(), number)
+        assert [signal.getsignal(number) for number in stops] == before
+
+    asyncio.run(fly())
 
 
 def test_what_is_no_terminal_is_left_alone(tmp_path):

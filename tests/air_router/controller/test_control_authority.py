@@ -6,14 +6,22 @@ import math
 import pytest
 
 from air_router.controller.control_authority import COMPARED_S, SilenceReminder
-from air_router.controller.model.actions import ControlHolder, FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.actions import (
+    CommandAck,
+    ControlHolder,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+)
 from air_router.controller.model.events import RobotPose
-from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
-from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced
+from air_router.mission.loading import load_mission
+from air_router.vehicle.vehicle import Ages, FlightMode, ItemReached, PlanCompared, PlanReplaced
 from geo.frame import Point
-from tests.air_router.conftest import CORNERS
+from tests.air_router.conftest import CORNERS, MISSIONS
 
 
 @pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])
@@ -68,6 +76,32 @@ def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
     flight.altitude_m = flight.mission.altitude_above_home_m
     flight.pilot_chooses(FlightMode.MISSION)
     assert flight.controller.state is State.INIT
+
+
+@pytest.mark.parametrize(("altitude_m", "aside_m"), [(70.0, 0.0), (70.0, 40.0), (8.0, 60.0)])
+def test_what_is_held_where_no_leg_may_begin_stays_there(pretend, altitude_m, aside_m):
+    """In or above another UAV's layer; low, and away from home."""
+    flight = pretend(load_mission(MISSIONS / "pair" / "mission.yaml", uav="atlas"))
+    east_m, north_m = flight.mission.home
+    by_hand_to(flight, Point(east_m + aside_m, north_m), altitude_m)
+    flight.fly_for(60.0)
+    high = altitude_m == 70.0
+    flight.battery = 0.2
+    flight.fly_for(5.0)
+    assert [type(motion) for motion in flight.motions] == [HoldHere]
+    assert any("battery at 20%: it should come home, and cannot" in said for said in flight.said)
+    flight.operator_asks(ComeHome())
+    answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+    assert answer.accepted is not high
+    if high:
+        assert "descend to 48 m first" in answer.why
+        flight.altitude_m = 48.0
+        flight.step()
+        flight.operator_asks(ComeHome())
+    else:
+        assert isinstance(flight.motions[-1], FlyToPoint)  # up first
+    flight.fly_until(lambda: flight.finished is not None)
+    assert math.dist(flight.position, flight.mission.home) < 3.0
 
 
 def test_armed_and_disarmed_again_without_a_take_off(pretend):
@@ -229,6 +263,47 @@ def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):
     flight.fly_for(5.0)
     assert flight.controller.state is State.HOLD
     assert isinstance(flight.motions[-1], HoldHere)
+
+
+def test_a_landing_that_waits_for_a_comparison_lands_whatever_it_finds(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.operator_asks(HoldNow())
+    flight.fly_for(6.0)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.fly_for(1.0)
+    flight.operator_asks(LandNow())
+    flight.fly_for(1.0)
+    assert not isinstance(flight.motions[-1], LandHere)
+    flight.give(PlanCompared(flight.now_s, "the fence: item 3 on board is another"))
+    said = len(flight.said)
+    flight.fly_until(lambda: flight.finished is not None, 300.0)
+    assert flight.finished.landed_by_us
+    assert len(flight.said) <= said + 1
+
+
+@pytest.mark.parametrize("event", ["breach", "replaced", "reserve"])
+def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(pretend, event):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    unheard_s, telemetry, mode = flight.now_s, flight.telemetry, flight.mode
+    flight.telemetry = lambda: dataclasses.replace(
+        telemetry(), mode=mode, ages=Ages(mode_s=flight.now_s - unheard_s)
+    )
+    flight.fly_for(6.0)
+    flight.mode, flight.target = FlightMode.POSITION, None  # the pilot's, unheard
+    commanded = len(flight.motions)
+    match event:
+        case "breach":
+            flight.position = Point(5000.0, 0.0)
+        case "replaced":
+            flight.give(PlanReplaced(flight.now_s))
+        case "reserve":
+            flight.battery = 0.1
+    flight.fly_for(25.0)
+    assert flight.motions[commanded:] == []
 
 
 def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):

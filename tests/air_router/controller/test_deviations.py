@@ -7,8 +7,9 @@ import pytest
 
 from air_router.controller.envelope import FAST_S, OFF_HOME_S, OFF_S
 from air_router.controller.model.actions import CommandAck, FlyToNode, FlyToPoint, HoldHere, Refusal
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.requests import ComeHome, ExploreNow, HoldNow
+from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.states.return_state import HomeReachability
@@ -235,6 +236,33 @@ def test_a_home_that_px4_corrects_is_no_jump_of_the_altitude(cruising):
     cruising.altitude_m += 2.9
     fly(cruising, 2.0)
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
+
+
+def test_home_moved_while_zones_go_on_board_is_held_for(cruising):
+    mission = cruising.mission
+    cruising.give(AirspaceChanged(mission.fences, mission.zones[:-1]))
+    fly(cruising, 1.0)
+    assert isinstance(cruising.motions[-1], FlyToNode)  # its leg is still clear
+    cruising.home_moved = LOWER
+    cruising.step()
+    assert isinstance(cruising.motions[-1], HoldHere)
+    fly(cruising, 3.0)
+    cruising.give(PlanRenewed(None))
+    fly(cruising, 3.0)
+    assert isinstance(cruising.motions[-1], FlyToPoint)  # at the planned height
+
+
+def test_a_jump_of_the_altitude_is_forgotten_once_the_pilot_has_had_the_vehicle(cruising):
+    cruising.altitude_m += 12.0
+    fly(cruising, 1.0)
+    cruising.pilot_chooses(FlightMode.POSITION)
+    cruising.altitude_m = 20.0
+    fly(cruising, 1.0)
+    cruising.pilot_chooses(FlightMode.HOLD)
+    cruising.give(GoOn())
+    fly(cruising, 20.0)
+    assert "climbing from 20 to 40 m first" in cruising.said
+    assert cruising.controller.state is not State.HOME
 
 
 def test_home_moved_is_told_without_a_fix_too(cruising):

@@ -8,7 +8,9 @@ from air_router.controller.model.actions import CommandAck, LandHere, Refusal
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
+from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
+from air_router.vehicle.vehicle import ItemReached
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from tests.air_router.conftest import MISSIONS
@@ -42,6 +44,31 @@ def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     holding.fly_until(lambda: holding.finished is not None)
     assert math.dist(holding.position, place) < 1.0
     assert holding.finished.why == "landed where it hovered, as kim asked"
+
+
+def test_asked_to_while_its_altitude_has_jumped_it_lands(holding):
+    holding.altitude_m += 12.0
+    holding.step()
+    assert "the altitude jumped" in holding.said[-1]
+    assert asked(holding, LandNow()).accepted
+    holding.fly_until(lambda: holding.finished is not None, 300.0)
+    assert holding.finished.landed_by_us
+
+
+def test_above_home_it_does_not_land_while_its_altitude_has_jumped(pretend):
+    flight = pretend(duration_s=4000.0)
+    flight.take_off()
+    flight.fly_away()
+    asked(flight, ComeHome())
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 4.0)
+    flight.altitude_m += 12.0
+    flight.step()
+    flight.give(ItemReached(flight.now_s, flight.plan.item_of(HOME_NODE)))
+    assert flight.controller.state is State.HOME
+    flight.fly_for(5.0)
+    flight.altitude_m -= 12.0
+    flight.fly_until(lambda: flight.finished is not None, 300.0)
+    assert flight.finished.landed_by_us
 
 
 def test_it_holds_first_and_stands_still(pretend):

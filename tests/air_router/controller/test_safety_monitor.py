@@ -7,12 +7,13 @@ from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import (
     FOREIGN_ORDER_S,
+    STALE_S,
     FlightPhase,
     SafetyMonitor,
 )
 from air_router.controller.states.ready_state import TakeOff, take_off
 from air_router.mission.flight_plan import FlightPlan
-from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.vehicle.vehicle import Ages, FlightMode, Telemetry
 from geo.frame import Point
 
 FOREIGN, BREACH = "foreign order", "breach"
@@ -40,6 +41,7 @@ def watched(pennovation, plan):
             order, breach = monitor.foreign_order(telemetry), monitor.breach(telemetry)
         return FOREIGN if order else BREACH if breach else None
 
+    look.context = context
     return look
 
 
@@ -55,6 +57,12 @@ def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
     assert watched(goto, (1.0, 2.0), target=THERE) is None
     assert watched(goto, (2.5,), target=HERE) is None
     assert watched(goto, (3.0, 4.0), target=THERE) is None
+
+
+def test_a_target_that_is_told_no_more_is_no_order(watched):
+    stale = {"target": THERE, "ages": Ages(target_s=STALE_S)}
+    assert watched(FlyToPoint(HERE, 40.0), (1.0, 9.0, 99.0), **stale) is None
+    assert not watched.context.doubts
 
 
 def test_a_vehicle_that_does_not_tell_its_target_is_believed(watched):

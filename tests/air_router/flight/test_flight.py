@@ -27,7 +27,14 @@ from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.report.flight_table import table
-from air_router.vehicle.vehicle import FlightMode, Inspection, LinkSilent, PlanReplaced, Telemetry
+from air_router.vehicle.vehicle import (
+    Ages,
+    FlightMode,
+    Inspection,
+    LinkSilent,
+    PlanReplaced,
+    Telemetry,
+)
 from geo.airspace.zone import Zone
 from geo.frame import Point
 from geo.grid import SemanticGrid
@@ -491,6 +498,66 @@ def test_a_fault_in_a_decision_ends_the_flight_and_holds_the_vehicle(rig):
     with pytest.raises(ZeroDivisionError):
         flight.run()
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
+
+
+@pytest.mark.parametrize(("chosen", "holds"), [(None, True), (FlightMode.POSITION, False)])
+def test_ctrl_c_while_it_is_told_to_take_off_holds_it_unless_the_pilot_has_it(rig, chosen, holds):
+    flight = rig()
+    airframe = flight.vehicle.airframe
+
+    async def start():  # the mode has left, and does not show yet
+        airframe.mode = chosen or airframe.mode
+        os.kill(os.getpid(), signal.SIGINT)
+        await asyncio.sleep(60.0)
+
+    flight.vehicle.start = start
+    flight.run()
+    assert ("hold" in flight.vehicle.verbs) is holds
+
+
+@pytest.mark.parametrize("unheard", ["all", "mode"])
+def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unheard):
+    flight = rig(duration_s=None)
+    airframe = flight.vehicle.airframe
+    told = airframe.telemetry
+
+    def interrupt():
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def lose_all():
+        flight.vehicle._running.cancel()
+        asyncio.get_running_loop().call_soon(then)
+
+    def then():
+        airframe.mode = FlightMode.POSITION
+        flight.vehicle.callback(LinkSilent(airframe.now_s, 4.0))
+        interrupt()
+
+    def lose_the_mode():
+        began_s, airframe.mode = airframe.now_s, FlightMode.POSITION
+        airframe.telemetry = lambda: dataclasses.replace(
+            told(), mode=FlightMode.MISSION, ages=Ages(mode_s=airframe.now_s - began_s)
+        )
+        flight.at(lambda: airframe.now_s > began_s + 6.0, interrupt)
+
+    flight.at(lambda: airframe.now_s > 130.0, lose_all if unheard == "all" else lose_the_mode)
+    flight.run()
+    assert "hold" not in flight.vehicle.verbs
+    assert "a pilot may have taken it unheard" in flight.out.getvalue()
+
+
+def test_a_plan_that_a_ground_station_puts_on_board_meanwhile_is_not_started(rig):
+    flight = rig()
+    arm = flight.vehicle.arm
+
+    async def replaced_meanwhile():
+        await arm()
+        flight.vehicle.callback(PlanReplaced(flight.vehicle.airframe.now_s))
+
+    flight.vehicle.arm = replaced_meanwhile
+    with pytest.raises(RefusedError, match="another plan, or fence, on board"):
+        flight.run()
+    assert "start" not in flight.vehicle.verbs
 
 
 def test_called_off_before_the_climb_it_does_not_climb_alone(rig):

@@ -120,6 +120,8 @@ def test_the_place(pennovation, router):
     outside = check(home=Point(5000.0, 0.0))
     assert outside.verdict is BAD
     assert "outside the fence" in outside.found
+    beside = Point(pennovation.home.east_m + 25.0, pennovation.home.north_m)
+    assert "home is 25 m from the mission's" in check(home=beside).found
     nowhere = preflight.place(
         pennovation, router, info(home=None), telemetry(position=pennovation.home)
     )
