@@ -18,7 +18,7 @@ from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission.flight_plan import FENCE_POINTS, Command, FlightPlan, Frame, PlanItem
 from air_router.vehicle.px4.mavsdk_bridge import call
 from air_router.vehicle.px4.px4_connection import Plugins
-from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, PlanIds, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
 
 _log = logging.getLogger(__name__)
@@ -96,24 +96,23 @@ class OnboardPlan:
     async def upload(self, plan: FlightPlan) -> None:
         """Put a plan on board, and notice from now on when it is another. See `Vehicle.upload`."""
         async with self.lock:
-            await self.put(plan)
-            self._guard(plan)
+            self._guard(plan, await self.put(plan))
 
     async def recognise(self, plan: FlightPlan) -> None:
         """Make sure that a plan is on board, and notice when it is another."""
         async with self.lock:
-            await self.compare(plan)
-            self._guard(plan)
+            self._guard(plan, await self.compare(plan))
 
     async def renew(self, plan: FlightPlan) -> None:
         """Put a changed fence on board, and what it makes of the items. See `Vehicle.renew`."""
         async with self.lock:
             self._telemetry.leave_plan_alone()
+            found: PlanIds | None = None
             try:
-                await self._renew(plan)
+                found = await self._renew(plan)
                 self._plan = plan
             finally:
-                self._telemetry.guard_plan()
+                self._telemetry.guard_plan(found)
 
     def replaced(self) -> None:
         """It changed: compare; once more if that is under way, which may have read the one before.
@@ -129,9 +128,9 @@ class OnboardPlan:
         if self._comparing is not None:
             self._comparing.cancel()
 
-    def _guard(self, plan: FlightPlan) -> None:
+    def _guard(self, plan: FlightPlan, found: PlanIds | None) -> None:
         self._plan = plan
-        self._telemetry.guard_plan()
+        self._telemetry.guard_plan(found)
 
     async def _compare_until_same(self) -> None:
         difference: str | None = "no plan is ours"
@@ -146,10 +145,10 @@ class OnboardPlan:
                 difference = None
         self._report(difference)
 
-    async def put(self, plan: FlightPlan) -> None:
-        """Upload the plan, read all of it back, and wait until PX4 finds the mission feasible.
+    async def put(self, plan: FlightPlan) -> PlanIds | None:
+        """Upload the plan, wait until PX4 finds the mission feasible, and read all of it back.
 
-        Fence first, so that the mission is judged against it.
+        Fence first, so that the mission is judged against it. Returns as `compare` does.
 
         Raises:
             PlanRefusedError: not taken, not the same when read back, or judged infeasible.
@@ -163,19 +162,20 @@ class OnboardPlan:
             if items:
                 await self._upload(places, items)
         await self._upload(self.mission, plan.items)
-        await self.compare(plan)
         try:
             await self._feasible(len(plan.items))
         except PlanRefusedError:
             if self._telemetry.refusals:
                 raise
+            await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
             # was switched on: it judges a mission anew only if it is another.
             await _transfer("no mission", self._plugins.raw.clear_mission_async)
             await self._upload(self.mission, plan.items)
-            await self.verify(plan)
+            await self._feasible(len(plan.items))
+        return await self.compare(plan)  # last: reports have come that tell which plan is read
 
-    async def _renew(self, plan: FlightPlan) -> None:
+    async def _renew(self, plan: FlightPlan) -> PlanIds | None:
         """PX4 judges the mission after each transfer.
 
         New items might lie in the fence before, and those before in the new one: between the two
@@ -199,7 +199,8 @@ class OnboardPlan:
             await self._upload(self.fence, plan.fence)
         else:
             await self._clear_fence()
-        await self.verify(plan)
+        await self._feasible(len(plan.items))
+        return await self.compare(plan)
 
     async def verify(self, plan: FlightPlan) -> None:
         """Make sure that what is on board flies as the plan does, without changing it.
@@ -211,13 +212,19 @@ class OnboardPlan:
         await self.compare(plan)
         await self._feasible(len(plan.items))
 
-    async def compare(self, plan: FlightPlan) -> None:
-        """Read fence, rally points and items back. Raises PlanRefusedError: it is another plan."""
+    async def compare(self, plan: FlightPlan) -> PlanIds | None:
+        """Read fence, rally points and items back.
+
+        Returns which plan the vehicle said that it had before: what comes on board while it is read
+        is another. Raises PlanRefusedError: it is another plan.
+        """
+        said = self._telemetry.plan_ids
         for places, sent in ((self.fence, plan.fence), (self.rally, plan.rally)):
             found = await self.download(places)
             _compare(places.what, [_place(v) for v in sent], [_place(v) for v in found])
         items = await self.download(self.mission)
         _compare(self.mission.what, list(plan.items), items)
+        return said
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
@@ -44,6 +44,13 @@ TELL_S: Final = 0.5
 """So often, of the vehicle's time, it is told how it is while no position comes."""
 
 
+class PlanIds(NamedTuple):
+    """By which a PX4 tells one plan on board from another; 0: not told."""
+
+    mission: int
+    fence: int
+
+
 class Px4Telemetry(Px4Messages):
     """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
 
@@ -52,7 +59,8 @@ class Px4Telemetry(Px4Messages):
         self._frame = frame
         self._clock = clock
         self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
-        self._plan_ids: tuple[int, int] | None = None  # of mission and fence on board
+        self.plan_ids: PlanIds | None = None  # as said last
+        self._guarded: PlanIds | None = None  # the ids of what was found to be ours
         self._guarding = False  # changes of the plan are told
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
@@ -140,9 +148,9 @@ class Px4Telemetry(Px4Messages):
         """The plan on board is about to be another, by our own hand."""
         self._guarding = False
 
-    def guard_plan(self) -> None:
-        """From now on report when the plan on board is replaced by another."""
-        self._plan_ids = None
+    def guard_plan(self, ids: PlanIds | None) -> None:
+        """From now on report when the plan on board is another; None: than the one said next."""
+        self._guarded = ids
         self._guarding = True
 
     @property
@@ -285,14 +293,14 @@ class Px4Telemetry(Px4Messages):
         self.mission_state = fields.get("mission_state", 0)
         self.mission_reports += 1
         self.item = fields["seq"]
-        ids = (fields.get("mission_id", 0), fields.get("fence_id", 0))
+        ids = self.plan_ids = PlanIds(fields.get("mission_id", 0), fields.get("fence_id", 0))
         if not self._guarding:
             return
-        if self._plan_ids is None:
-            self._plan_ids = ids
-        elif ids != self._plan_ids:
-            before, self._plan_ids = self._plan_ids, ids
-            self._emit(PlanReplaced(self.time_s, only_fence=ids[0] == before[0]))
+        if self._guarded is None:
+            self._guarded = ids
+        elif ids != self._guarded:
+            before, self._guarded = self._guarded, ids
+            self._emit(PlanReplaced(self.time_s, only_fence=ids.mission == before.mission))
 
     def _on_item_reached(self, fields: dict[str, Any]) -> None:
         # PX4 repeats the report once or twice a second while it holds; once is enough.

@@ -41,10 +41,13 @@ class Board:
     def said(self):
         return ""
 
-    def guard_plan(self):
-        pass
+    plan_ids = None
 
-    leave_plan_alone = guard_plan
+    def guard_plan(self, ids):
+        self.guarded = ids
+
+    def leave_plan_alone(self):
+        pass
 
     async def shows(self, condition, _limit_s):
         for _ in range(10):

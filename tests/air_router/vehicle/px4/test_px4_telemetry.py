@@ -101,15 +101,23 @@ def has(px4, plan, fence=7):
 
 def test_another_plan_is_told_each_time_and_only_when_guarded(px4):
     assert not has(px4, 1) + has(px4, 2)
-    px4.telemetry.guard_plan()
+    px4.telemetry.guard_plan(None)
     assert [len(has(px4, plan)) for plan in (2, 2, 3, 4)] == [0, 0, 1, 2]
+
+
+def test_a_fence_that_came_after_ours_was_read_and_before_anything_was_told_is_another(px4):
+    has(px4, 1, fence=7)
+    read = px4.telemetry.plan_ids
+    px4.telemetry.guard_plan(read)
+    (event,) = has(px4, 1, fence=8)
+    assert event.only_fence
 
 
 @pytest.mark.parametrize(
     ("plan", "fence", "only_fence"), [(1, 8, True), (2, 7, False), (2, 8, False)]
 )
 def test_another_fence_is_told_from_another_mission(px4, plan, fence, only_fence):
-    px4.telemetry.guard_plan()
+    px4.telemetry.guard_plan(None)
     has(px4, 1)
     (event,) = has(px4, plan, fence)
     assert event.only_fence is only_fence
