@@ -41,7 +41,8 @@ Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gc
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
 with another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
 Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
-19410+N (truth), and keeps, on each link, to the first partner that talks to it.
+19410+N (truth), and keeps to the first partner that talks to it (not for the truth, nor where
+--api-to or --gcs-to names one).
 
 examples:
   sitl vehicle missions/pennovation/mission.yaml --speed 10

@@ -31,14 +31,16 @@ class UdpLink:
         bind: Host and port to receive on; port 0 takes a free one.
         partner: Where to send until a partner talks.
         what: For the error message.
+        fixed: The partner stays whoever talks: a datagram for the program that had this port
+            before would take the vehicle away otherwise.
 
     Raises:
         PortInUseError: the port is taken.
     """
 
-    def __init__(self, bind: Address, partner: Address, what: str) -> None:
+    def __init__(self, bind: Address, partner: Address, what: str, *, fixed: bool = False) -> None:
         self._partner = partner
-        self._heard = False  # the partner has talked, and stays
+        self._settled = fixed  # the partner stays
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -70,8 +72,8 @@ class UdpLink:
             except OSError as error:
                 _log.debug("receiving: %s", error)
                 break
-            if not self._heard:
-                self._heard, self._partner = True, sender
+            if not self._settled:
+                self._settled, self._partner = True, sender
                 _log.info("partner is %s:%d from now on", *sender)
             datagrams.append(datagram)
         return datagrams

@@ -27,9 +27,9 @@ class Ports:
 
     Attributes:
         onboard_bind: Of the API link.
-        onboard_to: Its partner until another one talks.
+        onboard_to: Its partner; on PX4's port until another one talks.
         ground_bind: Of the ground station link.
-        ground_to: Its partner until another one talks; None: no such link.
+        ground_to: The same; None: no such link.
         truth_bind: Of the truth link.
         truth_to: Its receiver.
     """
@@ -123,7 +123,9 @@ class VehicleProcess(Closeable):
         self._links.clear()
 
     def _open(self, link: MavlinkLink, bind: Address, partner: Address, what: str) -> None:
-        self._links.append((link, UdpLink(bind, partner, what)))
+        # On a free port only the partner that was named can mean us; the truth has one receiver.
+        fixed = link is self.vehicle.truth or bind[1] == 0
+        self._links.append((link, UdpLink(bind, partner, what, fixed=fixed)))
 
     def _receive(self, timeout_s: float, *, held: bool) -> None:
         """Answer what comes in until it is time for the next step, or the clock is held no more."""

@@ -29,6 +29,17 @@ def test_the_first_talker_becomes_the_partner_for_good():
         link.close()
 
 
+def test_a_partner_that_was_named_for_good_stays_whoever_talks():
+    with udp_socket() as named, udp_socket() as stranger:
+        link = UdpLink(("127.0.0.1", 0), named.getsockname(), "truth", fixed=True)
+        stranger.sendto(b"for the program before", ("127.0.0.1", link.port))
+        assert select.select([link], [], [], LIMIT_S)[0]
+        link.receive()
+        link.send([b"truth"])
+        assert named.recv(100) == b"truth"
+        link.close()
+
+
 def test_frames_travel_together_but_never_in_pieces():
     with udp_socket() as client:
         link = UdpLink(("127.0.0.1", 0), client.getsockname(), "API link")
