@@ -7,7 +7,7 @@ from air_router.sim import ports
 
 OTHER = """
 from air_router.sim import ports
-ports.PORTS = range(20_000, 20_003)
+ports.PORTS = range(19_000, 19_003)
 print(ports.free_port(), flush=True)
 input()
 """
@@ -15,14 +15,14 @@ input()
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reserved on Linux only")
 def test_two_processes_are_never_given_the_same_port(monkeypatch):
-    monkeypatch.setattr(ports, "PORTS", range(20_000, 20_003))
+    monkeypatch.setattr(ports, "PORTS", range(19_000, 19_003))
     with subprocess.Popen(
         [sys.executable, "-c", OTHER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
         theirs = int(other.stdout.readline())
         ours = {ports.free_port(), ports.free_port()}
         assert ours | {theirs} == set(ports.PORTS)
-        with pytest.raises(OSError, match="no port from 20000 to 20002 is free"):
+        with pytest.raises(OSError, match="no port from 19000 to 19002 is free"):
             ports.free_port()
         other.communicate("\n")
     assert ports.free_port() == theirs
