@@ -20,8 +20,8 @@ from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import End
-from sitl.rehearsal.judge.judge_flight import Verdict, judge
-from sitl.rehearsal.judge.judge_track import Responsible, Violation
+from sitl.rehearsal.judge.case import Violation
+from sitl.rehearsal.judge.verdict import Verdict, judge
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.processes import OURS
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
@@ -55,8 +55,8 @@ def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> 
 
 def _row(name: str, verdicts: list[Verdict], ends: list[End]) -> str:
     counts = Counter(verdict.end for verdict in verdicts)
-    nearest = [v.nearest_m[Responsible.OURS] for v in verdicts if Responsible.OURS in v.nearest_m]
-    closest = f"{min(nearest):.1f} m" if nearest else ""
+    closest_m = [v.closest_m for v in verdicts if v.closest_m is not None]
+    closest = f"{min(closest_m):.1f} m" if closest_m else ""
     bad = sum(not verdict.good for verdict in verdicts)
     cells = [name, len(verdicts), *(counts[end] or "" for end in ends), closest, bad]
     return f"| {' | '.join(map(str, cells))} |"
@@ -192,7 +192,7 @@ def _not_flown(scene: str, faults: frozenset[str], error: Exception) -> Verdict:
 
 
 def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
-    closest_m = verdict.nearest_m.get(Responsible.OURS)
+    closest_m = verdict.closest_m
     return {
         "scene": verdict.scene,
         "fault": scene.fault.name,
@@ -200,6 +200,6 @@ def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
         "good": verdict.good,
         "violations": [str(violation) for violation in verdict.violations],
         "closest_m": None if closest_m is None else round(closest_m, 2),
-        "flown_s": round(sum(verdict.seconds.values()), 1),
+        "flown_s": round(verdict.flown_s, 1),
         "said": verdict.said,
     }

@@ -22,7 +22,7 @@ from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from mocha_link import Node
-from sitl.rehearsal.stand_ins.mavsdk import Fields, StandIn, Wire
+from sitl.rehearsal.stand_ins.mavsdk import Fields, Send, StandIn
 from sitl.rehearsal.stand_ins.team import NodeStandIn
 
 EPOCH_S: Final = 1_790_000_000.0
@@ -118,7 +118,7 @@ class Companion:
     Args:
         path: The mission file.
         world: Goes on while the companion waits.
-        wire: The link to the vehicle.
+        send: Sends a message to the vehicle.
         say: Takes the lines that the operator sees.
         resume: Go on with a flight that is under way.
 
@@ -133,13 +133,13 @@ class Companion:
         self,
         path: Path,
         world: World,
-        wire: Wire,
+        send: Send,
         say: Callable[[str], None],
         *,
         resume: bool = False,
     ) -> None:
         self._loop = SimulatedLoop(world)
-        self._wire = wire
+        self._send = send
         self._world = world
         self._say: Callable[[str], None] | None = say
         self.exit_code: int | None = None
@@ -208,7 +208,7 @@ class Companion:
             self._say(text)
 
     def _connect(self, url: str, system_id: int) -> StandIn:
-        self._link = StandIn(self._wire, url, system_id)
+        self._link = StandIn(self._send, url, system_id)
         return self._link
 
     def _unix_s(self) -> float:
@@ -219,7 +219,7 @@ class Companion:
         self._say = None
         self._loop.world = _Nowhere(self._world.now_s)
         if self._link is not None:
-            self._link.wire = _NoWire()
+            self._link.send = lambda _name, _fields: None
         loop = self._loop
         tasks = asyncio.all_tasks(loop)
         for task in tasks:
@@ -249,10 +249,3 @@ class _Nowhere:
     def advance(self, until_s: float) -> list[Callable[[], object]]:
         self.now_s = until_s
         return []
-
-
-class _NoWire:
-    """A wire that is cut."""
-
-    def send(self, name: str, fields: Fields) -> None:
-        """Goes nowhere."""

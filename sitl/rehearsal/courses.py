@@ -1,10 +1,14 @@
-"""What can happen in a rehearsed flight, one after the other: the courses of its faults."""
+"""What can happen in a rehearsed flight, one after the other: the courses of its faults.
+
+A course is a list of rows (at what time, what, a value, in which phase), or draws one with dice.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple
 
 from sitl.rehearsal.stand_ins.link import StreamFault
@@ -28,6 +32,13 @@ class ScheduledFault(NamedTuple):
     phase: str = ""
 
 
+Schedule = list[ScheduledFault]
+Draw = Callable[[random.Random], Any]
+Row = tuple[Any, ...]
+"""The values of a `ScheduledFault`; those that are `Draw`s are drawn."""
+
+Course = Callable[[random.Random], Iterable[Row]]
+
 PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
 """Where in a flight something can begin; a third of all begins at any time instead."""
 
@@ -40,7 +51,6 @@ SATELLITES: Final = ("GPS_RAW_INT",)
 LANDED: Final = ("EXTENDED_SYS_STATE",)
 ITEM: Final = ("MISSION_CURRENT",)
 MODE: Final = ("HEARTBEAT", "CURRENT_MODE")
-_STREAMS: Final = (POSITION, BATTERY, SATELLITES, LANDED, ITEM, MODE)
 
 WRONG_STREAMS: Final = {
     POSITION: "LOST_POSITION",
@@ -56,14 +66,6 @@ ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "AL
 _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
 _SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
 """Modes that no PX4 refuses; in the first a restarted companion may take it back."""
-
-Schedule = list[ScheduledFault]
-Course = Callable[[random.Random], Schedule]
-
-
-def placed(schedule: Schedule, phase: str, later_s: float) -> Schedule:
-    """What does not say when in a flight it happens, so long after a phase began."""
-    return [m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase) for m in schedule]
 
 
 class Agenda:
@@ -117,213 +119,231 @@ def carry_out(scheduled: ScheduledFault, *doers: object) -> None:
     getattr(doer, name)(scheduled.value)
 
 
-def stream(*names: str) -> Course:
-    """One stream, in one of the ways."""
+def placed(rows: Iterable[Row], phase: str, later_s: float) -> Schedule:
+    """A schedule; what does not say when in a flight it happens, so long after a phase began."""
+    schedule = itertools.starmap(ScheduledFault, rows)
+    return [m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase) for m in schedule]
 
-    def course(dice: random.Random) -> Schedule:
-        kind = dice.choice(tuple(StreamFault))
-        return [ScheduledFault(0.0, "stream", (names, kind, dice.choice(SECONDS)))]
+
+# Values that are drawn.
+
+
+def uniform(low: float, high: float) -> Draw:
+    """Any number between these."""
+    return lambda dice: dice.uniform(low, high)
+
+
+def choice(*options: object) -> Draw:
+    """One of these."""
+    return lambda dice: dice.choice(options)
+
+
+def _drawn(row: Row, dice: random.Random) -> Row:
+    return tuple(part(dice) if callable(part) else part for part in row)
+
+
+# Courses of every kind.
+
+
+def steps(*rows: Row) -> Course:
+    """These, each so many seconds after the beginning."""
+    return lambda dice: [_drawn(row, dice) for row in rows]
+
+
+def chain(*rows: Row) -> Course:
+    """These, each so many seconds after the one before."""
+
+    def course(dice: random.Random) -> Iterator[Row]:
+        at_s = 0.0
+        for row in rows:
+            delay_s, *what = _drawn(row, dice)
+            at_s += delay_s
+            yield at_s, *what
 
     return course
 
 
-def brief(dice: random.Random) -> Schedule:
-    """Any one stream, for a moment."""
-    names, kind = dice.choice(_STREAMS), dice.choice(tuple(StreamFault))
-    return [ScheduledFault(0.0, "stream", (names, kind, BRIEF_S))]
+def one(what: str, value: object = None) -> Course:
+    """One thing, at once."""
+    return steps((0.0, what, value))
 
 
-def one(what: str, draw: Callable[[random.Random], Any] = lambda _dice: None) -> Course:
-    """One thing, with what is drawn for it."""
-    return lambda dice: [ScheduledFault(0.0, what, draw(dice))]
-
-
-def span(what: str, on: object, off: object, seconds: Callable[[random.Random], float]) -> Course:
-    """Something that begins, and ends after so long."""
-    return lambda dice: [ScheduledFault(0.0, what, on), ScheduledFault(seconds(dice), what, off)]
-
-
-def often(
-    what: str, times: int, every: tuple[float, float], value: Callable[[random.Random], Any]
-) -> Course:
+def often(what: str, times: int, every: Draw, value: Draw) -> Course:
     """Again and again, each a while after the one before."""
 
-    def course(dice: random.Random) -> Schedule:
-        at_s, happen = 0.0, []
+    def course(dice: random.Random) -> Iterator[Row]:
+        at_s = 0.0
         for _ in range(times):
-            happen.append(ScheduledFault(at_s, what, value(dice)))
-            at_s += dice.uniform(*every)
-        return happen
+            yield at_s, what, value(dice)
+            at_s += every(dice)
 
     return course
 
 
-pushed: Final = often("push", 5, (15.0, 35.0), lambda dice: dice.uniform(22.0, 40.0))
-"""Gusts of so many m/s, each as soon as something is near."""
-
-
-altered: Final = one("alter", lambda dice: (dice.randrange(1, 40), dice.choice((6.0, math.inf))))
-"""Which item, and for how long its place is altered on the way."""
-
-
-def spells(
-    times: int,
-    within_s: float,
-    begin: Callable[[random.Random], tuple[str, Any]],
-    end: tuple[str, Any],
-    lasts_s: tuple[float, float],
-) -> Course:
+def spells(times: int, within_s: float, begin: Row, end: Row, lasts_s: Draw) -> Course:
     """Something that begins some times within so long, and each time ends after a while."""
 
-    def course(dice: random.Random) -> Schedule:
-        happen = []
+    def course(dice: random.Random) -> Iterator[Row]:
         for _ in range(times):
             at_s = dice.uniform(0.0, within_s)
-            happen.append(ScheduledFault(at_s, *begin(dice)))
-            happen.append(ScheduledFault(at_s + dice.uniform(*lasts_s), *end))
-        return happen
+            yield at_s, *_drawn(begin, dice)
+            yield at_s + lasts_s(dice), *end
 
     return course
 
 
-def height(dice: random.Random) -> Schedule:
-    """The altitude estimate jumps, and perhaps comes back."""
-    off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
-    back_s = dice.choice((5.0, 20.0, math.inf))
-    return [ScheduledFault(0.0, "off", off_m), ScheduledFault(back_s, "off", -off_m)]
+def stream(*names: str) -> Course:
+    """One stream, in one of the ways."""
+    kinds = tuple(StreamFault)
+    return one("stream", lambda dice: (names, dice.choice(kinds), dice.choice(SECONDS)))
+
+
+def on_board(what: str, value: object, *, back: float = 0.5) -> Course:
+    """A station changes what is on board; perhaps the operator puts our plan there again."""
+
+    def course(dice: random.Random) -> Iterator[Row]:
+        yield _drawn((0.0, what, value), dice)
+        if dice.random() < back:
+            yield dice.uniform(4.0, 15.0), "take back"
+
+    return course
 
 
 def drift(sideways: float, up: float) -> Course:
     """The estimate drifts by so many metres a second."""
 
-    def course(dice: random.Random) -> Schedule:
+    def course(dice: random.Random) -> Iterator[Row]:
         angle_rad, sign = dice.uniform(0.0, 2 * math.pi), dice.choice((-1.0, 1.0))
-        off = (sideways, angle_rad, sign * up)
-        return [ScheduledFault(float(s), "drift", off) for s in range(dice.choice((15, 30)))]
+        for second in range(dice.choice((15, 30))):
+            yield float(second), "drift", (sideways, angle_rad, sign * up)
 
     return course
 
 
-def hand_back(dice: random.Random) -> Schedule:
-    """The pilot takes over; the operator asks for it too early, then in time."""
-    return [
-        ScheduledFault(0.0, "pilot", dice.choice(_HELD)),
-        ScheduledFault(2.5, "too early"),
-        ScheduledFault(dice.uniform(3.0, 10.0), "hand back"),
-    ]
+# Courses of one fault each.
+
+pushed: Final = often("push", 5, uniform(15.0, 35.0), uniform(22.0, 40.0))
+"""Gusts of so many m/s, each as soon as something is near."""
+
+jumps: Final = spells(
+    4, 150.0, ("jump", uniform(0.0, 2 * math.pi)), ("jump back",), uniform(3.0, 15.0)
+)
+silence: Final = steps((0.0, "silent", True), (choice(0.5, 2, 5, 20, 60), "silent", False))
+blind_and_empty: Final = steps(
+    (0.0, "stream", lambda d: (POSITION, StreamFault.LOST, d.choice((90.0, math.inf)))),
+    (0.0, "battery", uniform(22.0, 38.0)),
+)
+"""No position comes any more, and the battery reaches its reserve meanwhile."""
+
+no_fix: Final = steps((0.0, "satellites", 0), (uniform(2.0, 20.0), "satellites", 12))
+altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf))))
+"""Which item, and for how long its place is altered on the way."""
+
+busy: Final = spells(6, 160.0, ("busy", True), ("busy", False), uniform(1.0, 8.0))
+hand_back: Final = steps(
+    (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
+)
+"""The pilot takes over; the operator asks for it too early, then in time."""
+
+hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(12.0, 24.0), "hand back"))
+"""The pilot has it land, stops that well below its altitude, and hands it back."""
+
+paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
+disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
+home_moved: Final = one("home", choice((0.0, -25.0), (30.0, 15.0)))
+restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
+restart_taken: Final = chain(
+    (0.0, "kill"),
+    (uniform(0.5, 4.0), "pilot", choice(*_SURE[1:])),
+    (uniform(1.0, 10.0), "restart"),
+)
+"""The pilot takes the vehicle from a companion that is dead, and it is started again."""
+
+replaced_alone: Final = chain(
+    (0.0, "kill"), (uniform(1.0, 5.0), "plan", "other"), (uniform(2.0, 10.0), "restart")
+)
+"""A station puts another plan on board while no companion is there."""
+
+lie: Final = steps((0.0, "fuller", choice(0.2, 0.5, 1.0)), (0.0, "battery", uniform(150.0, 400.0)))
+"""The battery says that it is fuller than it is, while it empties fast."""
+
+mad_robots: Final = one("mad", choice("future", "nan", "jump", "zone", "far", "stamp"))
+zones_across: Final = often("zone across", 3, uniform(25.0, 50.0), uniform(0.0, 6.0))
+corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 0.7))
+"""Around a corner at once, or so long after it was told to stop."""
+
+requests: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
 
 
-def ready_taken(dice: random.Random) -> Schedule:
+def brief(dice: random.Random) -> Iterator[Row]:
+    """Any one stream, for a moment."""
+    names, kind = dice.choice(tuple(WRONG_STREAMS)), dice.choice(tuple(StreamFault))
+    yield 0.0, "stream", (names, kind, BRIEF_S)
+
+
+def height(dice: random.Random) -> Iterator[Row]:
+    """The altitude estimate jumps, and perhaps comes back."""
+    off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
+    yield 0.0, "off", off_m
+    yield dice.choice((5.0, 20.0, math.inf)), "off", -off_m
+
+
+def ready_taken(dice: random.Random) -> Iterator[Row]:
     """The pilot takes the vehicle on the ground, once it was looked at and before it is armed."""
     how = dice.choice(("POSCTL", "ALTCTL", "arm"))
-    return [ScheduledFault(dice.uniform(2.5, 7.5), "before us", how)]
+    yield dice.uniform(2.5, 7.5), "before us", how
 
 
-def hand_back_low(dice: random.Random) -> Schedule:
-    """The pilot has it land, stops that well below its altitude, and hands it back."""
-    return [
-        ScheduledFault(0.0, "pilot", "AUTO_LAND"),
-        ScheduledFault(dice.uniform(12.0, 24.0), "hand back"),
-    ]
-
-
-def blind_and_empty(dice: random.Random) -> Schedule:
-    """No position comes any more, and the battery reaches its reserve meanwhile."""
-    lost_s = dice.choice((90.0, math.inf))
-    return [
-        ScheduledFault(0.0, "stream", (POSITION, StreamFault.LOST, lost_s)),
-        ScheduledFault(0.0, "battery", dice.uniform(22.0, 38.0)),
-    ]
-
-
-def restarted_on_another(dice: random.Random) -> Schedule:
-    """A station puts another plan on board while no companion is there."""
-    at_s = dice.uniform(1.0, 5.0)
-    restart_s = at_s + dice.uniform(2.0, 10.0)
-    return [
-        ScheduledFault(0.0, "kill"),
-        ScheduledFault(at_s, "plan", "other"),
-        ScheduledFault(restart_s, "restart"),
-    ]
-
-
-def taken_in_haste(dice: random.Random) -> Schedule:
+def taken_in_haste(dice: random.Random) -> Iterator[Row]:
     """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
     at_s = dice.uniform(2.0, 5.0)
-    happen = [ScheduledFault(0.0, "send", at_s - 1.5), ScheduledFault(at_s - 1.6, "deaf", True)]
-    if dice.randrange(2):
-        happen.append(ScheduledFault(at_s - 0.8, "send again"))
-    else:
-        happen.append(ScheduledFault(at_s - 0.8, "hold"))
-    happen.append(ScheduledFault(at_s, "pilot", dice.choice(_SURE)))
-    return [*happen, ScheduledFault(at_s + dice.choice((0.05, 0.5)), "deaf", False)]
+    yield 0.0, "send", at_s - 1.5
+    yield at_s - 1.6, "deaf", True
+    yield at_s - 0.8, "send again" if dice.randrange(2) else "hold"
+    yield at_s, "pilot", dice.choice(_SURE)
+    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
 
 
-def diverted(dice: random.Random) -> Schedule:
+def diverted(dice: random.Random) -> Iterator[Row]:
     """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)
     later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    happen = [ScheduledFault(at_s, "hold", phase="armed")]
+    yield at_s, "hold", None, "armed"
     if dice.randrange(2):
-        mode = dice.choice(("POSCTL", "ALTCTL"))
-        return [*happen, ScheduledFault(later_s[0], "pilot", mode, "armed")]
-    return happen + [ScheduledFault(each_s, "pause", True, "armed") for each_s in later_s]
+        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
+    else:
+        yield from ((each_s, "pause", True, "armed") for each_s in later_s)
 
 
-def zone_in_haste(dice: random.Random) -> Schedule:
+def zone_in_haste(dice: random.Random) -> Iterator[Row]:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)
-    return [
-        ScheduledFault(0.0, "send", at_s),
-        ScheduledFault(at_s - 0.1, "deaf", True),
-        ScheduledFault(at_s + 0.4, "send again"),
-        ScheduledFault(at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)),
-        ScheduledFault(at_s + 1.5, "deaf", False),
-    ]
+    yield 0.0, "send", at_s
+    yield at_s - 0.1, "deaf", True
+    yield at_s + 0.4, "send again"
+    yield at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)
+    yield at_s + 1.5, "deaf", False
 
 
-def restart_taken(dice: random.Random) -> Schedule:
-    """The pilot takes the vehicle from a companion that is dead, and it is started again."""
-    taken_s = dice.uniform(0.5, 4.0)
-    return [
-        ScheduledFault(0.0, "kill"),
-        ScheduledFault(taken_s, "pilot", dice.choice(_SURE[1:])),
-        ScheduledFault(taken_s + dice.uniform(1.0, 10.0), "restart"),
-    ]
+def zones(dice: random.Random) -> Iterator[Row]:
+    """Zones are drawn near the vehicle, or over it."""
+    for again in range(dice.randrange(1, 4)):
+        yield 40.0 * again, "reload", dice.uniform(-5.0, 40.0)
 
 
-def lie(dice: random.Random) -> Schedule:
-    """The battery says that it is fuller than it is, while it empties fast."""
-    share = dice.choice((0.2, 0.5, 1.0))
-    return [
-        ScheduledFault(0.0, "battery", dice.uniform(150.0, 400.0)),
-        ScheduledFault(0.0, "fuller", share),
-    ]
-
-
-def walls(dice: random.Random) -> Schedule:
+def walls(dice: random.Random) -> Iterator[Row]:
     """Walls on all sides, one after the other or at once; perhaps one is taken away again."""
-    happen = [ScheduledFault(0.0, "battery", dice.uniform(250.0, 500.0))]
-    walls = [ScheduledFault(6.0 * again, "wall", again) for again in range(4)]
-    opened = [ScheduledFault(dice.uniform(40.0, 120.0), "open")] if dice.randrange(2) else []
-    enclosed = [ScheduledFault(0.0, "enclose")] if dice.randrange(2) else walls
-    return happen + enclosed + opened
+    yield 0.0, "battery", dice.uniform(250.0, 500.0)
+    if dice.randrange(2):
+        yield dice.uniform(40.0, 120.0), "open"
+    if dice.randrange(2):
+        yield 0.0, "enclose"
+    else:
+        yield from ((6.0 * side, "wall", side) for side in range(4))
 
 
-def on_board(what: str, value: Callable[[random.Random], Any], *, back: float = 0.5) -> Course:
-    """A station changes what is on board; perhaps the operator puts our plan there again."""
-
-    def course(dice: random.Random) -> Schedule:
-        happen = [ScheduledFault(0.0, what, value(dice))]
-        if dice.random() < back:
-            happen.append(ScheduledFault(dice.uniform(4.0, 15.0), "take back"))
-        return happen
-
-    return course
-
-
-def two_stations(dice: random.Random) -> Schedule:
+def two_stations(dice: random.Random) -> Iterator[Row]:
     """Two stations choose different modes, shortly one after the other."""
     first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
-    later_s = dice.choice((0.0, 0.1, 0.5, 2.0))
-    return [ScheduledFault(0.0, "pilot", first), ScheduledFault(later_s, "second station", second)]
+    yield 0.0, "pilot", first
+    yield dice.choice((0.0, 0.1, 0.5, 2.0)), "second station", second

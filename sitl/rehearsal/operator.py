@@ -22,9 +22,9 @@ from air_router.controller.model.requests import (
 )
 from air_router.mission.mission import Mission
 from geo.frame import Point
-from sitl.rehearsal.flyable_space import FlyableSpace, flyable_space
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
+from sitl.rehearsal.mission_file import SIDES, FlyableSpace
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
@@ -50,13 +50,13 @@ _HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
 _BESIDE_M: Final = 40.0
 _COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT", "MISSION_SET_CURRENT")
 
-FAST_M_S, SLOW_M_S = 3.5, 2.0
-LOOKS_S: Final = 60.0
+_FAST_M_S, _SLOW_M_S = 3.5, 2.0
+_LOOKS_S: Final = 60.0
 """For so long a moment is waited for."""
 
-STANDS_S: Final = 4.0
-AT_M: Final = 1.0
-STOPS_M: Final = 13.0
+_STANDS_S: Final = 4.0
+_AT_M: Final = 1.0
+_STOPS_M: Final = 13.0
 """A vehicle of 5 m/s stops within it."""
 
 Moment = Callable[[], bool]
@@ -79,7 +79,9 @@ class Operator:
         self._dice, self._haste = dice, flight.scene.chance("haste")
         self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
         self._upload = False  # our plan is wanted on board, too
-        self._reading: tuple[float, int] | None = None  # patience's end; how many zones before
+        self._reading: tuple[float, int | None] | None = (
+            None  # patience's end; how many zones before
+        )
         self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
         self._sent: Pair | None = None  # where it was sent last, east and north
         self.pilot = False
@@ -135,7 +137,7 @@ class Operator:
     def do_corner(self, brakes_s: float | None) -> None:
         """Send it somewhere, and on its way around a corner; so long after it began to brake."""
         self.ask(HoldNow())
-        self._at(STANDS_S, lambda: self._set_out(brakes_s))
+        self._at(_STANDS_S, lambda: self._set_out(brakes_s))
 
     def do_deaf(self, on: bool) -> None:
         """No command reaches the vehicle."""
@@ -178,7 +180,7 @@ class Operator:
 
         def turn_off() -> bool:
             speed_m_s = math.hypot(*self._velocity_m_s)
-            if math.dist(self.here, turn.at) > AT_M or speed_m_s < FAST_M_S or not self._ours:
+            if math.dist(self.here, turn.at) > _AT_M or speed_m_s < _FAST_M_S or not self._ours:
                 return False
             if brakes_s is not None:
                 self.ask(HoldNow())
@@ -197,7 +199,7 @@ class Operator:
         off_to = self.space.around_a_corner(self.here, velocity_m_s, self._haste)
         if off_to is not None:
             self._go_to(off_to)
-        return off_to is not None or math.hypot(*velocity_m_s) < SLOW_M_S
+        return off_to is not None or math.hypot(*velocity_m_s) < _SLOW_M_S
 
     # Zones
 
@@ -206,11 +208,9 @@ class Operator:
         east_m_s, north_m_s = self._velocity_m_s
         course_rad = math.atan2(east_m_s, north_m_s) + self._dice.uniform(-0.5, 0.5)
         place = self._flight.place
-        centre = Point(
-            place.east_m + ahead_m * math.sin(course_rad),
-            place.north_m + ahead_m * math.cos(course_rad),
-        )
-        self._draw_circle(centre, self._dice.uniform(4.0, 12.0))
+        east_m = place.east_m + ahead_m * math.sin(course_rad)
+        north_m = place.north_m + ahead_m * math.cos(course_rad)
+        self._draw_circle(Point(east_m, north_m), self._dice.uniform(4.0, 12.0))
 
     def do_zone_across(self, spare_m: float) -> None:
         """Draw a zone across its way, so far beyond where it can stop."""
@@ -218,10 +218,10 @@ class Operator:
         def draw() -> bool:
             east_m_s, north_m_s = self._velocity_m_s
             speed_m_s = math.hypot(east_m_s, north_m_s)
-            if speed_m_s < FAST_M_S or not self._ours:
+            if speed_m_s < _FAST_M_S or not self._ours:
                 return False
             radius_m = self._haste.uniform(5.0, 10.0)
-            ahead_m = STOPS_M + self.space.mission.clearance_m + spare_m + radius_m
+            ahead_m = _STOPS_M + self.space.mission.clearance_m + spare_m + radius_m
             here, share = self.here, ahead_m / speed_m_s
             centre = (here[0] + share * east_m_s, here[1] + share * north_m_s)
             self._draw_circle(self._point(centre), radius_m)
@@ -238,46 +238,46 @@ class Operator:
         east_m, north_m = (a + share * (b - a) for a, b in zip(here, self._sent, strict=True))
         self._draw_circle(self._point((east_m, north_m)), radius_m)
 
-    def do_wall(self, side: int) -> None:
+    def do_wall(self, *sides: int) -> None:
         """The operator walls the vehicle in, zone by zone."""
-        home, place = self._flight.mission.home, self._flight.place
-        self._change(lambda: self._flight.file.wall(place, side, home))
+        file, place = self._flight.file, self._flight.place
+        self._change(lambda: file.wall(place, sides))
 
     def do_enclose(self, _: None) -> None:
         """Draw all four walls at once."""
-        home, place = self._flight.mission.home, self._flight.place
-        self._change(lambda: self._flight.file.enclose(place, home))
+        self.do_wall(*SIDES)
 
     def do_open(self, _: None) -> None:
         """Take the last wall away."""
-        self._change(lambda: "" if self._flight.file.open() else None)
+        self._change(self._flight.file.open)
 
     def _draw_circle(self, centre: Point, radius_m: float) -> None:
-        file, home = self._flight.file, self._flight.mission.home
-        self._change(lambda: file.circle(centre, radius_m, home))
+        self._change(lambda: self._flight.file.circle(centre, radius_m))
 
-    def _change(self, draw: Callable[[], str | None]) -> None:
+    def _change(self, draw: Callable[[], bool]) -> None:
         """Draw into the file, and have it read again; one change at a time."""
-        companion = self._flight.companion
-        if companion is None or not self.flies or self._reading is not None:
+        zones = self._zones_flown_by
+        if zones is None or not self.flies or self._reading is not None:
             return
-        zones = len(companion.flight.controller.context.mission.zones)
-        if draw() is not None:
+        if draw():
             self._reading = (self._flight.now_s + _READ_S, zones)
             self.ask(Reload())
+
+    @property
+    def _zones_flown_by(self) -> int | None:
+        """How many zones the companion knows; None: there is no companion."""
+        companion = self._flight.companion
+        return None if companion is None else len(companion.flight.controller.context.mission.zones)
 
     def _look_after_reading(self, now_s: float) -> None:
         """Whether the changed file was taken; what was not is taken out of it again."""
         if self._reading is None:
             return
         until_s, zones = self._reading
-        companion, file = self._flight.companion, self._flight.file
-        if (
-            companion is not None
-            and len(companion.flight.controller.context.mission.zones) != zones
-        ):
+        known, file = self._zones_flown_by, self._flight.file
+        if known not in {None, zones}:
             self._flight.happened(SceneEventKind.MISSION_FILE, file.text)
-        elif companion is not None and now_s < until_s:
+        elif known is not None and now_s < until_s:
             return
         else:
             self._flight.happened(SceneEventKind.FILE_LEFT, (until_s - _READ_S, file.text))
@@ -294,7 +294,7 @@ class Operator:
     @property
     def space(self) -> FlyableSpace:
         """Where it may fly, by the mission file as it is now."""
-        return flyable_space(self._flight.file.path, self._flight.file.text)
+        return self._flight.file.space
 
     @property
     def here(self) -> Pair:
@@ -320,7 +320,7 @@ class Operator:
 
     def wait_for(self, moment: Moment) -> None:
         """Do something in its moment, if that comes soon."""
-        self._waiting.append((self._flight.now_s + LOOKS_S, moment))
+        self._waiting.append((self._flight.now_s + _LOOKS_S, moment))
 
 
 def request_of(choice: float, dice: random.Random, mission: Mission, here: Point) -> AnyRequest:

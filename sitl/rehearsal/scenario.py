@@ -5,12 +5,10 @@ from __future__ import annotations
 import functools
 import math
 import tempfile
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.mission.team import sought, team_of
 from geo.frame import Point
@@ -20,7 +18,7 @@ from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
-from sitl.rehearsal.drawing import MissionFile, hurried, with_room
+from sitl.rehearsal.courses import Agenda
 from sitl.rehearsal.faults import Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
@@ -30,6 +28,7 @@ from sitl.rehearsal.judge.evidence import (
     SceneEventKind,
     WireMessage,
 )
+from sitl.rehearsal.mission_file import MissionFile, hurried, with_room
 from sitl.rehearsal.seen import Ending, phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.stations import Stations
@@ -64,7 +63,7 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
-class Scenario(ABC):
+class Scenario:
     """Flies one scene; a `World` for the companion's loop.
 
     Args:
@@ -72,6 +71,8 @@ class Scenario(ABC):
         path: The mission.
 
     Attributes:
+        scene: The same.
+        agenda: What is still to happen.
         vehicle: The vehicle.
         link: Between it and the companion.
         stations: Pilot and ground stations.
@@ -85,6 +86,7 @@ class Scenario(ABC):
 
     def __init__(self, scene: Scene, path: Path) -> None:
         self.scene = scene
+        self.agenda = Agenda(scene.schedule())
         self._path = path
         self.now_s = 0.0
         self.companion: Companion | None = None
@@ -105,18 +107,9 @@ class Scenario(ABC):
         self.robots: Robots
         self.link = Link(scene.chance("link"))
 
-    @property
-    @abstractmethod
-    def done(self) -> bool:
-        """Whether nothing more is to happen soon."""
-
-    @abstractmethod
-    def enter(self, phase: str) -> None:
-        """The flight has come to a phase, perhaps again."""
-
-    @abstractmethod
-    def let_happen(self) -> None:
-        """Let happen what is due."""
+    def let_happen(self) -> bool:
+        """Let happen what is due; whether more is to happen soon."""
+        raise NotImplementedError
 
     # The flight
 
@@ -140,11 +133,10 @@ class Scenario(ABC):
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
         document = dict(hurried(self._path))
-        if any(fault.value.draws for fault in scene.faults):
+        if scene.draws:
             document = with_room(document)
         self.file = MissionFile(folder / "mission.yaml", document)
-        mission = self.mission = load_mission(self.file.path)
-        self.file.frame = mission.frame
+        mission = self.mission = self.file.mission
         team, uav = team_of(mission, None)
         self.seek = sought(team, uav, mission.seek, mission.goals_from)
         latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
@@ -175,7 +167,7 @@ class Scenario(ABC):
         outcome = "killed"
         try:
             self._wait(lambda: self.now_s >= BOOT_S)
-            self.enter("ready")
+            self.agenda.enter("ready", self.now_s)
             self._restarts = True
             resume = False
             while True:
@@ -195,7 +187,7 @@ class Scenario(ABC):
     def _live(self, *, resume: bool) -> tuple[int | None, str]:
         """One life of a companion, from start to end or power cut."""
         self.happened(SceneEventKind.STARTED)
-        companion = Companion(self.file.path, self, self, self._say, resume=resume)
+        companion = Companion(self.file.path, self, self.send, self._say, resume=resume)
         self.companion = companion
         try:
             companion.run()
@@ -274,8 +266,8 @@ class Scenario(ABC):
     def _tick(self) -> None:
         companion, autopilot = self.companion, self.autopilot
         for phase in phases(autopilot, companion):
-            self.enter(phase)
-        self.let_happen()
+            self.agenda.enter(phase, self.now_s)
+        goes_on = self.let_happen()
         if companion is not None and not self.now_s < self._stalled_until_s < math.inf:
             node, place = companion.node, self.place
             self.call(lambda: self.robots.step(node, place, self.now_s))
@@ -283,8 +275,8 @@ class Scenario(ABC):
         if autopilot.armed and not self._ending.flown:
             self.link.late_s, self.link.old_s = map(self.scene.most, ("late_s", "old_s"))
         in_charge = None if companion is None else companion.in_charge
-        armed, done = autopilot.armed, self.done
-        if self._ending.has_come(self.now_s, in_charge, armed=armed, done=done):
+        armed = autopilot.armed
+        if self._ending.has_come(self.now_s, in_charge, armed=armed, done=not goes_on):
             raise SceneOverError
 
     # What happens

@@ -11,7 +11,7 @@ from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.companion import EPOCH_S
-from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
+from sitl.rehearsal.courses import ScheduledFault, carry_out
 from sitl.rehearsal.faults import Scene
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.operator import Operator
@@ -41,25 +41,15 @@ class SimulatedFlight(Scenario):
     def __init__(self, scene: Scene, path: Path) -> None:
         super().__init__(scene, path)
         self._fault_dice = scene.chance("script")
-        self._agenda = Agenda(scene.schedule())
         self._operator = Operator(self, self._fault_dice)
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
         self._other_until_s = -math.inf  # so long another UAV is heard
 
-    @property
-    def done(self) -> bool:
-        """See `Scenario`."""
-        return not self._agenda.due and not self._operator.asks_on
-
-    def enter(self, phase: str) -> None:
-        """See `Scenario`."""
-        self._agenda.enter(phase, self.now_s)
-
-    def let_happen(self) -> None:
+    def let_happen(self) -> bool:
         """See `Scenario`."""
         now_s = self.now_s
-        for scheduled in self._agenda.take(now_s):
+        for scheduled in self.agenda.take(now_s):
             self.happened(SceneEventKind.FAULT, scheduled.what)
             carry_out(scheduled, self, self._operator)
         self._operator.step(now_s)
@@ -68,6 +58,7 @@ class SimulatedFlight(Scenario):
             self.stations.first.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
         if now_s < self._other_until_s:
             self._tell_of_the_other()
+        return bool(self.agenda.due) or self._operator.asks_on
 
     # The vehicle's own
 
@@ -105,7 +96,7 @@ class SimulatedFlight(Scenario):
             if not PUSHED_M[0] < away_m < PUSHED_M[1] or not in_charge:
                 return False
             wind.blow(gust_m_s * north, gust_m_s * east)
-            self._agenda.add(self.now_s + GUST_S, ScheduledFault(0.0, "calm"))
+            self.agenda.add(self.now_s + GUST_S, ScheduledFault(0.0, "calm"))
             return True
 
         operator.wait_for(push)
@@ -135,7 +126,7 @@ class SimulatedFlight(Scenario):
     def do_reboot(self, seconds: float) -> None:
         """The link is silent for so long, then the vehicle's clock starts anew."""
         self.link.silent = True
-        self._agenda.add(self.now_s + seconds, ScheduledFault(0.0, "clock"))
+        self.agenda.add(self.now_s + seconds, ScheduledFault(0.0, "clock"))
 
     def do_clock(self, _: None) -> None:
         """It talks again, two seconds after its start."""

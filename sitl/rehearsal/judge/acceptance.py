@@ -12,6 +12,8 @@ from functools import reduce
 from types import MappingProxyType
 from typing import Final
 
+from sitl.rehearsal.judge.evidence import EvidenceError
+
 
 class End(Enum):
     """How a flight ended."""
@@ -27,50 +29,34 @@ class End(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Tolerance:
-    """What a fault excuses.
-
-    Attributes:
-        room_m: So much less than the clearance may be kept.
-        height_m: So much higher or lower than the plan's band may be flown.
-        home_m: So much farther from home may be landed.
-    """
-
-    room_m: float = 0.0
-    height_m: float = 0.0
-    home_m: float = 0.0
-
-
-NONE: Final = Tolerance()
-"""Nothing is excused."""
-
-
-@dataclass(frozen=True, slots=True)
 class Row:
     """What is accepted when something goes wrong.
 
     Attributes:
         ends: How the flight may end.
-        tolerance: What of clearance and heights is excused.
+        room_m: So much less than the clearance may be kept.
+        height_m: So much higher or lower than the plan's band may be flown.
+        home_m: So much farther from home may be landed.
         notice_s: How much longer than usual the companion has to notice that it was taken over.
         says: A pattern that one of its lines has to match; empty: nothing has to be said.
         shows_s: It has to be said if the vehicle cruised with it for so long; else always.
     """
 
     ends: frozenset[End]
-    tolerance: Tolerance = NONE
+    room_m: float = 0.0
+    height_m: float = 0.0
+    home_m: float = 0.0
     notice_s: float = 0.0
     says: str = ""
     shows_s: float = 0.0
 
     def with_(self, other: Row) -> Row:
-        """What is accepted when both happen."""
-        mine, its = self.tolerance, other.tolerance
+        """What is accepted when both happen: what either may end as, and all that is excused."""
         return Row(
             self.ends | other.ends,
-            Tolerance(
-                mine.room_m + its.room_m, mine.height_m + its.height_m, mine.home_m + its.home_m
-            ),
+            self.room_m + other.room_m,
+            self.height_m + other.height_m,
+            self.home_m + other.home_m,
             max(self.notice_s, other.notice_s),
         )
 
@@ -84,61 +70,60 @@ _HOME_OR_FAILSAFE: Final = _row(End.LANDED, End.FAILSAFE)
 _PILOTS: Final = _row(End.PILOT, says="pilot|ground station|taken|took")
 _HEIGHT_OFF: Final = _row(
     *(End.LANDED, End.FAILSAFE, End.PILOT),
-    tolerance=Tolerance(height_m=4.0),  # until the satellites' altitude shows it
+    height_m=4.0,  # until the satellites' altitude shows it
     says="altitude|height|high",
     shows_s=3.0,
 )
 
 ACCEPTED: Final = MappingProxyType(
     {
-        # The weather and the estimate: it comes home.
-        "NONE": _HOME,
-        "GUSTS": _row(End.LANDED, tolerance=Tolerance(home_m=2.0)),
-        "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0)),
-        # Pushed over the border it is the autopilot's, or given away; pushed near it is told.
-        "PUSHED": _row(
-            *(End.LANDED, End.FAILSAFE, End.PILOT), tolerance=Tolerance(room_m=8.0, home_m=2.0)
+        # It comes home: where the estimate is off, the scene says by how much, and excuses that;
+        # without COM_RC_OVERRIDE sticks are nothing to the autopilot; nothing that robots or
+        # strangers say moves or ends a flight; nothing comes of a stream that is gone for a moment.
+        **dict.fromkeys(
+            (
+                *("NONE", "JUMPS", "LOSS_1", "SILENCE", "BUSY", "BRIEF_STREAM", "LOST_BATTERY"),
+                *("LOST_FIX", "LOST_LANDED", "STICKS_ONLY", "RESTART", "STOPPED", "MOVED_LINK"),
+                *("VANISH", "MAD_ROBOTS", "ONE_DEAD", "HOSTILE", "TWO_VEHICLES", "RELOAD"),
+                *("REQUESTS", "ZONE_ACROSS", "ZONE_IN_HASTE", "CORNERS"),
+            ),
+            _HOME,
         ),
-        "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
+        # The weather and the estimate.
+        "GUSTS": _row(End.LANDED, home_m=2.0),
+        "STORM": _row(*End, room_m=30.0, height_m=10.0, home_m=60.0),
+        # Pushed over the border it is the autopilot's, or given away; pushed near it is told.
+        "PUSHED": _row(*(End.LANDED, End.FAILSAFE, End.PILOT), room_m=8.0, home_m=2.0),
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,
         # It drifts by up to 9 m; home is the answer, and it may be on its way there already.
-        "BAROMETER": replace(_HEIGHT_OFF, tolerance=Tolerance(height_m=5.0), shows_s=20.0),
+        "BAROMETER": replace(_HEIGHT_OFF, height_m=5.0, shows_s=20.0),
         # The link: it comes home, or stays where its plan did not get on board.
-        "LOSS_1": _HOME,
         "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
         "LOSS_20": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "BURSTS": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "LATE": _row(End.LANDED, End.PILOT, notice_s=4.0),  # what is late may look like a pilot's
         "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
-        "SILENCE": _HOME,
         "NO_FIX": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
         "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
-        "BUSY": _HOME,
-        # One message stream alone: said, held, or home; for a moment: nothing comes of it.
-        "BRIEF_STREAM": _HOME,
-        # For ever: it holds, or commands nothing, until the pilot or a battery failsafe ends it.
-        # What has to be said of it, and when, `judge_inputs` knows.
+        # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a
+        # battery failsafe ends it. What has to be said of it, and when, `inputs` knows.
         "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         "BLIND_AND_EMPTY": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
-        "LOST_BATTERY": _HOME,
-        "LOST_FIX": _HOME,
         "WRONG_FIX": _row(End.LANDED, End.NOT),  # one that comes and goes is held for
-        "LOST_LANDED": _HOME,
         "LOST_ITEM": _row(End.LANDED, End.NOT),  # a wrong one is another's choice: hands off
         "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
-        "TAKEN_IN_HASTE": _row(End.PILOT, says="pilot|ground station|taken|took"),
+        "TAKEN_IN_HASTE": _PILOTS,
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
-        "STICKS_ONLY": _HOME,  # without COM_RC_OVERRIDE they are nothing to the autopilot
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
         "PLAN_REPLACED": _row(
@@ -153,32 +138,23 @@ ACCEPTED: Final = MappingProxyType(
         "KILLED_IN_AIR": _row(End.FELL, says="disarm|kill|motors"),
         "TWO_STATIONS": _row(End.PILOT, End.LANDED, notice_s=3.0),
         # The companion and the autopilot themselves.
-        "RESTART": _HOME,
         "KILL": _row(End.HOVERS),
-        "STOPPED": _HOME,
-        "MOVED_LINK": _HOME,
         "REBOOT": _row(*End, says="reboot|restart|start|silent|anew"),
         "BATTERY": _HOME_OR_FAILSAFE,  # where home could not be reached in time
         "BATTERY_LIES": _HOME_OR_FAILSAFE,
-        # Robots and strangers: nothing that they say moves or ends a flight.
-        "VANISH": _HOME,
-        "MAD_ROBOTS": _HOME,
-        "HOSTILE": _HOME,
-        "ONE_DEAD": _HOME,
-        "TWO_VEHICLES": _HOME,
-        # The operator.
-        "RELOAD": _HOME,
         "WALL": _HOME_OR_FAILSAFE,  # walled in for good it hovers until the battery's failsafe
-        "REQUESTS": _HOME,
-        "ZONE_ACROSS": _HOME,
-        "ZONE_IN_HASTE": _HOME,
-        "CORNERS": _HOME,
     }
 )
 
 
-def accepted(faults: Iterable[str]) -> Row | None:
-    """The row of a flight's faults together; None: one of them has none."""
+def accepted(faults: Iterable[str]) -> Row:
+    """The row of a flight's faults together.
+
+    Raises:
+        EvidenceError: one of them has none.
+    """
     rows = [ACCEPTED.get(fault) for fault in sorted(faults) if fault != "TWO"] or [_HOME]
     known = [row for row in rows if row is not None]
-    return reduce(Row.with_, known) if len(known) == len(rows) else None
+    if len(known) < len(rows):
+        raise EvidenceError(f"acceptance.py has no row for {sorted(faults)}")
+    return reduce(Row.with_, known)

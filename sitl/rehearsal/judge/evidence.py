@@ -1,4 +1,4 @@
-"""What a rehearsed flight leaves behind for the judge: true track, wire and scene.
+"""What a rehearsed flight leaves behind for the judge: true track, MAVLink messages and scene.
 
 The flyer of a scene (in one process, with the real programs, on a real PX4) fills these in; the
 judge knows nothing else. Nothing here comes from the code that is judged. All times are simulated
@@ -7,8 +7,9 @@ seconds since the vehicle started, on one clock.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +20,16 @@ AUTOPILOT: Final = 1
 COMPANION: Final = 191
 """MAVLink component of the companion (MAV_COMP_ID_ONBOARD_COMPUTER)."""
 
-_SEEN: Final = ("samples", "messages", "heard", "happenings", "lines")
+WAYPOINT, RETURN, TAKEOFF = 16, 20, 22  # MAV_CMD
+SPEED, SET_HOME, TERMINATE, REPOSITION, ARM = 178, 179, 185, 192, 400
+MISSION, FENCE, RALLY, EVERYTHING = 0, 1, 2, 255  # MAV_MISSION_TYPE
+_MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
+_MOVING: Final = frozenset({"MISSION_SET_CURRENT", "SET_MODE", "MANUAL_CONTROL"})
+_ITEMS: Final = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
+
+
+class EvidenceError(Exception):
+    """A flight that cannot be judged; the message says why: its file, its track, its fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +99,6 @@ class SceneEventKind(StrEnum):
     STOPPED = "companion stopped"  # None: SIGSTOP
     CONTINUED = "companion continued"  # None: SIGCONT
     FAULT = "fault begins"  # the fault's name, or a line of text
-    FAULT_OVER = "fault ends"  # the same
     ESTIMATE_OFF = "estimate off"  # metres that it is wrong by from now on, horizontally
     HOME_MOVED = "home moved"  # (latitude_deg, longitude_deg, altitude_amsl_m)
     FENCE_CHANGED = "fence changed"  # by another station; "deleted", "added" ...
@@ -119,52 +128,18 @@ class Line:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """All that is known of one flight.
-
-    Attributes:
-        scene: The scene's name and seed, for the table.
-        faults: Names of the faults in it; `acceptance` has a row for each.
-        mission_path: The mission file as flown: files that it names are looked for beside it.
-        mission_text: Its text at the start.
-        uav: Which of several UAVs this one is.
-        reaction_s: What the companion has to react, simulated seconds: more where the simulated
-            time runs faster than the real programs' own.
-        speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
-        samples: In order of time, from before arming to after disarming (or the end of watching).
-        messages: In order of time.
-        heard: What the autopilot says as it reached the companion, late or spoilt, in order of
-            arrival; empty where that was not written down.
-        happenings: In order of time.
-        lines: What the companion announced, in order of time.
-        exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
-        outcome: The end that the companion announced: last line, or as its status says.
-    """
-
-    scene: str
-    faults: frozenset[str]
-    mission_path: Path
-    mission_text: str
-    samples: tuple[Sample, ...]
-    messages: tuple[WireMessage, ...] = ()
-    heard: tuple[WireMessage, ...] = ()
-    happenings: tuple[SceneEvent, ...] = ()
-    lines: tuple[Line, ...] = ()
-    exit_code: int | None = None
-    outcome: str = ""
-    uav: str | None = None
-    reaction_s: float = 1.0
-    speed: float = 1.0
-
-    def told(self, what: SceneEventKind) -> Iterator[SceneEvent]:
-        """The happenings of a kind, in order of time."""
-        return (happening for happening in self.happenings if happening.what is what)
-
-
 @dataclass(slots=True)
 class FlightRecord:
-    """What has been seen so far, each in order of time; see `Evidence`."""
+    """What has been seen of a flight so far, each in order of time.
+
+    Attributes:
+        samples: From before arming to after disarming (or the end of watching).
+        messages: By whoever sent them.
+        heard: What the autopilot says as it reached the companion, late or spoilt, in order of
+            arrival; empty where that was not written down.
+        happenings: What the scene did.
+        lines: What the companion announced.
+    """
 
     samples: list[Sample] = field(default_factory=list)
     messages: list[WireMessage] = field(default_factory=list)
@@ -176,7 +151,94 @@ class FlightRecord:
         """The scene did something."""
         self.happenings.append(SceneEvent(time_s, what, value))
 
+    def told(self, *what: SceneEventKind) -> Iterator[SceneEvent]:
+        """The happenings of these kinds, in order of time."""
+        return (happening for happening in self.happenings if happening.what in what)
+
     def evidence(self, **more: Any) -> Evidence:
         """All of it, and what else there is to say of the flight."""
-        seen: dict[str, Any] = {name: tuple(getattr(self, name)) for name in _SEEN}
-        return Evidence(**seen, **more)
+        return Evidence(**{f.name: getattr(self, f.name) for f in fields(FlightRecord)}, **more)
+
+
+@dataclass(slots=True, kw_only=True)
+class Evidence(FlightRecord):
+    """All that is known of one flight.
+
+    Attributes:
+        scene: The scene's name and seed, for the table.
+        faults: Names of the faults in it; `acceptance` has a row for each.
+        mission_path: The mission file as flown: files that it names are looked for beside it.
+        mission_text: Its text at the start.
+        exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
+        outcome: The end that the companion announced: last line, or as its status says.
+        uav: Which of several UAVs this one is.
+        reaction_s: What the companion has to react, simulated seconds: more where the simulated
+            time runs faster than the real programs' own.
+        speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
+    """
+
+    scene: str
+    faults: frozenset[str]
+    mission_path: Path
+    mission_text: str
+    exit_code: int | None = None
+    outcome: str = ""
+    uav: str | None = None
+    reaction_s: float = 1.0
+    speed: float = 1.0
+
+
+# What MAVLink says.
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """A transfer that the vehicle accepted.
+
+    Attributes:
+        time_s: When it was accepted.
+        kind: MAV_MISSION_TYPE.
+        items: Of it, in order; none: cleared.
+    """
+
+    time_s: float
+    kind: int
+    items: tuple[WireMessage, ...]
+
+
+def number(fields: Mapping[str, Any], name: str) -> float:
+    """A field as a number; what is not there is not a number."""
+    value = fields.get(name)
+    return math.nan if value is None else float(value)
+
+
+def command_of(message: WireMessage) -> int | None:
+    """The MAV_CMD of a command; None for other messages."""
+    if message.name not in {"COMMAND_LONG", "COMMAND_INT"}:
+        return None
+    return int(message.fields["command"])
+
+
+def is_motion(message: WireMessage) -> bool:
+    """Whether a message moves the vehicle or chooses its mode."""
+    named = message.name in _MOVING or message.name.startswith("SET_POSITION_TARGET")
+    return named or command_of(message) in _MOTIONS
+
+
+def uploads_of(messages: Sequence[WireMessage]) -> Iterator[Upload]:
+    """Transfers of the companion that the vehicle accepted, in order of time."""
+    begun: dict[int, dict[int, WireMessage]] = {}  # items by their number, by kind
+    for message in messages:
+        if not message.name.startswith("MISSION_"):
+            continue
+        kind = int(message.fields.get("mission_type", MISSION))
+        if message.component == COMPANION and message.delivered:
+            if message.name in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}:
+                begun[kind] = {}
+            elif message.name in _ITEMS and kind in begun:
+                begun[kind][int(message.fields["seq"])] = message
+            continue
+        accepts = message.component == AUTOPILOT and message.name == "MISSION_ACK"
+        if accepts and int(message.fields["type"]) == 0 and kind in begun:
+            items = begun.pop(kind)
+            yield Upload(message.time_s, kind, tuple(items[seq] for seq in sorted(items)))

@@ -21,6 +21,7 @@ from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.courses import Agenda, ScheduledFault, carry_out
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Evidence, SceneEvent, SceneEventKind
+from sitl.rehearsal.mission_file import MissionFile
 from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zone, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
@@ -53,8 +54,6 @@ _NEED: Final = frozenset({Fault.PILOT, Fault.TWO_STATIONS, Fault.DISARMED, Fault
 """Scenes that are none where the vehicle refused what was tried."""
 _OLD_S: Final = 2.0
 _STATE: Final = re.compile(r"-> ([A-Z]+)")
-_TAKEN: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.DISARMED})
-_HOLDERS: Final = frozenset({SceneEventKind.PILOT, SceneEventKind.REQUEST})
 
 
 class RealFlight:
@@ -89,6 +88,7 @@ class RealFlight:
         self._seen: Recording  # by the relay
         self._companion: Companion  # the last that was started
         self._station: Station  # the pilot's, too
+        self._file: MissionFile  # that is flown, drawn into on the way
         self._arguments: list[str] = []  # of every companion
         self._programs: Programs  # all but the companion
 
@@ -99,28 +99,28 @@ class RealFlight:
             contextlib.ExitStack() as stack,
         ):
             folder = Path(name)
-            mission = hurry(self._path, folder)
+            file = self._file = hurry(self._path, folder)
             port = free_port()
-            programs = self._programs = Programs(self.scene, mission, self._speed, self._px4)
+            programs = self._programs = Programs(self.scene, file.path, self._speed, self._px4)
             stack.callback(programs.end_vehicles)
             ports = programs.start_px4() if self._px4 is not None else (0, 0)
-            self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
-            self._seen, programs.relay = self._relay.recording, self._relay
-            self._relay.hold = programs.hold
-            self._relay.weather = Weather(loss=self.scene.most("loss"))
-            self._station = station_at(self._relay)
+            relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
+            self._relay = programs.relay = relay
+            self._seen = relay.recording
+            relay.hold, relay.weather = programs.hold, Weather(loss=self.scene.most("loss"))
+            self._station = station_at(relay)
             self._arguments = [
-                *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
+                *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
             ]
             if self._program == OURS and not self.scene.deafens:
                 self._arguments.append(f"--pace-from={programs.pace_source},{self._speed:g}")
             if self.scene.meets:
                 self._arguments.append(stack.enter_context(programs.team(folder)))
-            return self._flown(mission)
+            return self._flown()
 
-    def _flown(self, mission: Path) -> Evidence:
-        text = mission.read_text(encoding="utf-8")  # it may be changed in flight
+    def _flown(self) -> Evidence:
+        text = self._file.text  # it may be changed in flight
         self._start("--arm", "--yes")
         if self._px4 is None:
             self._programs.start_vehicle()
@@ -132,12 +132,12 @@ class RealFlight:
             self._companion.close()
         seen = self._seen
         seen.lines += self._companion.lines
-        taken = any(h.what in _TAKEN for h in seen.happenings)
+        taken = any(seen.told(SceneEventKind.PILOT, SceneEventKind.DISARMED))
         nothing = self._pending or (self.scene.fault in _NEED and not taken)  # has gone wrong
         return seen.evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
             faults=frozenset({"NONE"}) if nothing else self.scene.judged,
-            mission_path=mission,
+            mission_path=self._file.path,
             mission_text=text,
             exit_code=code,
             outcome=self._companion.outcome,
@@ -176,8 +176,8 @@ class RealFlight:
 
     def _is_left_alone(self) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        told = [h.what for h in self._seen.happenings if h.what in _HOLDERS]
-        taken = told[-1:] == [SceneEventKind.PILOT]  # and not given back since
+        told = list(self._seen.told(SceneEventKind.PILOT, SceneEventKind.REQUEST))
+        taken = bool(told) and told[-1].what is SceneEventKind.PILOT  # and not given back since
         return not self._agenda.left and (taken or "-> PASSIVE" in self._companion.last)
 
     def _watch(self, now_s: float) -> None:
@@ -242,7 +242,8 @@ class RealFlight:
 
     def do_silent(self, value: bool | None) -> None:
         """Nothing passes, until it is said again."""
-        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "silence")
+        if value:
+            self._note(SceneEventKind.FAULT, "silence")
         self._relay.weather.silent = bool(value)
 
     def do_stream(self, value: tuple[tuple[str, ...], StreamFault, float]) -> None:
@@ -251,12 +252,11 @@ class RealFlight:
         self._relay.weather.late_s = _OLD_S / self._speed
         self._relay.weather.streams = dict.fromkeys(names or ("",), kind)
         self._note(SceneEventKind.FAULT, kind.value)
-        self._later(lasts_s, "stream over", kind.value)
+        self._later(lasts_s, "stream over")
 
-    def do_stream_over(self, value: str) -> None:
+    def do_stream_over(self, _value: None) -> None:
         """They come as they are sent."""
         self._relay.weather.streams = {}
-        self._note(SceneEventKind.FAULT_OVER, value)
 
     def do_fence(self, _value: None) -> None:
         """A station deletes the fence."""
@@ -330,8 +330,8 @@ class RealFlight:
 
     def do_reload(self, _value: object) -> None:
         """The operator draws a zone around a waypoint, and has the mission file read again."""
-        text = draw_zone(Path(self._arguments[0]), self.scene.chance("zone"))
-        self._note(SceneEventKind.MISSION_FILE, text)
+        draw_zone(self._file, self.scene.chance("zone"))
+        self._note(SceneEventKind.MISSION_FILE, self._file.text)
         self.do_ask("reload")
 
     def do_second_vehicle(self, _value: object) -> None:
@@ -345,5 +345,5 @@ class RealFlight:
 
     def _start(self, *how: str) -> None:
         self._note(SceneEventKind.STARTED)
-        arguments, folder = [*self._arguments, *how], Path(self._arguments[0]).parent
+        arguments, folder = [*self._arguments, *how], self._file.path.parent
         self._companion = Companion(self._program, arguments, folder, lambda: self._seen.time_s)

@@ -9,7 +9,6 @@ import math
 import os
 import pty
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +23,7 @@ from mocha_link import Team
 from sitl.process.end_with_parent import ending_with_us
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import Line
-from sitl.rehearsal.judge.mission_reader import read_mission
+from sitl.rehearsal.mission_file import MissionFile, hurried
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.team.free_ports import derive_team
@@ -35,14 +34,8 @@ EPOCH: Final = 1_800_000_000
 OURS: Final = (sys.executable, "-m", "air_router.cli.cli")
 """How the `air-router` of this installation begins."""
 
-_FROM_HOME_M: Final = 25.0
-_HURRIED: Final = (
-    ("altitude_m: 40", "altitude_m: 20"),
-    ("init_s: 180", "init_s: 12"),
-    ("explore_s: 120", "explore_s: 10"),
-    ("search_s: 45", "search_s: 6"),
-    ("speed_m_s: 3.5", "speed_m_s: 5"),
-)
+_FROM_HOME_M, _ZONE_M = 25.0, 6.0
+_TIMERS: Final = {"init_s": 12, "explore_s": 10, "search_s": 6, "communicate_s": 20}
 
 
 class Companion:
@@ -183,29 +176,18 @@ def port_of(url: str) -> int:
     return int(url.rpartition(":")[2])
 
 
-def hurry(path: Path, folder: Path) -> Path:
-    """A copy of the mission in a hurry, with a team of its own, in a folder."""
-    text = path.read_text(encoding="utf-8")
-    for slow, fast in _HURRIED:
-        text = text.replace(slow, fast)
-    shutil.copy(path.parent / "world.yaml", folder)
+def hurry(path: Path, folder: Path) -> MissionFile:
+    """A copy of the mission in a hurry, low, with a team of its own, in a folder."""
     derive_team(Team.load(path.parent / "team.yaml"), folder)
-    hurried_path = folder / "mission.yaml"
-    hurried_path.write_text(text, encoding="utf-8")
-    return hurried_path
+    document = {**hurried(path), "team": "team.yaml", "altitude_m": 20, "timers": _TIMERS}
+    return MissionFile(folder / "mission.yaml", document)
 
 
-def draw_zone(path: Path, dice: random.Random) -> str:
-    """Draw a zone around a waypoint into a mission file; its text."""
-    text = path.read_text(encoding="utf-8")
-    mission = read_mission(path, text)
-    far = [w for w in mission.waypoints if math.hypot(*w) > _FROM_HOME_M]
-    latitude, longitude = mission.frame.degrees(*dice.choice(far))
-    zone = f"{{name: drawn, circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}"
-    before, found, after = text.partition("no_fly_zones:\n")
-    text = f"{before}{found}  - {zone}\n{after}"
-    path.write_text(text, encoding="utf-8")
-    return text
+def draw_zone(file: MissionFile, dice: random.Random) -> None:
+    """Draw a zone around a waypoint that is not near to home."""
+    places = [waypoint.position for waypoint in file.mission.waypoints]
+    far = [place for place in places if math.dist(place, file.mission.home) > _FROM_HOME_M]
+    file.circle(dice.choice(far), _ZONE_M)
 
 
 class Programs:

@@ -2,26 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
-
-from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.mavlink.codec import Frame, frames
 from sitl.rehearsal.judge.evidence import AUTOPILOT, FlightRecord, Sample, WireMessage
 
-MISSION: Final = frozenset({*range(37, 48), 51, 73})
-"""Messages by which a plan is put on board, by number."""
+MISSION: Final = "MISSION_"
+"""How the messages begin by which a plan is put on board; they are all noted."""
 
-_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
-_FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *MISSION})
-_INPUTS: Final = frozenset({_HEARTBEAT, 1, 24, 33, 42, 245, 436})
-_FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, 253, *MISSION})
+_FROM_VEHICLE: Final = frozenset(
+    {
+        "HEARTBEAT",
+        "SYS_STATUS",
+        "COMMAND_ACK",
+        "HOME_POSITION",
+        "EXTENDED_SYS_STATE",
+        "CURRENT_MODE",
+    }
+)
+_INPUTS: Final = frozenset(
+    {
+        *("HEARTBEAT", "SYS_STATUS", "GPS_RAW_INT", "GLOBAL_POSITION_INT", "MISSION_CURRENT"),
+        *("EXTENDED_SYS_STATE", "CURRENT_MODE"),
+    }
+)
+_FROM_OTHERS: Final = frozenset(
+    {
+        *("SET_MODE", "MANUAL_CONTROL", "COMMAND_INT", "COMMAND_LONG", "PARAM_SET", "STATUSTEXT"),
+        *("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"),
+    }
+)
+_STATE, _CLOCK = "HIL_STATE_QUATERNION", "HIL_ACTUATOR_CONTROLS"
 _ARMED, _CRITICAL = 128, 5
 _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
-
-_DECODER: Final = mavlink.MAVLink(None)
 
 
 @dataclass(slots=True)
@@ -36,7 +52,6 @@ class Recording(FlightRecord):
         failsafe: Whether one acts, as it said last.
         ground_m: Where it stood first.
         above_m: Above that.
-        place: True latitude, longitude, altitude.
     """
 
     time_s: float = 0.0
@@ -46,16 +61,8 @@ class Recording(FlightRecord):
     failsafe: bool = False
     ground_m: float | None = None
     above_m: float = 0.0
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    _before_s: float = 0.0
-    _told: bool = False
-    """Whether the truth's link has HEARTBEATs: those of a busy link come late."""
-
-    def _state(self, heartbeat: Any) -> None:
-        self.mode = heartbeat.custom_mode
-        self.armed = bool(heartbeat.base_mode & _ARMED)
-        self.failsafe = heartbeat.system_status >= _CRITICAL
+    _before_s: float = 0.0  # its last start, simulated
+    _told: bool = False  # the truth's link has HEARTBEATs: those of a busy link come late
 
     def restart(self) -> None:
         """The vehicle is started anew: its time begins at zero again."""
@@ -65,52 +72,48 @@ class Recording(FlightRecord):
     def look(self, frame: Frame, *, delivered: bool) -> None:
         """Note a frame, from either side."""
         vehicle = frame.component_id == AUTOPILOT
-        wanted = _FROM_VEHICLE if vehicle else _FROM_OTHERS
-        if frame.number not in wanted:
+        wanted = frame.name in (_FROM_VEHICLE if vehicle else _FROM_OTHERS)
+        if not (wanted or frame.name.startswith(MISSION)) or not frame.intact:
             return
-        try:
-            message: Any = _DECODER.decode(bytearray(frame.data))
-        except mavlink.MAVError:
-            return
-        if vehicle and frame.number == _HEARTBEAT and not self._told:
-            self._state(message)
-        self.messages.append(self._noted(frame, message, delivered=delivered))
+        self.messages.append(self._noted(frame, delivered=delivered))
+        if vehicle and frame.name == "HEARTBEAT" and not self._told:
+            self._follow(self.messages[-1].fields)
 
     def hear(self, datagram: bytes) -> None:
         """Note what reaches the companion."""
         for frame in frames(datagram):
-            if frame.number in _INPUTS and frame.component_id == AUTOPILOT:
-                message = _DECODER.decode(bytearray(frame.data))
-                self.heard.append(self._noted(frame, message, delivered=True))
-
-    def _noted(self, frame: Frame, message: Any, *, delivered: bool) -> WireMessage:
-        fields = message.to_dict()
-        name, target = fields.pop("mavpackettype"), int(fields.get("target_system", 0))
-        sender = frame.system_id, frame.component_id
-        return WireMessage(self.time_s, *sender, target, name, fields, delivered)
+            if frame.name in _INPUTS and frame.component_id == AUTOPILOT:
+                self.heard.append(self._noted(frame, delivered=True))
 
     def see(self, frame: Frame) -> None:
         """Note a frame of the truth's link."""
-        if frame.number not in {_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS}:
+        if frame.name not in {"HEARTBEAT", _STATE, _CLOCK}:
             return
-        message: Any = _DECODER.decode(bytearray(frame.data))
-        if frame.number == _HEARTBEAT:
+        fields = frame.fields()
+        if frame.name == "HEARTBEAT":
             self._told = True
-            self._state(message)
+            self._follow(fields)
             return
-        if message.time_usec:
-            self.clock_s = message.time_usec / 1e6
+        if fields["time_usec"]:
+            self.clock_s = fields["time_usec"] / 1e6
             self.time_s = self._before_s + self.clock_s
-        if frame.number == _HIL_ACTUATORS:
+        if frame.name == _CLOCK:
             return
-        self.place = message.lat / 1e7, message.lon / 1e7, message.alt / 1e3
+        place = fields["lat"] / 1e7, fields["lon"] / 1e7, fields["alt"] / 1e3
         if self.ground_m is None:
-            self.ground_m = self.place[2]
-        self.above_m = self.place[2] - self.ground_m
+            self.ground_m = place[2]
+        self.above_m = place[2] - self.ground_m
         landed = self.above_m < _LANDED_M
         if not self.samples or self.samples[-1].time_s < self.time_s:
-            self.samples.append(
-                Sample(
-                    self.time_s, *self.place, self.armed, landed, self.mode, failsafe=self.failsafe
-                )
-            )
+            sample = Sample(self.time_s, *place, self.armed, landed, self.mode, self.failsafe)
+            self.samples.append(sample)
+
+    def _follow(self, heartbeat: Mapping[str, Any]) -> None:
+        self.mode = heartbeat["custom_mode"]
+        self.armed = bool(heartbeat["base_mode"] & _ARMED)
+        self.failsafe = heartbeat["system_status"] >= _CRITICAL
+
+    def _noted(self, frame: Frame, *, delivered: bool) -> WireMessage:
+        fields, sender = frame.fields(), (frame.system_id, frame.component_id)
+        target = int(fields.get("target_system", 0))
+        return WireMessage(self.time_s, *sender, target, frame.name, fields, delivered)

@@ -210,7 +210,7 @@ class LossyRelay:
             fault = weather.streams.get(frame.name, weather.streams.get(""))
             lost = fault is StreamFault.LOST or not passes
             self.recording.look(frame, delivered=not lost)
-            if frame.number in MISSION and self.recording.messages:
+            if frame.name.startswith(MISSION) and self.recording.messages:
                 self.answers(self.recording.messages[-1])
             if lost or fair:
                 continue

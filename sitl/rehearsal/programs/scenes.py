@@ -6,7 +6,7 @@ The faults, and what can happen, are those of `sitl.rehearsal.faults`; a flight 
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -19,10 +19,14 @@ from sitl.rehearsal.courses import (
     POSITION,
     SATELLITES,
     Course,
+    Draw,
+    Row,
     Schedule,
-    ScheduledFault,
+    choice,
     one,
     placed,
+    steps,
+    uniform,
 )
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.stand_ins.link import StreamFault
@@ -42,9 +46,14 @@ STREAMS: Final[Mapping[Fault, tuple[str, ...]]] = MappingProxyType(
 )
 """MAVLink messages of each stream."""
 
-_LASTS_S: Final = (BRIEF_S, 30.0, 1e6)
-_STREAM_FAULTS: Final = (StreamFault.LOST, StreamFault.LOST, StreamFault.FROZEN, StreamFault.LATE)
-_AT_ANY_TIME: Final = (0.5, FLIGHT_S)
+_LASTS: Final = choice(BRIEF_S, 30.0, 1e6)
+_STREAM_FAULT: Final = choice(
+    StreamFault.LOST, StreamFault.LOST, StreamFault.FROZEN, StreamFault.LATE
+)
+_AT_ANY_TIME: Final = uniform(0.5, FLIGHT_S)
+_LONG_BEFORE_ITS_END: Final = uniform(8.0, FLIGHT_S - 20.0)
+_STALLS: Final = choice(0.5, 2.0, 5.0, 20.0, 60.0)
+
 MEETINGS: Final = frozenset({"COMM", "EXPL"})
 """States that only a flight of some length with robots comes to."""
 
@@ -60,83 +69,68 @@ _FLOWN_IN: Final = {
 }
 """Modes that a flight chooses itself in a state: a pilot who chooses them changes nothing."""
 
-_MEETING: Final = (ScheduledFault(1.0, "ask", "seek io", "INIT"),)
+_MEETING: Final = (1.0, "ask", "seek io", "INIT")
+INTRUSIONS: Final = ("noise", "old boot", "other vehicle", "truncated", "flood")
+"""What strangers send; see `station.intrusion`."""
 
 
-def _stream(*names: str, kinds: tuple[StreamFault, ...] = _STREAM_FAULTS) -> Course:
+def _stream(names: tuple[str, ...], kind: Draw = _STREAM_FAULT) -> Course:
     """One stream, in one of these ways, for a while; without names all of them."""
 
-    def course(dice: random.Random) -> Schedule:
-        kind = dice.choice(kinds) if len(kinds) > 1 else kinds[0]
-        lasts_s = dice.choice(_LASTS_S)
-        return [ScheduledFault(dice.uniform(*_AT_ANY_TIME), "stream", (names, kind, lasts_s))]
+    def course(dice: random.Random) -> Iterator[Row]:
+        value = (names, kind(dice), _LASTS(dice))
+        yield _AT_ANY_TIME(dice), "stream", value
 
     return course
 
 
-def _silence(dice: random.Random) -> Schedule:
-    lasts_s = dice.choice((0.5, 2.0, 5.0, 20.0, 60.0))
-    at_s = dice.uniform(*_AT_ANY_TIME)
-    return [ScheduledFault(at_s, "silent", value=True), ScheduledFault(at_s + lasts_s, "silent")]
+def _silence(dice: random.Random) -> Iterator[Row]:
+    lasts_s, at_s = _STALLS(dice), _AT_ANY_TIME(dice)
+    yield at_s, "silent", True
+    yield at_s + lasts_s, "silent"
 
 
-def _takeover(seed: int, dice: random.Random) -> Schedule:
+def _takeover(seed: int, dice: random.Random) -> Iterator[Row]:
     """In every state by turns, and there by every mode."""
     turn, number = divmod(seed, len(_STATES))
     state = _STATES[number]
     modes = [mode for mode in _CHOSEN if mode != _FLOWN_IN.get(state)]
-    soon_s = _COMM_S if state == "COMM" else 6.0
-    taken = ScheduledFault(dice.uniform(0.1, soon_s), "pilot", modes[turn % len(modes)], state)
+    taken_s = dice.uniform(0.1, _COMM_S if state == "COMM" else 6.0)
     if state == "HOLD":
-        return [ScheduledFault(dice.uniform(2.0, 8.0), "ask", "hold", "INIT"), taken]
-    return [*_MEETING, taken] if state in MEETINGS else [taken]
+        yield dice.uniform(2.0, 8.0), "ask", "hold", "INIT"
+    elif state in MEETINGS:
+        yield _MEETING
+    yield taken_s, "pilot", modes[turn % len(modes)], state
 
 
-def _hand_back(dice: random.Random) -> Schedule:
+def _hand_back(dice: random.Random) -> Iterator[Row]:
     back_s = dice.uniform(3.0, 10.0)
-    mode = dice.choice(("AUTO_RTL", "AUTO_LAND", "POSCTL"))
-    happen = [ScheduledFault(0.0, "pilot", mode), ScheduledFault(back_s, "pilot", "AUTO_LOITER")]
-    return happen + [ScheduledFault(back_s + 2.0 + 2.0 * again, "resume") for again in range(8)]
+    yield 0.0, "pilot", dice.choice(("AUTO_RTL", "AUTO_LAND", "POSCTL"))
+    yield back_s, "pilot", "AUTO_LOITER"
+    yield from ((back_s + 2.0 + 2.0 * again, "resume") for again in range(8))
 
 
-def _replaced(dice: random.Random) -> Schedule:
+def _replaced(dice: random.Random) -> Iterator[Row]:
     if dice.randrange(2):
-        return [*_MEETING, ScheduledFault(dice.uniform(0.1, _COMM_S), "plan", "other", "COMM")]
-    return [ScheduledFault(0.0, "plan", "other")]
+        yield _MEETING
+        yield dice.uniform(0.1, _COMM_S), "plan", "other", "COMM"
+    else:
+        yield 0.0, "plan", "other"
 
 
-def _same_plan(_dice: random.Random) -> Schedule:
-    resumed = [ScheduledFault(4.0 + later_s, "resume") for later_s in range(0, 12, 3)]
-    return [ScheduledFault(0.0, "plan", "same"), *resumed]
-
-
-def _two_stations(dice: random.Random) -> Schedule:
+def _two_stations(dice: random.Random) -> Iterator[Row]:
     first, second = dice.sample(_CHOSEN[:4], 2)
-    later = ScheduledFault(dice.uniform(0.0, 1.5), "second station", second)
-    return [ScheduledFault(0.0, "pilot", first), later]
+    yield 0.0, "pilot", first
+    yield dice.uniform(0.0, 1.5), "second station", second
 
 
-def _restart(dice: random.Random) -> Schedule:
-    return [ScheduledFault(0.0, "kill"), ScheduledFault(dice.uniform(2.0, 30.0), "restart")]
-
-
-def _bursts(dice: random.Random) -> Schedule:
-    happen = []
+def _bursts(dice: random.Random) -> Iterator[Row]:
     at_s = 0.0
     while at_s < FLIGHT_S:
         at_s += dice.expovariate(1 / 8.0)
-        happen.append(ScheduledFault(at_s, "silent", value=True))
-        happen.append(ScheduledFault(at_s + dice.uniform(0.3, 3.0), "silent"))
+        yield at_s, "silent", True
+        yield at_s + dice.uniform(0.3, 3.0), "silent"
         at_s += 3.0
-    return happen
-
-
-def _hostile(dice: random.Random) -> Schedule:
-    kinds = ("noise", "old boot", "other vehicle", "truncated", "flood")
-    return [
-        ScheduledFault(dice.uniform(*_AT_ANY_TIME), "intrude", dice.choice(kinds))
-        for _ in range(12)
-    ]
 
 
 class WireKind(NamedTuple):
@@ -145,13 +139,13 @@ class WireKind(NamedTuple):
     Attributes:
         flights: How many of it a whole rehearsal has.
         course: What happens.
-        begins_s: Seconds after its phase began, from and to; None: the course says when.
+        begins_s: So many seconds after its phase began; None: the course says when.
         phase: As in `ScheduledFault`.
     """
 
     flights: int
-    course: Course = lambda _dice: []
-    begins_s: tuple[float, float] | None = None
+    course: Course = steps()
+    begins_s: Draw | None = None
     phase: str = "armed"
 
 
@@ -164,31 +158,35 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
         Fault.LOSS_20: WireKind(8),
         Fault.BURSTS: WireKind(10, _bursts),
         Fault.SILENCE: WireKind(12, _silence),
-        Fault.OLD: WireKind(8, _stream(kinds=(StreamFault.LATE,))),
-        **{fault: WireKind(12, _stream(*names)) for fault, names in STREAMS.items()},
+        Fault.OLD: WireKind(8, _stream((), lambda _: StreamFault.LATE)),
+        **{fault: WireKind(12, _stream(names)) for fault, names in STREAMS.items()},
         Fault.PILOT: WireKind(35),  # see `WireScene.schedule`
-        Fault.HAND_BACK: WireKind(16, _hand_back, (12.0, 60.0)),
-        Fault.STICKS: WireKind(12, one("sticks", lambda d: d.uniform(2.0, 8.0)), _AT_ANY_TIME),
-        Fault.TWO_STATIONS: WireKind(12, _two_stations, (8.0, FLIGHT_S)),
-        Fault.FENCE_DELETED: WireKind(8, one("fence"), (8.0, FLIGHT_S - 20.0)),
-        Fault.PLAN_REPLACED: WireKind(8, _replaced, (8.0, FLIGHT_S - 20.0)),
-        Fault.SAME_PLAN: WireKind(8, _same_plan, (8.0, FLIGHT_S - 20.0)),
-        Fault.HOME_MOVED: WireKind(10, one("home", lambda d: d.choice((-25, 15))), _AT_ANY_TIME),
-        Fault.SPEED: WireKind(8, one("speed", lambda _: 12.0), (12.0, 50.0)),
-        Fault.DISARMED: WireKind(6, one("disarm", lambda _: False), (0.0, 0.8)),
-        Fault.KILLED_IN_AIR: WireKind(10, one("disarm", lambda _: True), (4.0, 75.0)),
-        Fault.STOPPED: WireKind(
-            *(14, one("stall", lambda d: d.choice((0.5, 2.0, 5.0, 20.0, 60.0)))), _AT_ANY_TIME
+        Fault.HAND_BACK: WireKind(16, _hand_back, uniform(12.0, 60.0)),
+        Fault.STICKS: WireKind(12, one("sticks", uniform(2.0, 8.0)), _AT_ANY_TIME),
+        Fault.TWO_STATIONS: WireKind(12, _two_stations, uniform(8.0, FLIGHT_S)),
+        Fault.FENCE_DELETED: WireKind(8, one("fence"), _LONG_BEFORE_ITS_END),
+        Fault.PLAN_REPLACED: WireKind(8, _replaced, _LONG_BEFORE_ITS_END),
+        Fault.SAME_PLAN: WireKind(
+            *(8, steps((0.0, "plan", "same"), *((4.0 + 3 * n, "resume") for n in range(4)))),
+            _LONG_BEFORE_ITS_END,
         ),
-        Fault.RESTART: WireKind(12, _restart, (12.0, FLIGHT_S - 20.0)),
-        Fault.KILL: WireKind(6, one("kill"), (12.0, 60.0)),
+        Fault.HOME_MOVED: WireKind(10, one("home", choice(-25, 15)), _AT_ANY_TIME),
+        Fault.SPEED: WireKind(8, one("speed", 12.0), uniform(12.0, 50.0)),
+        Fault.DISARMED: WireKind(6, one("disarm", value=False), uniform(0.0, 0.8)),
+        Fault.KILLED_IN_AIR: WireKind(10, one("disarm", value=True), uniform(4.0, 75.0)),
+        Fault.STOPPED: WireKind(14, one("stall", _STALLS), _AT_ANY_TIME),
+        Fault.RESTART: WireKind(
+            *(12, steps((0.0, "kill"), (uniform(2.0, 30.0), "restart"))),
+            uniform(12.0, FLIGHT_S - 20.0),
+        ),
+        Fault.KILL: WireKind(6, one("kill"), uniform(12.0, 60.0)),
         Fault.REBOOT: WireKind(6, one("reboot"), _AT_ANY_TIME),
         Fault.MOVED_LINK: WireKind(6, one("move link"), _AT_ANY_TIME),
-        Fault.BATTERY: WireKind(
-            *(10, one("battery", lambda d: d.uniform(60.0, 400.0))), _AT_ANY_TIME
+        Fault.BATTERY: WireKind(10, one("battery", uniform(60.0, 400.0)), _AT_ANY_TIME),
+        Fault.HOSTILE: WireKind(
+            *(10, steps(*[(_AT_ANY_TIME, "intrude", choice(*INTRUSIONS))] * 12)),
         ),
-        Fault.HOSTILE: WireKind(10, _hostile),
-        Fault.RELOAD: WireKind(10, one("reload"), (1.0, 30.0), "INIT"),
+        Fault.RELOAD: WireKind(10, one("reload"), uniform(1.0, 30.0), "INIT"),
         Fault.TWO_VEHICLES: WireKind(4, one("second vehicle")),
     }
 )
@@ -201,10 +199,10 @@ class WireScene(Scene):
     def schedule(self) -> Schedule:
         """What happens when."""
         kind, dice = WIRE[self.fault], self.chance("when")
-        if self.fault is Fault.PILOT:
-            return _takeover(self.seed, dice)
-        later_s = 0.0 if kind.begins_s is None else dice.uniform(*kind.begins_s)
-        return placed(kind.course(dice), kind.phase, later_s)
+        later_s = 0.0 if kind.begins_s is None else kind.begins_s(dice)
+        taken = self.fault is Fault.PILOT
+        rows = _takeover(self.seed, dice) if taken else kind.course(dice)
+        return placed(rows, kind.phase, later_s)
 
     @property
     def meets(self) -> bool:

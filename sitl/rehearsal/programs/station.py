@@ -6,38 +6,36 @@ import random
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from pymavlink.dialects.v20 import common as mavlink
-
+from sitl.mavlink.codec import MessagePacker
 from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.stand_ins.stations import Station
 
-_FLOOD = 300
+_FLOOD: Final = 300
+_LANDS, _ACTIVE, _EMERGENCY = 0x06040000, 4, 6  # of HEARTBEAT: AUTO, LAND; MAV_STATE
 
 
 def intrusion(kind: str, dice: random.Random) -> list[bytes]:
     """The datagrams of one kind; see `scenes`."""
-    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    pack = MessagePacker(1, 1).pack
+    heartbeat = {"type": 2, "autopilot": 12, "custom_mode": _LANDS, "mavlink_version": 3}
     if kind == "noise":
         return [dice.randbytes(dice.randrange(1, 300)) for _ in range(20)]
     if kind == "truncated":
-        whole = _packed(sender, sender.heartbeat_encode(2, 12, 0, 0x06040000, 4))
+        whole = pack("HEARTBEAT", {**heartbeat, "system_status": _ACTIVE})
         return [whole[:length] for length in range(1, len(whole))]
     if kind == "flood":
-        return [_packed(sender, sender.ping_encode(0, n, 0, 0)) for n in range(_FLOOD)]
+        return [pack("PING", {"seq": number}) for number in range(_FLOOD)]
     if kind == "other vehicle":
-        other = mavlink.MAVLink(None, srcSystem=2, srcComponent=1)
-        return [_packed(other, other.heartbeat_encode(2, 12, 0, 0x06040000, 6))]
-    home = (399421523, -751997644)
-    return [  # as a vehicle that has just been started
-        _packed(sender, sender.system_time_encode(0, 1000)),
-        _packed(sender, sender.global_position_int_encode(1000, *home, 0, 0, 0, 0, 0, 0)),
-        _packed(sender, sender.attitude_encode(1000, 0, 0, 0, 0, 0, 0)),
+        emergency = {**heartbeat, "system_status": _EMERGENCY}
+        return [MessagePacker(2, 1).pack("HEARTBEAT", emergency)]
+    boot = {"time_boot_ms": 1000}  # as a vehicle that has just been started
+    place = {"lat": 399421523, "lon": -751997644}
+    return [
+        pack("SYSTEM_TIME", boot),
+        pack("GLOBAL_POSITION_INT", {**boot, **place}),
+        pack("ATTITUDE", boot),
     ]
-
-
-def _packed(sender: Any, message: Any) -> bytes:
-    return bytes(message.pack(sender))
 
 
 _SYSTEM: Final = 255

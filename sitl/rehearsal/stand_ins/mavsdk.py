@@ -13,7 +13,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, cast
 
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
 from mavsdk.plugins.mavlink_direct.mavlink_direct import (
@@ -65,27 +65,25 @@ _MISSION, _FENCE, _RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 _TEXTS: Final = frozenset({"param_id", "text"})
 
 Fields = Mapping[str, Any]
-
-
-class Wire(Protocol):
-    """The companion's end of the link."""
-
-    def send(self, name: str, fields: Fields) -> None:
-        """Send a message to the vehicle."""
+Send = Callable[[str, Fields], object]
+"""Sends a message to the vehicle: its name, and its fields."""
 
 
 class StandIn(Px4Connection):
     """A connection to the vehicle in this process; one life of MAVSDK.
 
     Args:
-        wire: The link.
+        send: The companion's end of the link.
         url: As for the real one.
         system_id: The vehicle's.
+
+    Attributes:
+        send: The same; another one where the link is cut.
     """
 
-    def __init__(self, wire: Wire, url: str, system_id: int) -> None:
+    def __init__(self, send: Send, url: str, system_id: int) -> None:
         super().__init__(url, system_id)
-        self.wire = wire
+        self.send = send
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
         self._heard = asyncio.Event()  # a HEARTBEAT of the vehicle
         self._tasks: list[asyncio.Task[None]] = []  # until it is closed
@@ -128,7 +126,7 @@ class StandIn(Px4Connection):
 
     async def _beat(self) -> None:
         while True:
-            self.wire.send("HEARTBEAT", _HEARTBEAT)
+            self.send("HEARTBEAT", _HEARTBEAT)
             await asyncio.sleep(1.0)
 
     async def command(self, name: str, fields: dict[str, Any]) -> Fields | None:
@@ -147,7 +145,7 @@ class StandIn(Px4Connection):
             for attempt in range(_REPEATS + 1):
                 if not answer:
                     confirmation = {"confirmation": attempt} if name == "COMMAND_LONG" else {}
-                    self.wire.send(name, fields | confirmation)
+                    self.send(name, fields | confirmation)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_REPEAT_S):
                         await acked.wait()
@@ -235,7 +233,7 @@ class _Transfer:
 
     def _send(self, name: str, fields: dict[str, Any]) -> None:
         target = {"target_system": self._link.system_id, "target_component": _AUTOPILOT}
-        self._link.wire.send(name, {**target, "mission_type": self._type, **fields})
+        self._link.send(name, {**target, "mission_type": self._type, **fields})
 
 
 class _Plugin:
@@ -256,7 +254,7 @@ class _Direct(_Plugin):
     """`MavlinkDirect`."""
 
     def send_message(self, message: MavlinkMessage) -> None:
-        self._link.wire.send(message.message_name, _from_json(message.fields_json))
+        self._link.send(message.message_name, _from_json(message.fields_json))
 
     def send_command_async(self, command: MavlinkMessage, callback: Callable[..., None]) -> None:
         async def work() -> tuple[MavlinkDirectResult, MavlinkMessage]:

@@ -12,9 +12,9 @@ from sitl.rehearsal.companion import SimulatedLoop
 from sitl.rehearsal.courses import PHASES, ScheduledFault
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End
+from sitl.rehearsal.judge.case import Violation
 from sitl.rehearsal.judge.evidence import SceneEventKind
-from sitl.rehearsal.judge.judge_flight import Verdict, judge
-from sitl.rehearsal.judge.judge_track import Responsible, Violation
+from sitl.rehearsal.judge.verdict import Verdict, judge
 from sitl.rehearsal.simulated_flight import SimulatedFlight
 
 VALUE = {"pilot": "AUTO_LOITER", "kill": None, "reboot": 1.0, "disarm": True}
@@ -38,17 +38,24 @@ def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, 
     assert verdict.end is end
 
 
-def test_the_same_seed_is_the_same_flight():
-    first, second = (SimulatedFlight(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
-    assert first.samples == second.samples
-    assert [(m.time_s, m.name, m.delivered) for m in first.messages] == [
-        (m.time_s, m.name, m.delivered) for m in second.messages
-    ]
-    assert first.lines == second.lines
+@pytest.fixture(scope="module")
+def stopped_flight():
+    return SimulatedFlight(Scene(Fault.STOPPED, 2), PENNOVATION).fly()
 
 
-def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
-    evidence = SimulatedFlight(Scene(Fault.STOPPED, 2), PENNOVATION).fly()
+def test_the_same_seed_is_the_same_flight(stopped_flight):
+    again = SimulatedFlight(Scene(Fault.STOPPED, 2), PENNOVATION).fly()
+    assert again.samples == stopped_flight.samples
+    first, second = (
+        [(m.time_s, m.name, m.delivered) for m in flight.messages]
+        for flight in (stopped_flight, again)
+    )
+    assert first == second
+    assert again.lines == stopped_flight.lines
+
+
+def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later(stopped_flight):
+    evidence = stopped_flight
     assert judge(evidence).good
     stopped, going = (
         next(h.time_s for h in evidence.happenings if h.what is what)
@@ -136,12 +143,10 @@ def test_a_simulated_loop_waits_without_waiting():
 
 def test_the_table():
     bad = (Violation(10.0, "room", "0.5 m inside"),)
+    faults = frozenset({"GUSTS"})
     verdicts = [
-        (
-            "GUSTS",
-            Verdict("GUSTS-0", frozenset({"GUSTS"}), End.LANDED, (), {Responsible.OURS: 6.2}),
-        ),
-        ("GUSTS", Verdict("GUSTS-1", frozenset({"GUSTS"}), End.NOT, bad, {Responsible.OURS: -0.5})),
+        ("GUSTS", Verdict("GUSTS-0", faults, End.LANDED, closest_m=6.2)),
+        ("GUSTS", Verdict("GUSTS-1", faults, End.NOT, bad, closest_m=-0.5)),
     ]
     text = table(verdicts, {"GUSTS": "gusty wind"})
     assert "| gusty wind | 2 | 1 | 1 | -0.5 m | 1 |" in text

@@ -1,0 +1,282 @@
+"""A flight as the rules of the judge see it: who answers, what the companion said and commanded."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Final, NamedTuple
+
+from sitl.rehearsal.judge.acceptance import accepted
+from sitl.rehearsal.judge.evidence import (
+    AUTOPILOT,
+    COMPANION,
+    MISSION,
+    REPOSITION,
+    TAKEOFF,
+    WAYPOINT,
+    Evidence,
+    SceneEvent,
+    SceneEventKind,
+    WireMessage,
+    command_of,
+    is_motion,
+    number,
+    uploads_of,
+)
+from sitl.rehearsal.judge.mission_reader import Pair
+from sitl.rehearsal.judge.track import Track
+
+_GIVEN_BACK_IN: Final = frozenset({0x03040000, 0x04040000})
+"""HEARTBEAT.custom_mode of AUTO, LOITER and MISSION: in another the pilot still flies it."""
+
+_RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
+"""Requests by which an operator gives the vehicle back to the companion."""
+
+_SHOWS_S: Final = 2.0
+"""A mode that was chosen, and not refused, shows within that time."""
+
+_HEARD_S: Final = 2.0
+"""So long it may take until the companion hears of another item or place, at most."""
+
+_HEEDED_S: Final = 0.5
+"""What has been heard for longer is known, whatever else is going on."""
+
+_TELLS: Final = {
+    "item": ("MISSION_CURRENT", ("seq",)),
+    "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
+}
+"""Which message, and which of its fields, tells that the vehicle goes elsewhere."""
+
+_NOWHERE: Final = 2**31 - 1
+"""Of DO_REPOSITION: where it is."""
+
+_SAID_S: Final = 3.0
+"""What the companion has on top of each limit to announce something."""
+
+_SETTLED_S: Final = 8.0
+"""A companion that was started has so long to connect."""
+
+_STATUS: Final = re.compile(r"^[A-Z]+ *\|")
+_STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
+
+
+class Responsible(StrEnum):
+    """Who answers for where the vehicle is."""
+
+    OURS = "ours"
+    AUTOPILOT = "the autopilot's"
+    PILOT = "the pilot's"
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """Something that must not be.
+
+    Attributes:
+        time_s: When it was worst, or was done.
+        kind: One word for the table.
+        text: What, with the numbers.
+    """
+
+    time_s: float
+    kind: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.time_s:.1f} s: {self.kind}: {self.text}"
+
+
+class Given(NamedTuple):
+    """A time in which the vehicle is not ours, and whose it is."""
+
+    begin_s: float
+    end_s: float
+    by: Responsible
+
+
+class Case(Track):
+    """What is known of a flight.
+
+    Args:
+        evidence: Of it.
+
+    Raises:
+        EvidenceError: it cannot be judged.
+
+    Attributes:
+        commands: What the companion sent to the vehicle.
+        said: What it announced, and when: all lines but those that show its state every few
+            seconds.
+        given: A pilot's times, and a failsafe's: until we moved the vehicle again after an
+            operator asked for it, both in Hold or Mission mode without a failsafe.
+        by: Who answers for each sample.
+        row: What is accepted; a pilot's choice that was refused or came too late is no fault.
+        uploads: Plans that the vehicle accepted.
+        legs: The commands that lead to a place, and to which.
+    """
+
+    def __init__(self, evidence: Evidence) -> None:
+        super().__init__(evidence)
+        accepted(evidence.faults)  # raises
+        self.commands = [m for m in evidence.messages if m.component == COMPANION]
+        self.said = [(s.time_s, s.text) for s in evidence.lines if not _STATUS.match(s.text)]
+        self.given = list(self._given())
+        self.by = [self._responsible(sample.time_s) for sample in evidence.samples]
+        pilot = any(given.by is Responsible.PILOT for given in self.given)
+        self.row = accepted(evidence.faults - (set() if pilot else {"PILOT", "PAUSE"}))
+        self.uploads = list(uploads_of(evidence.messages))
+        self.legs = [(m, to) for m in self.commands if (to := self.target(m)) is not None]
+
+    def target(self, message: WireMessage) -> Pair | None:
+        """Where a command leads to, in metres; None: to no place."""
+        fields, frame = message.fields, self.mission.frame
+        if command_of(message) == REPOSITION:
+            if "x" in fields:
+                return None if int(fields["x"]) == _NOWHERE else frame.item_place(fields)
+            degrees = number(fields, "param5"), number(fields, "param6")
+            return frame.metres(*degrees) if all(map(math.isfinite, degrees)) else None
+        if message.name != "MISSION_SET_CURRENT":
+            return None
+        at_s, seq = message.time_s, int(fields["seq"])
+        plans = [u for u in self.uploads if u.kind == MISSION and u.time_s <= at_s and u.items]
+        items = plans[-1].items if plans else ()
+        if seq >= len(items) or items[seq].fields["command"] not in {WAYPOINT, TAKEOFF}:
+            return None
+        return frame.item_place(items[seq].fields)
+
+    # Who answers.
+
+    def _given(self) -> Iterator[Given]:
+        told = self.evidence.told
+        takings = [
+            (h.time_s, Responsible.PILOT)
+            for h in told(SceneEventKind.PILOT, SceneEventKind.DISARMED)
+            if self._shows(h)
+        ]
+        takings += [(h.time_s, Responsible.AUTOPILOT) for h in told(SceneEventKind.REBOOTED)]
+        samples = self.evidence.samples
+        acted = [False, *(sample.failsafe for sample in samples)]  # of the sample before
+        takings += [
+            (sample.time_s, Responsible.AUTOPILOT)
+            for sample, before in zip(samples, acted, strict=False)
+            if sample.failsafe and not before
+        ]
+        # A companion that is started anew may go on with the plan that is its own, and no other.
+        replaced = {h.time_s for h in told(SceneEventKind.PILOT) if h.value == "plan"}
+        last: dict[Responsible, float] = {}
+        for begin_s, by in sorted(takings):
+            if begin_s >= last.get(by, -math.inf):
+                last[by] = self._given_back_s(begin_s, restarted=begin_s not in replaced)
+                yield Given(begin_s, last[by], by)
+
+    def _shows(self, taking: SceneEvent) -> bool:
+        """Whether anything changed: of two choices at once the second may undo the first.
+
+        So may a command of ours that leaves before another item or place could be heard of.
+        """
+        if taking.value in _TELLS:
+            known_s = min(self._heard_of_s(taking) + _HEEDED_S, taking.time_s + _HEARD_S)
+            ours = (m.time_s for m in self.commands if is_motion(m))
+            return not any(taking.time_s <= time_s < known_s for time_s in ours)
+        if not str(taking.value).isupper():
+            return True  # no mode: sticks, another plan
+        samples = self.evidence.samples
+        before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
+        after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
+        return any(sample.custom_mode != before for sample in after)
+
+    def _heard_of_s(self, taking: SceneEvent) -> float:
+        """When the companion heard that the vehicle goes elsewhere; infinite: never."""
+        name, fields = _TELLS[str(taking.value)]
+        told = [
+            (message.time_s, [message.fields.get(field) for field in fields])
+            for message in self.evidence.heard
+            if message.name == name and message.component == AUTOPILOT
+        ]
+        before = next((to for time_s, to in reversed(told) if time_s < taking.time_s), None)
+        later = (time_s for time_s, to in told if time_s >= taking.time_s and to != before)
+        return next(later, math.inf)
+
+    def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
+        """When we moved it first after an operator had asked for that; infinite: never."""
+        kinds = {SceneEventKind.REQUEST} | ({SceneEventKind.STARTED} if restarted else set())
+        asked_s = next(
+            (
+                h.time_s
+                for h in self.evidence.told(*kinds)
+                if h.time_s > since_s
+                and (h.what is SceneEventKind.STARTED or (_resumes(h) and self._free(h.time_s)))
+            ),
+            math.inf,
+        )
+        moved = (m.time_s for m in self.commands if m.time_s >= asked_s and is_motion(m))
+        return next((at_s for at_s in moved if self._free(at_s)), math.inf)
+
+    def _free(self, time_s: float) -> bool:
+        """Whether the vehicle is in a mode, and in no failsafe, that it can be given back in."""
+        sample = self.evidence.samples[self.at(time_s)]
+        return sample.custom_mode in _GIVEN_BACK_IN and not sample.failsafe
+
+    def _responsible(self, time_s: float) -> Responsible:
+        holders = [given.by for given in self.given if given.begin_s <= time_s < given.end_s]
+        if Responsible.PILOT in holders:
+            return Responsible.PILOT
+        return Responsible.AUTOPILOT if holders else Responsible.OURS
+
+    # In the companion's seat.
+
+    @cached_property
+    def _deaf(self) -> list[tuple[float, float]]:
+        """When the companion was not running, or not yet connected."""
+        ends = (SceneEventKind.KILLED, SceneEventKind.STOPPED, SceneEventKind.ENDED)
+        begins = (SceneEventKind.STARTED, SceneEventKind.CONTINUED)
+        found = []
+        since_s = -math.inf if any(self.evidence.told(SceneEventKind.STARTED)) else None
+        for happening in self.evidence.told(*ends, *begins):
+            if happening.what in ends:
+                since_s = happening.time_s
+            elif since_s is not None:
+                found.append((since_s, happening.time_s + _SETTLED_S))
+                since_s = None
+        return found if since_s is None else [*found, (since_s, math.inf)]
+
+    def answers(self, begin_s: float, end_s: float, *, ours: bool = True) -> bool:
+        """Whether it listened, and the vehicle flew (and was its own), from then to then."""
+        if any(begin_s < until_s and end_s > from_s for from_s, until_s in self._deaf):
+            return False
+        first, last = self.at(begin_s), self.at(end_s)
+        if end_s > self.time_s[-1] or not self.flying[first : last + 1].all():
+            return False
+        return not ours or set(self.by[first : last + 1]) <= {Responsible.OURS}
+
+    def cruises(self, index: int) -> bool:
+        """Whether it flies, as ours, and does not land."""
+        ours = self.by[index] is Responsible.OURS
+        return bool(self.flying[index]) and ours and not self.lands[index]
+
+    def state(self, time_s: float) -> str:
+        """The mission state that was announced last."""
+        found = [m for at_s, text in self.said if at_s <= time_s and (m := _STATE.search(text))]
+        return found[-1].group(1) if found else ""
+
+    def has_said(self, words: str, begin_s: float, end_s: float) -> bool:
+        """Whether a line that matches was announced from then to then."""
+        lines = (text for at_s, text in self.said if begin_s <= at_s <= end_s)
+        return any(re.search(words, line, re.IGNORECASE) for line in lines)
+
+    @property
+    def reacts_s(self) -> float:
+        """What it has on top of each limit to announce something in this flight."""
+        return _SAID_S + self.row.notice_s + max(self.evidence.reaction_s - 1.0, 0.0)
+
+
+Rule = Callable[[Case], Iterator[Violation]]
+"""Sees a flight, and yields what must not be."""
+
+
+def _resumes(happening: SceneEvent) -> bool:
+    return str(happening.value).split()[0] in _RESUMING

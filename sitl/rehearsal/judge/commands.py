@@ -1,0 +1,221 @@
+"""Rules of the wire: what the companion commanded, whether it might, and where that leads to."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Final
+
+import shapely
+
+from sitl.rehearsal.judge.case import Case, Responsible, Violation
+from sitl.rehearsal.judge.evidence import (
+    ARM,
+    AUTOPILOT,
+    REPOSITION,
+    RETURN,
+    SET_HOME,
+    SPEED,
+    TERMINATE,
+    SceneEventKind,
+    WireMessage,
+    command_of,
+    is_motion,
+    number,
+)
+from sitl.rehearsal.judge.mission_reader import Pair
+from sitl.rehearsal.judge.space import DRIFT_M, room_m
+
+_NEVER: Final = frozenset({SET_HOME, RETURN, TERMINATE, 16, 17, 22, 34, 252})
+_ON_BOARD_M: Final = 3.0
+"""How far the vehicle's own idea of mean sea level may be off."""
+
+_LEG_M: Final = 1.0
+"""How far a vehicle may be from where it told us that it is, without any fault."""
+
+_TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
+"""So soon after it left nothing can be known of a command: it does not leave again as it was. What
+leads to a place may be decided anew with the next position, which a link may bring soon after."""
+
+_SHOWS_LATER_S: Final = 1.0
+_UNSHOWN: Final = frozenset({"item", "reposition", "plan"})
+"""A pilot's choices that no mode shows: where the vehicle goes does, a second later."""
+
+_RENEWS_S: Final = 1.0
+"""What is drawn across the way is held for, or flown around, within so long."""
+
+_READ_S: Final = 0.3
+"""A changed file counts for the companion so long before the scene says so, at most."""
+
+_REPEATS_S: Final = 5.0
+_FRESH_S: Final = 0.6
+"""A repeat needs a HEARTBEAT that is no older."""
+
+_STANDS_M: Final = 0.2
+
+
+def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
+    """No command while the vehicle is a pilot's or a failsafe's, once that can be known."""
+    unshown_s = {h.time_s for h in case.evidence.told(SceneEventKind.PILOT) if h.value in _UNSHOWN}
+    hearts_s = _heartbeats_s(case)
+    for message in filter(_commands, case.commands):
+        for begin_s, end_s, by in case.given:
+            heard = bisect_right(hearts_s, begin_s)
+            known_s = hearts_s[heard] if heard < len(hearts_s) else math.inf
+            known_s += case.evidence.reaction_s + case.row.notice_s
+            known_s += _SHOWS_LATER_S if begin_s in unshown_s else 0.0
+            if begin_s < message.time_s < end_s and message.time_s > known_s:
+                text = f"{_words(message)} while the vehicle is {by} since {begin_s:.1f} s"
+                yield Violation(message.time_s, "authority", text)
+                break
+
+
+def _heartbeats_s(case: Case) -> list[float]:
+    """When the vehicle's heartbeats left that reached the companion."""
+    return [
+        message.time_s
+        for message in case.evidence.messages
+        if message.name == "HEARTBEAT" and message.component == AUTOPILOT and message.delivered
+    ]
+
+
+def it_is_armed_once_and_not_disarmed_in_the_air(case: Case) -> Iterator[Violation]:
+    """Nor armed again after it was disarmed."""
+    armed = case.armed.argmax() if case.armed.any() else len(case.armed)
+    gone_s = case.time_s[armed:][~case.armed[armed:]].tolist()
+    told_s = [h.time_s for h in case.evidence.told(SceneEventKind.DISARMED)]
+    disarmed_s = min([*told_s, *gone_s[:1]], default=math.inf)
+    for message in case.commands:
+        if command_of(message) != ARM:
+            continue
+        arms = number(message.fields, "param1") == 1.0
+        if not arms and case.flying[case.at(message.time_s)]:
+            yield Violation(message.time_s, "disarm", "disarmed in the air")
+        if arms and message.time_s > disarmed_s:
+            text = f"armed after it was disarmed at {disarmed_s:.1f} s"
+            yield Violation(message.time_s, "rearm", text)
+
+
+def nothing_strays(case: Case) -> Iterator[Violation]:
+    """No command leaves that no flight sends."""
+    for message in case.commands:
+        stray = message.name in {"MANUAL_CONTROL", "PARAM_SET"}
+        stray = stray and bool(case.flying[case.at(message.time_s)])
+        never = command_of(message) in _NEVER or message.name.startswith("SET_POSITION_TARGET")
+        if stray or never:
+            yield Violation(message.time_s, "stray", f"{_words(message)} is no command of ours")
+
+
+def speeds_and_heights_are_the_plans(case: Case) -> Iterator[Violation]:
+    """No command asks for more speed, or another altitude, than the mission's."""
+    slack_m = _ON_BOARD_M + case.row.height_m
+    for message in case.commands:
+        fields, command = message.fields, command_of(message)
+        if command not in {SPEED, REPOSITION}:
+            continue
+        mission = case.version_at(message.time_s).mission
+        speed_m_s = number(fields, "param2" if command == SPEED else "param1")
+        limit_m_s = mission.speed_m_s + 0.1
+        if speed_m_s > limit_m_s:
+            text = f"{speed_m_s:.1f} m/s, the plan says {limit_m_s:.1f}"
+            yield Violation(message.time_s, "speed", text)
+        above_m = number(fields, "z" if "z" in fields else "param7") - case.ground_m
+        low_m, high_m = min(mission.altitudes_m) - slack_m, max(mission.altitudes_m) + slack_m
+        if command == REPOSITION and (above_m < low_m or above_m > high_m):
+            text = f"sent to {above_m:.1f} m, the plan flies {mission.altitudes_m[0]:.1f} m"
+            yield Violation(message.time_s, "height", text)
+
+
+def nothing_leaves_twice(case: Case) -> Iterator[Violation]:
+    """The same command does not leave again before anything can be known of it."""
+    for before, message in pairwise(filter(_commands, case.commands)):
+        seconds = message.time_s - before.time_s
+        led = message.name == "MISSION_SET_CURRENT" or command_of(message) == REPOSITION
+        least_s = _PLACE_TWICE_S if led else _TWICE_S
+        if seconds < least_s and _plain(before) == _plain(message):
+            text = f"{message.name} left twice within {seconds:.2f} s"
+            yield Violation(message.time_s, "repeat", text)
+
+
+def nothing_is_repeated_over_a_choice(case: Case) -> Iterator[Violation]:
+    """A motion is not sent again after a pilot's choice, not having heard that there was none."""
+    hearts_s = _heartbeats_s(case)
+    fresh_s = _FRESH_S + case.evidence.reaction_s + case.row.notice_s
+    motions = [m for m in case.commands if is_motion(m)]
+    for choice in case.evidence.told(SceneEventKind.PILOT):
+        before = [m for m in motions if m.time_s < choice.time_s]
+        for message in motions:
+            heard = bisect_right(hearts_s, message.time_s)
+            stale = message.time_s - (hearts_s[heard - 1] if heard else 0.0) > fresh_s
+            recent = [m for m in before if message.time_s - m.time_s < _REPEATS_S]
+            again = any(_same(m, message) for m in recent)
+            if message.time_s > choice.time_s and stale and again:
+                text = f"{message.name} sent again over a choice"
+                yield Violation(message.time_s, "repeat", text)
+
+
+def legs_are_clear(case: Case) -> Iterator[Violation]:
+    """What a leg sweeps while the vehicle brakes is clear; one that is too near may get away."""
+    for message, target in case.legs:
+        index = case.at(message.time_s)
+        short = _falls_short(case, index, message.time_s, target)
+        if short and case.flying[index]:
+            yield Violation(message.time_s, "leg", f"a leg that {short}")
+
+
+def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
+    """A leg under way across what a changed file has drawn there is not flown on."""
+    motions = [m for m in case.commands if is_motion(m)]
+    for version in case.versions[1:]:
+        from_s, index = version.from_s, case.at(version.from_s)
+        end_s = from_s + _RENEWS_S + case.evidence.reaction_s + case.row.notice_s
+        told = [m for m in motions if m.delivered and m.time_s < from_s - _READ_S]
+        at_once = [m for m in motions if from_s - _READ_S <= m.time_s <= end_s]
+        ours = set(case.by[index : case.at(end_s) + 1]) == {Responsible.OURS}
+        target = case.target(told[-1]) if told else None
+        stands = math.dist(case.rest(index), case.place(index)) < _STANDS_M
+        if target is None or at_once or stands or not ours or not case.flying[index]:
+            continue
+        short = _falls_short(case, index, from_s, target)
+        if short:
+            words = f"a leg is flown on, and nothing commanded, that now {short}"
+            yield Violation(from_s, "leg", words)
+
+
+def _falls_short(case: Case, index: int, time_s: float, target: Pair) -> str:
+    """How what is swept of a leg from a sample on is too near to something; empty: it is not."""
+    here, rest = case.place(index), case.rest(index)
+    swept = shapely.MultiPoint([here, rest, target]).convex_hull
+    stops = shapely.LineString([here, rest])
+    height_m = float(case.above_m[index]) + case.ground_m
+    slack_m = _LEG_M + case.row.room_m + float(case.off_m[index])
+    for area in case.version_at(time_s).mission.areas:
+        if not area.lower_m <= height_m <= area.upper_m:
+            continue
+        kept_m = room_m(area, swept)
+        limit_m = min(area.clearance_m - slack_m, room_m(area, stops) - DRIFT_M)
+        if kept_m < limit_m:
+            return f"keeps {kept_m:.2f} m of {area.name}, not {limit_m:.2f} m"
+    return ""
+
+
+def _commands(message: WireMessage) -> bool:
+    """Whether a message arms, moves, or changes a speed."""
+    return command_of(message) in {ARM, SPEED} or is_motion(message)
+
+
+def _words(message: WireMessage) -> str:
+    command = command_of(message)
+    return message.name if command is None else f"{message.name} {command}"
+
+
+def _plain(message: WireMessage, *but: str) -> dict[str, str]:
+    """A message as text, in which what is not a number is equal to itself."""
+    fields = {name: repr(value) for name, value in message.fields.items() if name not in but}
+    return {"": message.name, **fields}
+
+
+def _same(one: WireMessage, other: WireMessage) -> bool:
+    return _plain(one, "confirmation") == _plain(other, "confirmation")

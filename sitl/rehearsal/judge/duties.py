@@ -1,0 +1,203 @@
+"""What the companion has to do: about news, about requests, and with what it announces."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.evidence import (
+    COMPANION,
+    EvidenceError,
+    SceneEvent,
+    SceneEventKind,
+    is_motion,
+)
+from sitl.rehearsal.judge.space import leads_home
+
+_BRAKED_S: Final = 4.0
+"""What the vehicle has on top of that to stand still."""
+
+_WAY_TURNS_S: Final = 20.0
+_DETOUR: Final = 2.0
+"""How much longer than straight a way home may be, and what turning there may take."""
+
+_SECOND: Final = 25
+"""Samples of a second, about."""
+
+_ANSWER: Final = re.compile(r": (accepted|refused): (.*)$")
+_ANSWERED_S: Final = 1.0
+_NO_MORE: Final = re.compile("already|as soon as|once the changed|before it begins|on the ground")
+"""An answer that says so promises nothing more, or not yet."""
+
+_TURNS_S: Final = 1.0
+"""Within that time a hold is sent."""
+
+_HOLDS_S: Final = 12.0
+"""For so long a hold is looked at: later the mission's own time may be over."""
+
+_SETS_OUT_S: Final = 5.0
+"""Within that time the first motion of a way home is sent: one may be waited for that was lost."""
+
+_ENDS: Final = re.compile("coming home|hands off|leaving ")
+_FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "GOTO", "HOLD"})
+
+_ANNOUNCED: Final = re.compile(
+    r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
+)
+_SENT, _SENT_S = 24, 1.0
+"""So many letters of it are looked for, and so far from the line in time."""
+
+_NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
+
+
+class News(NamedTuple):
+    """Something that a companion has to do something about: since when, and what, in words."""
+
+    began_s: float
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.what} at {self.began_s:.1f} s"
+
+
+def says(
+    case: Case, news: News, words: str, due_s: float, before_s: float = 0.1
+) -> Iterator[Violation]:
+    """A line that matches `words` has come by then, or so long before it began."""
+    if not case.has_said(words, news.began_s - before_s, due_s):
+        yield Violation(due_s, "told", f"not a word about it: {news}")
+
+
+def stands(
+    case: Case, news: News, span: tuple[float, float], kind: str = "blind"
+) -> Iterator[Violation]:
+    """Within the span no leg begins, and some seconds later the vehicle stands."""
+    (from_s, until_s), began_s = span, news.began_s
+    if from_s >= until_s or not case.answers(began_s, from_s):
+        return
+    for message, _ in case.legs:
+        if from_s <= message.time_s <= until_s and case.answers(began_s, message.time_s):
+            yield Violation(message.time_s, kind, f"a leg, though {news}")
+            break
+    for index in range(case.at(from_s + _BRAKED_S), case.at(until_s), _SECOND):
+        after = min(index + _SECOND, len(case.time_s) - 1)
+        speed_m_s = case.speed_m_s(index, after)
+        flies_on = speed_m_s > case.mission.speed_m_s / 2.0
+        if flies_on and case.cruises(index) and case.cruises(after):
+            text = f"flies on at {speed_m_s:.1f} m/s, though {news}"
+            yield Violation(float(case.time_s[after]), kind, text)
+            return
+
+
+def stops(case: Case, news: News) -> Iterator[Violation]:
+    """Some seconds later the vehicle has slowed down, if only for a moment."""
+    due_s = news.began_s + case.reacts_s + _BRAKED_S
+    first, last = case.at(news.began_s), case.at(due_s)
+    cruises = all(map(case.cruises, range(first, last + 1)))
+    if not cruises or not case.answers(news.began_s, due_s):
+        return
+    parts = range(first, last - _SECOND // 2, _SECOND // 5)
+    slowest_m_s = min(case.speed_m_s(index, index + _SECOND // 2) for index in parts)
+    if slowest_m_s > case.mission.speed_m_s / 2.0:
+        yield Violation(due_s, "held", f"at {slowest_m_s:.1f} m/s all the time, though {news}")
+
+
+def comes_home(
+    case: Case, news: News, since_s: float, lost: list[tuple[float, float]]
+) -> Iterator[Violation]:
+    """From then on it flies home: within the time that the way takes it begins to land.
+
+    Args:
+        case: The flight.
+        news: Why.
+        since_s: When the way home begins; infinite: never.
+        lost: Times without position or mode: home is not flown then.
+    """
+    if not math.isfinite(since_s) or not case.cruises(case.at(since_s)):
+        return
+    way_s = _DETOUR * case.from_home_m(case.at(since_s)) / case.mission.speed_m_s
+    due_s = since_s + way_s + _WAY_TURNS_S + case.row.notice_s
+    blind = any(begin_s < due_s and end_s > since_s for begin_s, end_s in lost)
+    if blind or not case.answers(since_s, due_s):
+        return
+    if not leads_home(case.version_at(due_s).mission, case.place(case.at(due_s))):
+        return  # it hovers, and says so
+    if all(map(case.cruises, range(case.at(since_s), case.at(due_s)))):
+        text = f"did not land within {due_s - since_s:.0f} s, though {news.what}"
+        yield Violation(due_s, "home", text)
+
+
+def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
+    """What followed an accepted "hold" or "home" of the operator, until the next request."""
+    requests = list(case.evidence.told(SceneEventKind.REQUEST))
+    ends_s = [*(request.time_s for request in requests), float(case.time_s[-1])]
+    for request, until_s in zip(requests, ends_s[1:], strict=True):
+        verb = str(request.value).split()[0] if _is_accepted(case, request) else ""
+        if verb == "hold":
+            yield from _holds(case, request.time_s, until_s)
+        elif verb == "home":
+            yield from _sets_out(case, request.time_s, until_s)
+
+
+def _is_accepted(case: Case, request: SceneEvent) -> bool:
+    """Whether the companion promised to do it now."""
+    for at_s, text in case.said:
+        if 0.0 <= at_s - request.time_s <= _ANSWERED_S and (answer := _ANSWER.search(text)):
+            return answer[1] == "accepted" and not _NO_MORE.search(answer[2])
+    return False
+
+
+def _holds(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
+    ends = (at_s for at_s, text in case.said if at_s > asked_s and _ENDS.search(text))
+    until_s = min(until_s, next(ends, until_s), asked_s + _HOLDS_S) - 0.1
+    from_s = asked_s + _TURNS_S + case.row.notice_s
+    yield from stands(case, News(asked_s, "a hold was accepted"), (from_s, until_s), "request")
+
+
+def _sets_out(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
+    due_s = asked_s + _SETS_OUT_S + case.row.notice_s
+    if until_s < due_s or case.state(asked_s - 0.01) not in _FLIES:
+        return
+    sent = any(asked_s <= m.time_s <= due_s for m in case.commands if is_motion(m))
+    if case.answers(asked_s, due_s) and not sent:
+        text = f"nothing was sent, though a way home was accepted at {asked_s:.1f} s"
+        yield Violation(due_s, "request", text)
+
+
+def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:
+    """Other zones or fences that it was asked to apply, and did not: it says why."""
+    for left in case.evidence.told(SceneEventKind.FILE_LEFT) if case.evidence.heard else ():
+        asked_s, text = left.value
+        flown = case.version_at(asked_s).mission.areas
+        try:
+            asked = case.read(text).areas
+        except EvidenceError:
+            continue
+        new = [area for area in asked if not any(map(area.same, flown))]
+        if not new or not case.answers(asked_s, left.time_s, ours=False):
+            continue
+        said = (words for at_s, words in case.said if asked_s - 0.1 <= at_s <= left.time_s)
+        if not any(map(_NOT_TAKEN.search, said)):
+            text = f"not a word why {new[0].name} of a changed file is not applied"
+            yield Violation(left.time_s, "told", text)
+
+
+def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
+    """What the operator is told, the pilot reads in the ground station as well."""
+    texts = [
+        (m.time_s, str(m.fields["text"]))
+        for m in case.evidence.messages
+        if m.name == "STATUSTEXT" and m.component == COMPANION
+    ]
+    for at_s, line in case.said if case.evidence.heard else ():
+        announced = _ANNOUNCED.match(line)
+        if announced is None or not case.answers(at_s, at_s + _SENT_S, ours=False):
+            continue
+        sent = "".join(text for sent_s, text in texts if abs(sent_s - at_s) <= _SENT_S)
+        if announced[1][:_SENT] not in sent:
+            text = f"'{announced[1]}' was not sent to the ground station"
+            yield Violation(at_s, "told", text)
+            return

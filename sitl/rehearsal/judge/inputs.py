@@ -1,0 +1,318 @@
+"""Rules of the companion's seat: what it heard, and whether that was said and acted on.
+
+They work on the messages as they reached the companion, and on nothing else of the link: where
+those were not written down there is nothing to judge. The limits are those of docs/vehicle.md with
+some seconds on top.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
+from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
+from sitl.rehearsal.judge.mission_reader import Area
+from sitl.rehearsal.judge.space import depths_m
+from sitl.rehearsal.judge.track import Floats
+
+_EARLY: Final = 0.9
+"""So early of its time it may come home: it measures how fast simulated time runs."""
+
+_LONELY_S: Final = 1.0
+"""A pause of all streams together counts as no more: then none of them is missing alone."""
+
+_SILENT_S: Final = 4.0
+_CRITICAL: Final = 5  # MAV_STATE_CRITICAL
+_FIX_3D: Final = 3
+_NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
+_FLICKERS_S: Final = 2.5
+"""A fix that is back for no longer is not back: 3 s are, and what stood may go on."""
+
+_BREACH_M: Final = 0.5
+_NEARS_S: Final = 10.0
+"""What comes near to a zone is told that before it is in it; what flickers, not each time."""
+
+_LEAVES_S: Final = 10.0
+"""What a vehicle has to leave a zone that was drawn where it is."""
+
+_SHORT_M, _SHORT_S = 1.0, 1.0
+"""So much of a clearance has to be missing, for so long, that it must be noticed."""
+
+_BACK_S: Final = 15.0
+"""What a vehicle has to leave the place where a pilot gave it back."""
+
+_HOME_UP_M: Final = 3.0
+"""A home that is moved up or down by so much changes what the plan's heights mean."""
+
+_JUMP_M, _CLIMB_M_S = 4.0, 6.0
+_MOVES_CM_S: Final = 100
+
+_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
+_LEVEL: Final = _CRUISE | {"GOTO", "HOLD"}
+_GIVEN: Final = frozenset({"LAND", "PASSIVE", "DONE"})
+
+Span = tuple[float, float]
+"""From when to when."""
+
+
+class Input(NamedTuple):
+    """A stream that a flight rests on.
+
+    Attributes:
+        name: For the verdict.
+        messages: Any of these is news of it.
+        words: A line that announces its loss matches this.
+        told_s: It has to be announced.
+        stands_s: The vehicle has to stand, and no leg may begin; infinite: never.
+        home_s: The mission has to end; infinite: never.
+    """
+
+    name: str
+    messages: frozenset[str]
+    words: str
+    told_s: float
+    stands_s: float = math.inf
+    home_s: float = math.inf
+
+
+INPUTS: Final = (
+    Input("position", frozenset({"GLOBAL_POSITION_INT"}), "position", 2.0, 2.0),
+    Input("mode", frozenset({"HEARTBEAT", "CURRENT_MODE"}), "mode|heartbeat", 5.0),
+    Input("heartbeat", frozenset({"HEARTBEAT"}), "heartbeat", 5.0, math.inf, 30.0),
+    Input("satellites", frozenset({"GPS_RAW_INT"}), "GPS", 5.0, 10.0, 30.0),
+    Input("battery", frozenset({"SYS_STATUS"}), "battery", 5.0, math.inf, 30.0),
+    Input("item", frozenset({"MISSION_CURRENT"}), "item", 5.0, math.inf, 60.0),
+    Input("landed state", frozenset({"EXTENDED_SYS_STATE"}), "landed", 5.0, math.inf, 60.0),
+)
+
+
+class Gap(NamedTuple):
+    """A time in which a stream brought no news.
+
+    Attributes:
+        of: The stream.
+        began_s: When it was heard last.
+        times_s: When anything was heard, until it was heard again.
+        clock_s: The same, pauses of all streams together left out.
+        since_s: By that clock, when it was heard last.
+    """
+
+    of: Input
+    began_s: float
+    times_s: Floats
+    clock_s: Floats
+    since_s: float
+
+    def reached_s(self, age_s: float) -> float:
+        """When what was heard last was so old; infinite if it never was."""
+        at = int(np.searchsorted(self.clock_s, self.since_s + age_s))
+        return float(self.times_s[at]) if at < len(self.clock_s) else math.inf
+
+
+# Streams.
+
+
+def silence_is_told(case: Case) -> Iterator[Violation]:
+    """When nothing at all is heard any more, that is said."""
+    times_s = [message.time_s for message in case.evidence.heard]
+    for before_s, after_s in itertools.pairwise([*times_s, *map(float, case.time_s[-1:])]):
+        due_s = before_s + _SILENT_S * case.evidence.speed + case.reacts_s
+        if after_s > due_s and case.answers(before_s, due_s, ours=False):
+            news = News(before_s, "nothing was heard any more")
+            yield from says(case, news, "nothing heard|silent", due_s)
+
+
+def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
+    """A stream that is lost or frozen is told; then the vehicle stands, or comes home."""
+    gaps = list(_gaps(case))
+    for gap in gaps:
+        each, began_s = gap.of, gap.began_s
+        news = News(began_s, f"the {each.name} was not heard any more")
+        told_s, stands_s, home_s = (
+            gap.reached_s(age_s + case.reacts_s)
+            for age_s in (each.told_s, each.stands_s, each.home_s)
+        )
+        if case.answers(began_s, told_s) and case.state(began_s) != "PASSIVE":
+            yield from says(case, news, each.words, told_s)
+        until_s = min(float(gap.times_s[-1]), gap.reached_s(each.home_s * _EARLY))
+        yield from stands(case, news, (stands_s, until_s))
+        yield from comes_home(case, news, home_s, _blind(gaps))
+
+
+def _gaps(case: Case) -> Iterator[Gap]:
+    """Of all streams, those that have to be announced."""
+    heard = case.evidence.heard
+    times_s = np.array([message.time_s for message in heard])
+    clock_s = np.cumsum(np.minimum(np.diff(times_s, prepend=times_s[:1]), _LONELY_S))
+    for each in INPUTS:
+        mine = [at for at, message in enumerate(heard) if message.name in each.messages]
+        for first, after in itertools.pairwise([*_news(heard, mine), len(heard)]):
+            if clock_s[after - 1] - clock_s[first] >= each.told_s:
+                began_s, since_s = float(times_s[first]), float(clock_s[first])
+                yield Gap(each, began_s, times_s[:after], clock_s[:after], since_s)
+
+
+def _blind(gaps: Iterable[Gap]) -> list[Span]:
+    """Times without position or mode."""
+    return [(g.began_s, float(g.times_s[-1])) for g in gaps if not math.isfinite(g.of.home_s)]
+
+
+def _news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
+    """Those that are news: their clock goes on, and what reports a velocity has moved."""
+    last: Mapping[str, Any] = {}
+    for at in numbers:
+        fields = heard[at].fields
+        clock = next((c for c in ("time_boot_ms", "time_usec") if c in fields), None)
+        if clock is not None and clock in last and fields[clock] == last[clock]:
+            continue
+        before, last = last, fields
+        if before and "vx" in fields:
+            moves = math.hypot(fields["vx"], fields["vy"]) >= _MOVES_CM_S
+            if moves and (fields["lat"], fields["lon"]) == (before["lat"], before["lon"]):
+                continue
+        yield at
+
+
+# What they say.
+
+
+def _heard(case: Case, name: str) -> list[WireMessage]:
+    return [message for message in case.evidence.heard if message.name == name]
+
+
+def _spans(
+    messages: Sequence[WireMessage], holds: Iterable[Any], pause_s: float = 0.0
+) -> Iterator[Span]:
+    """From when to when something held in every message, but for pauses that are no longer."""
+    begun: Span | None = None
+    for message, held in zip(messages, holds, strict=True):
+        if held:
+            begun = (message.time_s if begun is None else begun[0], message.time_s)
+        elif begun is not None and message.time_s - begun[1] > pause_s:
+            yield begun
+            begun = None
+    if begun is not None:
+        yield begun
+
+
+def a_lost_fix_is_held_for(case: Case) -> Iterator[Violation]:
+    """Without a fix of its GPS the vehicle stands, and that is said."""
+    messages = _heard(case, "GPS_RAW_INT")
+    bad = [number(m.fields, "fix_type") < _FIX_3D for m in messages]
+    for begin_s, end_s in _spans(messages, bad, _FLICKERS_S):
+        news, due_s = News(begin_s, "GPS lost its fix"), begin_s + _NO_FIX_S + case.reacts_s
+        if end_s - begin_s < _NO_FIX_S or not case.cruises(case.at(begin_s)):
+            continue
+        if case.state(begin_s) in _GIVEN:
+            continue
+        said = [text for at_s, text in case.said if at_s <= begin_s and "GPS" in text]
+        flaps = said and "again" not in said[-1]  # it was not back for long enough to say so
+        if case.answers(begin_s, due_s) and not flaps:
+            yield from says(case, news, "GPS|fix|satellite|failsafe", due_s, _NEARS_S)
+        yield from stands(case, news, (due_s, end_s))
+
+
+def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
+    """A battery that is at its reserve is told, and the vehicle comes home."""
+    messages, reserve = _heard(case, "SYS_STATUS"), case.mission.battery_reserve * 100.0
+    low = [0 <= number(m.fields, "battery_remaining") <= reserve for m in messages]
+    lost = _blind(_gaps(case))
+    for begin_s, end_s in _spans(messages, low):
+        news, due_s = News(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
+        due_s += case.reacts_s
+        if end_s < due_s or not case.answers(begin_s, due_s):
+            continue
+        if case.state(begin_s) not in _GIVEN | {"HOME"}:
+            yield from says(case, news, "battery", due_s)
+        yield from comes_home(case, news, begin_s, lost)
+
+
+def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
+    """When a failsafe of the autopilot acts, that is said."""
+    messages = _heard(case, "HEARTBEAT")
+    acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
+    for begin_s, end_s in _spans(messages, acts):
+        due_s = begin_s + case.reacts_s
+        known = case.state(begin_s - 0.1) in {"PASSIVE", "DONE"}
+        if end_s >= due_s and not known and case.answers(begin_s, due_s, ours=False):
+            news = News(begin_s, "a failsafe acted")
+            yield from says(case, news, "failsafe|hands off", due_s)
+
+
+def breaches_are_told(case: Case) -> Iterator[Violation]:
+    """By its own report it was in a zone or outside of a fence, whatever flew it there."""
+    for area, drawn_s, spans in _near(case, -_BREACH_M):
+        for begin_s, end_s in spans:
+            due_s = begin_s + _BREACH_S + case.reacts_s
+            drawn = begin_s < drawn_s + _LEAVES_S  # over it: it leaves, and says that
+            lasts = end_s - begin_s >= _BREACH_S and not drawn
+            if lasts and case.answers(begin_s, due_s, ours=False):
+                news = News(begin_s, f"a breach of {area.name}")
+                yield from says(case, news, "breach|too near", due_s, _NEARS_S)
+
+
+def a_lost_clearance_is_held_for(case: Case) -> Iterator[Violation]:
+    """By its own report it was nearer to a zone or fence than it may be, in cruise."""
+    for area, drawn_s, spans in _near(case, None):
+        for begin_s, end_s in spans:
+            if end_s - begin_s < _SHORT_S or case.state(begin_s) not in _LEVEL:
+                continue
+            appears = begin_s < drawn_s + _LEAVES_S
+            given = any(g.begin_s < begin_s < g.end_s + _BACK_S for g in case.given)
+            due_s = begin_s + 2 * _SHORT_S + case.row.notice_s + case.evidence.reaction_s
+            if appears or given or not case.answers(begin_s, due_s):
+                continue
+            news = News(begin_s, f"it came too near to {area.name}")
+            yield from says(case, news, "breach|too near", due_s, _NEARS_S)
+            yield from stops(case, news)
+
+
+def _near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[Span]]]:
+    """Each area, when it was drawn, and when the vehicle reported less room from it than this.
+
+    None: than the clearance, by far.
+    """
+    messages = _heard(case, "GLOBAL_POSITION_INT")
+    if not messages:
+        return
+    times_s = np.array([m.time_s for m in messages])
+    degrees = [np.array([m.fields[name] / 1e7 for m in messages]) for name in ("lat", "lon")]
+    places = np.column_stack(case.mission.frame.metres(*degrees))
+    amsl_m = np.array([m.fields["alt"] / 1e3 for m in messages])
+    for version in case.versions:
+        counts = (times_s >= version.from_s) & (times_s < version.until_s)
+        for area in version.mission.areas:
+            level = counts & (amsl_m >= area.lower_m) & (amsl_m <= area.upper_m)
+            least_m = area.clearance_m - _SHORT_M if room_m is None else room_m
+            near = level & (depths_m(area, places) > -least_m)
+            yield area, version.from_s, list(_spans(messages, near))
+
+
+def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:
+    """An altitude that no vehicle can have flown to is told, and the vehicle stops."""
+    for before, message in itertools.pairwise(_heard(case, "GLOBAL_POSITION_INT")):
+        seconds = (message.fields["time_boot_ms"] - before.fields["time_boot_ms"]) / 1e3
+        jump_m = abs(message.fields["alt"] - before.fields["alt"]) / 1e3
+        if not 0.0 < seconds <= 1.0 or jump_m <= _JUMP_M + _CLIMB_M_S * seconds:
+            continue
+        begin_s, due_s = message.time_s, message.time_s + case.reacts_s
+        if case.state(begin_s) in _CRUISE and case.answers(begin_s, due_s):
+            news = News(begin_s, f"the altitude jumped by {jump_m:.1f} m")
+            yield from says(case, news, "altitude|height", due_s)
+            yield from stops(case, news)
+
+
+def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
+    """When a station moves home up or down, the vehicle stops."""
+    before_m = case.ground_m
+    for moved in case.evidence.told(SceneEventKind.HOME_MOVED) if case.evidence.heard else ():
+        up_m, before_m = moved.value[2] - before_m, moved.value[2]
+        if abs(up_m) >= _HOME_UP_M and case.state(moved.time_s) in _CRUISE:
+            news = News(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
+            yield from stops(case, news)

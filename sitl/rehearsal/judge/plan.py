@@ -1,0 +1,209 @@
+"""Rules of what was put on board: mission items, rally points and fence are those of the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import shapely
+from shapely.geometry import MultiPoint, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.evidence import (
+    AUTOPILOT,
+    EVERYTHING,
+    FENCE,
+    MISSION,
+    RALLY,
+    TAKEOFF,
+    WAYPOINT,
+    Upload,
+    WireMessage,
+    number,
+)
+from sitl.rehearsal.judge.mission_reader import Frame, RawMission
+from sitl.rehearsal.judge.track import MissionVersion
+
+_IN_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5003, 5004
+_RELATIVE: Final = frozenset({3, 6})
+_PLACE_M, _HEIGHT_M, _AREA_M = 0.5, 1.0, 0.6
+_SETTLES_S: Final = 45.0
+"""Within this a changed file is on board, or its flight is no longer ours."""
+
+_FAR_M: Final = 2000.0
+
+
+def items_are_the_plans(case: Case) -> Iterator[Violation]:
+    """Every mission that was put on board goes through the file's waypoints at its altitudes."""
+    armed_s = _armed_s(case)
+    for upload in case.uploads:
+        if upload.kind == MISSION and upload.items:
+            for text in _wrong_items(case, upload, all_there=upload.time_s <= armed_s):
+                yield Violation(upload.time_s, "plan", text)
+
+
+def _armed_s(case: Case) -> float:
+    """When it was armed first; infinite: never."""
+    return next((s.time_s for s in case.evidence.samples if s.armed), math.inf)
+
+
+def _wrong_items(case: Case, upload: Upload, *, all_there: bool) -> Iterator[str]:
+    mission = case.version_at(upload.time_s).mission
+    low_m, high_m = mission.altitudes_m[0] - _HEIGHT_M, mission.altitudes_m[-1] + _HEIGHT_M
+    allowed = MultiPoint([*mission.waypoints, (0.0, 0.0)])
+    places = []
+    for item in upload.items:
+        fields = item.fields
+        seq, command = fields["seq"], fields["command"]
+        if command not in {WAYPOINT, TAKEOFF}:
+            continue
+        places.append(case.mission.frame.item_place(item.fields))
+        above_m = number(fields, "z") - (0.0 if fields["frame"] in _RELATIVE else case.ground_m)
+        if not low_m <= above_m <= high_m:
+            yield f"item {seq} is at {above_m:.1f} m, the plan flies {low_m:.1f} m and more"
+        if command == WAYPOINT and fields.get("autocontinue"):
+            yield f"item {seq} goes on to the next by itself"
+        away_m = allowed.distance(Point(places[-1]))
+        if away_m > _PLACE_M:
+            yield f"item {seq} is {away_m:.1f} m from every waypoint"
+    if all_there and places:
+        there = MultiPoint(places)
+        numbered = enumerate(map(Point, mission.waypoints), 1)
+        missing = [n for n, waypoint in numbered if there.distance(waypoint) > _PLACE_M]
+        if missing:
+            yield f"waypoints {missing} are not on board"
+
+
+def what_was_read_back_is_what_was_sent(case: Case) -> Iterator[Violation]:
+    """Whatever the vehicle said that is on board before it was armed, is what was sent."""
+    armed_s = _armed_s(case)
+    for told in case.evidence.messages if armed_s < math.inf else ():
+        if told.time_s > armed_s:
+            return
+        if told.name != "MISSION_ITEM_INT" or told.component != AUTOPILOT:
+            continue
+        kind, seq = told.fields.get("mission_type", MISSION), int(told.fields["seq"])
+        sent = _items_on_board(case, told.time_s, kind)
+        if seq >= len(sent):
+            continue
+        away_m = math.dist(*(case.mission.frame.item_place(i.fields) for i in (sent[seq], told)))
+        if away_m > _PLACE_M:
+            text = f"armed, though item {seq} on board is {away_m:.1f} m from where it was sent"
+            yield Violation(armed_s, "plan", text)
+            return
+
+
+def _items_on_board(case: Case, time_s: float, *kinds: int) -> tuple[WireMessage, ...]:
+    """Of the last plan of these kinds that the vehicle had accepted by then."""
+    uploads = [u for u in case.uploads if u.kind in kinds and u.time_s <= time_s]
+    return uploads[-1].items if uploads else ()
+
+
+def rally_points_are_on_board(case: Case) -> Iterator[Violation]:
+    """Where the autopilot may land in need: all places of the file that are clear by far."""
+    armed_s = _armed_s(case)
+    if not case.uploads or armed_s == math.inf:
+        return
+    mission = case.version_at(armed_s).mission
+    items = _items_on_board(case, armed_s, RALLY)
+    there = MultiPoint([case.mission.frame.item_place(item.fields) for item in items])
+    for place in map(Point, mission.rally):
+        clear_m = min((a.border.distance(place) for a in mission.areas), default=math.inf)
+        clear = clear_m > 2.0 * mission.clearance_m
+        if clear and (there.is_empty or there.distance(place) > _PLACE_M):
+            text = f"no rally point is on board at {place.x:.0f}, {place.y:.0f}"
+            yield Violation(armed_s, "plan", text)
+            return
+
+
+def fence_is_the_files(case: Case) -> Iterator[Violation]:
+    """The fence on board is the file's when it is armed, and later that of a changed file."""
+    armed_s = _armed_s(case)
+    if not case.uploads or armed_s == math.inf:
+        return
+    moments = [(armed_s, case.version_at(armed_s))]
+    moments += [(v.from_s + _SETTLES_S, v) for v in case.versions[1:] if _has_to_settle(case, v)]
+    for time_s, version in moments:
+        items = _items_on_board(case, time_s, FENCE, EVERYTHING)
+        wrong = _differs(items, case.mission.frame, version.mission, case.ground_m)
+        if wrong:
+            yield Violation(time_s, "plan", f"the fence on board: {wrong}")
+
+
+def _has_to_settle(case: Case, version: MissionVersion) -> bool:
+    """Whether a changed file has to be on board in the end: the vehicle is ours all the time."""
+    end_s = version.from_s + _SETTLES_S
+    flying = bool(case.flying[case.at(end_s)]) and case.time_s[-1] >= end_s
+    taken = any(given.begin_s < end_s for given in case.given)
+    # PX4 takes no other items while it flies them: that is said, and the flight comes home.
+    told = any(
+        version.from_s <= at_s < end_s and "is not on board" in text for at_s, text in case.said
+    )
+    return flying and not (taken or told) and version.until_s > end_s
+
+
+def _differs(
+    items: tuple[WireMessage, ...], frame: Frame, mission: RawMission, ground_m: float
+) -> str:
+    """How the fence on board differs from the file's; empty: not at all."""
+    on_board = _shapes(items, frame)
+    if isinstance(on_board, str):
+        return on_board
+    places = MultiPoint([*mission.waypoints, (0.0, 0.0)])
+    near = shapely.union_all([places, *(f.polygon for f in mission.fences)])
+    everywhere = shapely.box(*near.buffer(_FAR_M).bounds)
+    low_m, high_m = (mission.altitudes_m[end] + ground_m for end in (0, -1))
+    needed = [  # those that apply always where the mission cruises
+        zone.polygon
+        for zone in mission.zones
+        if low_m <= zone.upper_m and zone.lower_m <= high_m and not zone.periods
+    ]
+    fences = [fence.polygon for fence in mission.fences]
+    flown = _open(everywhere, *on_board)
+    asked = _open(everywhere, fences, needed)
+    more = _around_home(flown).difference(asked).buffer(-_AREA_M)
+    if not more.is_empty:
+        return f"{more.area:.0f} m2 are open that the file closes"
+    optional = shapely.union_all([zone.polygon for zone in mission.zones])
+    less = _around_home(asked).difference(flown.union(optional)).buffer(-_AREA_M)
+    return f"{less.area:.0f} m2 are closed that the file opens" if not less.is_empty else ""
+
+
+def _open(
+    everywhere: BaseGeometry, inside: list[BaseGeometry], outside: list[BaseGeometry]
+) -> BaseGeometry:
+    """What inclusions and exclusions leave to fly in."""
+    return shapely.intersection_all([everywhere, *inside]).difference(shapely.union_all(outside))
+
+
+def _around_home(room: BaseGeometry) -> BaseGeometry:
+    """The part of it that home is in."""
+    home = Point(0.0, 0.0)
+    parts = [part for part in shapely.get_parts(room) if part.distance(home) < _PLACE_M]
+    return shapely.union_all(parts)
+
+
+def _shapes(
+    items: tuple[WireMessage, ...], frame: Frame
+) -> tuple[list[BaseGeometry], list[BaseGeometry]] | str:
+    """Inclusions and exclusions; a text where they are none."""
+    inside: list[BaseGeometry] = []
+    outside: list[BaseGeometry] = []
+    at = 0
+    while at < len(items):
+        command, parameter = items[at].fields["command"], number(items[at].fields, "param1")
+        of_circle = command in {_IN_CIRCLE, _OUT_CIRCLE}
+        corners = items[at : at + (1 if of_circle else int(parameter))]
+        if of_circle:
+            shape = Point(frame.item_place(items[at].fields)).buffer(parameter, quad_segs=64)
+        elif len(corners) < max(parameter, 3) or {c.fields["command"] for c in corners} != {
+            command
+        }:
+            return f"item {at} begins a polygon that is not whole"
+        else:
+            shape = Polygon([frame.item_place(corner.fields) for corner in corners]).buffer(0)
+        (inside if command in {_IN_POLYGON, _IN_CIRCLE} else outside).append(shape)
+        at += len(corners)
+    return inside, outside

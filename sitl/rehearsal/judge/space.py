@@ -1,0 +1,244 @@
+"""Rules of the true track, room to zones and fences and heights, and the geometry behind them."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from sitl.rehearsal.judge.case import Case, Responsible, Violation
+from sitl.rehearsal.judge.mission_reader import Area, Pair, RawMission
+from sitl.rehearsal.judge.track import Floats, MissionVersion, Track
+
+_FAR_M: Final = 50_000.0
+"""Where no fence is drawn, no way is longer."""
+
+_PART: Final = 25
+"""Samples that are measured as a whole where they stay far away."""
+
+STOP_M: Final = 12.0
+"""Nearer than this no vehicle stops: what is drawn there need not be kept out of at once."""
+
+STOP_S: Final = 6.0
+"""What a vehicle has to stop in front of, or in, a zone that appears where it cannot stop."""
+
+DRIFT_M: Final = 2.0
+"""So much nearer a vehicle may come while it stops where a pilot left it too near to a zone."""
+
+_CLIMBS_M: Final = 12.0
+"""So far a vehicle may drift, or brake, that climbs where a pilot gave it back."""
+
+_BESIDE_HOME_M: Final = 3.0
+"""So far beyond the acceptance radius it may climb, and begin to land."""
+
+
+class Rooms(NamedTuple):
+    """What a vehicle kept from an area while a mission file counted.
+
+    Attributes:
+        version: The file.
+        area: Of it.
+        first: Number of the first sample in that time.
+        metres: From it on, what the way from each sample to the next keeps; infinite where nothing
+            counts.
+    """
+
+    version: MissionVersion
+    area: Area
+    first: int
+    metres: Floats
+
+
+@lru_cache(maxsize=1)  # of the flight that is being judged
+def rooms_of(case: Case) -> list[Rooms]:
+    """What the vehicle kept from every zone and fence of every mission file."""
+    return [
+        _rooms(case, version, area) for version in case.versions for area in version.mission.areas
+    ]
+
+
+def _rooms(track: Track, version: MissionVersion, area: Area) -> Rooms:
+    """Measure a track; parts of it that stay far away are measured as a whole."""
+    span = version.from_s, version.until_s
+    first, last = (bisect.bisect_left(track.time_s, at_s) for at_s in span)
+    rooms = np.full(last - first, math.inf)
+    near: list[int] = []
+    for begin in range(first, last, _PART):
+        end = min(begin + _PART, last)
+        counts = track.flying[begin:end]
+        if not counts.any():
+            continue
+        part = track.places[begin : end + 1]
+        if len(part) > 1:
+            roughly_m = room_m(area, shapely.linestrings(part))
+            if roughly_m > 4 * area.clearance_m:
+                rooms[begin - first : end - first][counts] = roughly_m
+                continue
+        near.extend(map(int, np.flatnonzero(counts) + begin))
+    if near:
+        numbers, ways = _clipped(track, area, np.array(near))
+        rooms[numbers - first] = _rooms_m(area, ways)
+    return Rooms(version, area, first, rooms)
+
+
+def _clipped(track: Track, area: Area, numbers: Any) -> tuple[Any, Any]:
+    """Of the ways from these samples to the next, the parts within the area's altitudes.
+
+    Returns the numbers of those that have one, and it.
+    """
+    after = np.minimum(numbers + 1, len(track.places) - 1)
+    # Down at once: a simulated vehicle that was started anew stands at home.
+    down = track.armed[numbers] & ~track.armed[after] & ~track.flying[after]
+    after = np.where(down, numbers, after)
+    heights = track.above_m[numbers] + track.ground_m
+    span = track.above_m[after] + track.ground_m - heights
+    level = span == 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        limits = [(limit - heights) / span for limit in (area.lower_m, area.upper_m)]
+    begin = np.where(level, 0.0, np.maximum(np.minimum(*limits), 0.0))
+    end = np.where(level, 1.0, np.minimum(np.maximum(*limits), 1.0))
+    within = np.where(level, (area.lower_m <= heights) & (heights <= area.upper_m), begin <= end)
+    here = track.places[numbers]
+    step = track.places[after] - here
+    ends = np.stack((here + begin[:, None] * step, here + end[:, None] * step), axis=1)
+    return numbers[within], shapely.linestrings(ends[within])
+
+
+def room_m(area: Area, way: Any) -> float:
+    """What a way keeps from a zone, or from the border within a fence; negative: how deep."""
+    return float(_rooms_m(area, np.array([way], dtype=object))[0])
+
+
+def _rooms_m(area: Area, ways: Any) -> Floats:
+    """`room_m` of many."""
+    if not len(ways):
+        return np.empty(0)
+    outline = area.outline
+    coordinates, owners = shapely.get_coordinates(ways, return_index=True)
+    corners, starts = shapely.points(coordinates), np.searchsorted(owners, np.arange(len(ways)))
+
+    def farthest_m(shape: BaseGeometry) -> Any:
+        """From it, of each way's corners."""
+        return np.maximum.reduceat(shapely.distance(shape, corners), starts)
+
+    if area.radius_m:
+        if area.fence:
+            return np.asarray(area.radius_m - farthest_m(outline))
+        return np.asarray(shapely.distance(outline, ways) - area.radius_m)
+    border_m = shapely.distance(outline.boundary, ways)
+    if area.fence:
+        outside_m = farthest_m(outline)
+        within_m = np.where(shapely.covers(outline, ways), border_m, 0.0)
+        return np.where(outside_m > 0, -outside_m, within_m)
+    depths_m = shapely.distance(outline.boundary, corners)
+    depths_m = np.where(shapely.intersects(outline, corners), depths_m, 0.0)
+    deepest_m = np.maximum.reduceat(depths_m, starts)
+    return np.where(shapely.intersects(outline, ways), -deepest_m, border_m)
+
+
+def depths_m(area: Area, places: Floats) -> Floats:
+    """How deep each place is in a zone, or outside of a fence; negative: how far from there."""
+    return -_rooms_m(area, shapely.points(places))
+
+
+def leads_home(mission: RawMission, place: Pair) -> bool:
+    """Whether zones and fences, and what is to be kept from them, leave a way home from there.
+
+    Those with limits of altitude or time count as no obstacle.
+    """
+    free: BaseGeometry = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
+    for area in mission.areas:
+        if area.periods or math.isfinite(area.lower_m) or math.isfinite(area.upper_m):
+            continue
+        if area.fence:
+            free = free.intersection(area.polygon.buffer(-area.clearance_m))
+        else:
+            free = free.difference(area.polygon.buffer(area.clearance_m))
+    parts = [part for part in shapely.get_parts(free) if part.area > 0.0]
+    here, home = shapely.Point(place), shapely.Point(0.0, 0.0)
+    return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
+
+
+def keeps_its_room(case: Case) -> Iterator[Violation]:
+    """The clearance is kept from every zone and fence, also between two samples."""
+    for rooms in rooms_of(case):
+        known = [v for v in case.versions if v.until_s <= rooms.version.from_s][-1:]
+        new = bool(known) and not any(map(rooms.area.same, known[0].mission.areas))
+        yield from _nearest(case, rooms, new=new)
+
+
+def _nearest(case: Case, rooms: Rooms, *, new: bool) -> Iterator[Violation]:
+    """Where it was much too near to an area, at the worst; one that is new may be left first."""
+    area, clearance_m = rooms.area, rooms.area.clearance_m
+    limit_m, leaving, before = clearance_m, False, Responsible.OURS
+    worst: tuple[float, int, float, float] | None = None
+    for index, room_m in enumerate(rooms.metres.tolist(), rooms.first):
+        by = case.by[index]
+        if by is Responsible.OURS and math.isfinite(room_m):
+            appears = new and index == rooms.first
+            if appears or (before is not Responsible.OURS and room_m < clearance_m):
+                excuse_m = STOP_M if appears else DRIFT_M
+                limit_m, leaving = min(clearance_m, room_m - excuse_m), True
+            elif leaving and room_m >= clearance_m:
+                leaving = new and case.time_s[index] < rooms.version.from_s + STOP_S
+                limit_m = limit_m if leaving else clearance_m
+            allowed_m = limit_m - case.row.room_m - case.off_m[index]
+            if room_m < allowed_m and (worst is None or allowed_m - room_m > worst[0]):
+                worst = allowed_m - room_m, index, room_m, allowed_m
+        before = by
+    if worst is not None:
+        _, index, room_m, allowed_m = worst
+        side = "outside" if area.fence else "inside"
+        where = f"{room_m:.2f} m from" if room_m > 0 else f"{-room_m:.2f} m {side} of"
+        text = f"{where} {area.name}, {allowed_m:.2f} m are to be kept"
+        yield Violation(float(case.time_s[index]), "room", text)
+
+
+def keeps_its_heights(case: Case) -> Iterator[Violation]:
+    """The plan's band of altitudes is flown; it climbs and begins to land at home only."""
+    worst: dict[str, tuple[float, Violation]] = {}
+    for excess_m, violation in _heights(case):
+        if violation.kind not in worst or excess_m > worst[violation.kind][0]:
+            worst[violation.kind] = excess_m, violation
+    yield from (violation for _, violation in worst.values())
+
+
+def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
+    """By how much, and what: every moment at a height, or place, that is none of the plan's."""
+    mission, row = case.mission, case.row
+    margin_m = mission.vertical_margin_m + row.height_m
+    low_m, high_m = min(mission.altitudes_m) - margin_m, max(mission.altitudes_m) + margin_m
+    near_m = mission.acceptance_m + _BESIDE_HOME_M + row.home_m
+    up = landing = False
+    excuse_m, before, back_at = 0.0, Responsible.OURS, 0
+    for index in map(int, np.flatnonzero(case.flying)):
+        by, above_m, lands = case.by[index], float(case.above_m[index]), bool(case.lands[index])
+        beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
+        up |= above_m >= low_m
+        excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
+        if by is Responsible.OURS:
+            if before is not Responsible.OURS and beyond_m:  # farther off it may not get from here
+                excuse_m, back_at = beyond_m + DRIFT_M, index
+            home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
+            begins = (lands and not landing) or not (up or excuse_m or lands)
+            wrong: list[tuple[str, float, str]] = []
+            if begins and home_m > allowed_m:
+                text = f"{home_m:.1f} m from home, {allowed_m:.1f} m are allowed"
+                wrong.append(("landing" if lands else "climb", home_m - allowed_m, text))
+            if up and not lands and beyond_m > excuse_m:
+                text = f"at {above_m:.1f} m, the plan flies {low_m:.1f} to {high_m:.1f} m"
+                wrong.append(("altitude", beyond_m, text))
+            on_m = math.dist(case.place(back_at), case.place(index)) - case.off_m[index]
+            if excuse_m and not lands and on_m > _CLIMBS_M + row.room_m:
+                text = f"flew {on_m:.0f} m on at {above_m:.1f} m, where it was given back"
+                wrong.append(("altitude", on_m - _CLIMBS_M, text))
+            for kind, excess_m, text in wrong:
+                yield excess_m, Violation(float(case.time_s[index]), kind, text)
+            landing = lands
+        before = by

@@ -1,0 +1,296 @@
+"""The judge: from the evidence of a flight to a verdict. Shares nothing with what it judges."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sitl.rehearsal.judge import commands, duties, inputs, plan, space
+from sitl.rehearsal.judge.acceptance import End
+from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
+from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, EvidenceError, SceneEventKind, number
+
+_DONE, _REFUSED, _TAKEN_OVER = 0, 5, 6
+"""Exit codes of `air-router fly`: landed at home; refused, left as it is; the pilot took over."""
+
+_LAG_S: Final = 0.5
+"""Lines are stamped by the program that reads them, happenings by the one that does them."""
+
+_BESIDE_M: Final = 1.0
+_LAND_M_S: Final = 0.7
+_DETOUR, _SLACK_S = 1.5, 10.0
+_GAP_S: Final = 1.0
+_STALE_S: Final = 1.5
+"""A mode that is heard may be so old, and is believed for so long."""
+
+_CRUISES: Final = 0.9
+"""Above so much of its altitude it does not climb any more."""
+
+_CRITICAL: Final = 5  # MAV_STATE_CRITICAL
+_SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
+_LANDED: Final = "landed at home"
+_HANDS_OFF: Final = "hands off"
+_HOLDER: Final = {Responsible.PILOT: End.PILOT, Responsible.AUTOPILOT: End.FAILSAFE}
+_TAKEN: Final = (
+    SceneEventKind.PILOT,
+    SceneEventKind.DISARMED,
+    SceneEventKind.FENCE_CHANGED,
+    SceneEventKind.HOME_MOVED,
+    SceneEventKind.REBOOTED,
+)
+
+_LAST_WORDS: Final = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the judge says of a flight.
+
+    Attributes:
+        scene: Its name.
+        faults: That were in it.
+        end: How it ended.
+        violations: All that must not be, in order of time.
+        closest_m: The least room to a zone or fence while the vehicle was ours; None: there was
+            none.
+        flown_s: For how long it was in the air.
+        said: What the companion said last.
+    """
+
+    scene: str
+    faults: frozenset[str]
+    end: End
+    violations: tuple[Violation, ...] = ()
+    closest_m: float | None = None
+    flown_s: float = 0.0
+    said: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Nothing was as it must not be."""
+        return not self.violations
+
+
+def end_of(case: Case) -> End:
+    """How it ended."""
+    samples = case.evidence.samples
+    if not case.flying.any():
+        return End.STAYED
+    if any(not s.armed and not s.landed for s in samples):
+        return End.FELL
+    if case.flying[-1]:
+        return _left_flying(case)
+    last = int(case.flying.nonzero()[0][-1])
+    if case.by[last] in _HOLDER:
+        return _HOLDER[case.by[last]]
+    if samples[-1].armed:
+        return End.NOT
+    allowed_m = case.mission.acceptance_m + _BESIDE_M + case.row.home_m + case.off_m[last]
+    return End.LANDED if case.from_home_m(last) <= allowed_m else End.ELSEWHERE
+
+
+def _left_flying(case: Case) -> End:
+    """The end of a flight that was watched no longer."""
+    if case.by[-1] in _HOLDER:
+        return _HOLDER[case.by[-1]]
+    changed_s = [h.time_s for h in case.evidence.told(SceneEventKind.FENCE_CHANGED)]
+    if changed_s and max(_hands_off_s(case), default=-math.inf) >= changed_s[0]:
+        return End.PILOT  # a station changed the plan: what follows is its operator's
+    lives = [h.what for h in case.evidence.told(SceneEventKind.KILLED, SceneEventKind.STARTED)]
+    alone = SceneEventKind.KILLED in lives and lives[-1] is not SceneEventKind.STARTED
+    return End.HOVERS if alone else End.NOT
+
+
+def _hands_off_s(case: Case) -> list[float]:
+    """When the companion announced that the vehicle is another's."""
+    return [line.time_s for line in case.evidence.lines if _HANDS_OFF in line.text]
+
+
+def ends_as_it_may(case: Case) -> Iterator[Violation]:
+    """The end is one that the fault allows."""
+    end = end_of(case)
+    if end not in case.row.ends:
+        away_m = case.from_home_m(len(case.time_s) - 1)
+        allowed = ", ".join(each.value for each in case.row.ends)
+        text = f"{end.value}, {away_m:.1f} m from home; this fault allows: {allowed}"
+        yield Violation(float(case.time_s[-1]), "end", text)
+
+
+def the_track_is_whole(case: Case) -> Iterator[Violation]:
+    """No second of it is missing, but where the autopilot is started anew."""
+    steps_s = np.where(case.flying[:-1], np.diff(case.time_s), 0.0)
+    for moment in case.evidence.told(SceneEventKind.REBOOTED):
+        begins, ends = case.time_s[:-1] - 1.0, case.time_s[1:]
+        steps_s[(begins <= moment.time_s) & (moment.time_s <= ends)] = 0.0
+    if steps_s.max() > _GAP_S:
+        text = f"{steps_s.max():.1f} s of the track are missing"
+        yield Violation(float(case.time_s[-1]), "evidence", text)
+
+
+def the_battery_lasts(case: Case) -> Iterator[Violation]:
+    """A battery's failsafe is bad where home could be reached after the reserve was."""
+    if not any(case.evidence.told(SceneEventKind.BATTERY)):
+        return
+    reserve = case.mission.battery_reserve * 100.0
+    low_s = next(
+        (
+            m.time_s
+            for m in case.evidence.messages
+            if m.name == "SYS_STATUS"
+            and m.component == AUTOPILOT
+            and 0 <= number(m.fields, "battery_remaining") <= reserve
+        ),
+        math.inf,
+    )
+    failsafes_s = (given.begin_s for given in case.given if given.by is Responsible.AUTOPILOT)
+    failsafe_s = next(failsafes_s, math.inf)
+    if not low_s < failsafe_s < math.inf:
+        return
+    index = case.at(low_s)
+    way_s = _DETOUR * case.from_home_m(index) / case.mission.speed_m_s
+    needed_s = way_s + float(case.above_m[index]) / _LAND_M_S + _SLACK_S
+    if failsafe_s - low_s > needed_s:
+        text = f"ran down to the failsafe {failsafe_s - low_s:.0f} s after the reserve, home takes"
+        yield Violation(failsafe_s, "battery", f"{text} {needed_s:.0f} s")
+
+
+def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
+    """Its lines and exit code say "landed at home", or that a pilot took over, where that is so."""
+    evidence, end, code = case.evidence, end_of(case), case.evidence.exit_code
+    text = "\n".join([line.text for line in evidence.lines] + [evidence.outcome])
+    taken_s = min((h.time_s for h in evidence.told(*_TAKEN)), default=math.inf)
+    lied_to = _was_lied_to(case)
+    # A companion that is started anew while it lands leaves it to do so, and says that.
+    left = code == _REFUSED and len(list(evidence.told(SceneEventKind.STARTED))) > 1
+    # Disarmed by a station there is nothing to take over: the flight ends, and says why.
+    disarmed = any(evidence.told(SceneEventKind.DISARMED)) and "disarm" in text
+    over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
+    over = taken_s > over_s  # it had ended before that
+    claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
+    end_s, landed = float(case.time_s[-1]), end is End.LANDED
+    wrong = {
+        f"exit 0, 'done': {end.value}": code == _DONE and not landed,
+        f"'{_LANDED}' was said: {end.value}": _LANDED in text and not landed,
+        f"exit {code}, though it landed at home by our command": (
+            landed and code not in {_DONE, None} and not (lied_to or left)
+        ),
+        "exit 6: a pilot took over, but none did": code == _TAKEN_OVER and math.isinf(taken_s),
+        f"exit {code}, though the pilot has the vehicle": (
+            end is End.PILOT and code not in {_TAKEN_OVER, None} and not (disarmed or left or over)
+        ),
+    }
+    yield from (Violation(end_s, "told", words) for words, is_so in wrong.items() if is_so)
+    if claimed_s < taken_s - _LAG_S and not lied_to:
+        yield Violation(claimed_s, "told", "a pilot is said to have taken over, but none had")
+
+
+def _was_lied_to(case: Case) -> bool:
+    """Whether it let go just after a mode, or a failsafe, was heard that the vehicle was not in."""
+    let_go_s = min(_hands_off_s(case), default=math.inf)
+    for message in case.evidence.heard:
+        named = message.component == AUTOPILOT and message.name in {"HEARTBEAT", "CURRENT_MODE"}
+        if not (named and 0.0 <= let_go_s - message.time_s < _STALE_S):
+            continue
+        first, last = (case.at(message.time_s + seconds) for seconds in (-_STALE_S, _STALE_S))
+        about = case.evidence.samples[first : last + 1]
+        critical = number(message.fields, "system_status") >= _CRITICAL
+        mode = number(message.fields, "custom_mode")
+        if all(sample.custom_mode != mode for sample in about):
+            return True
+        if critical and not any(sample.failsafe for sample in about):
+            return True
+    return False
+
+
+def what_went_wrong_is_said(case: Case) -> Iterator[Violation]:
+    """A line says of the fault what its row wants to have said, once it has begun to show."""
+    evidence, row = case.evidence, case.row
+    if not row.says or not case.flying.any():
+        return
+    # What was said before it went wrong, as by the pre-flight card, is not said of it.
+    flies_s = float(case.time_s[int(np.argmax(case.flying))])
+    begun_s = min((h.time_s for h in evidence.told(SceneEventKind.FAULT)), default=flies_s)
+    if row.shows_s and _cruised_s(case, begun_s) < row.shows_s:
+        return
+    since = [text for time_s, text in case.said if time_s >= begun_s]
+    if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
+        text = f"nothing was said of it: no line has '{row.says}'"
+        yield Violation(float(case.time_s[-1]), "told", text)
+
+
+def _cruised_s(case: Case, since_s: float) -> float:
+    """For how long it flew level from then on, until an offset was taken back."""
+    offs_s = [h.time_s for h in case.evidence.told(SceneEventKind.FAULT) if h.value == "off"]
+    until_s = offs_s[1] if len(offs_s) > 1 else math.inf
+    level = case.flying & ~case.lands
+    level &= case.above_m > _CRUISES * case.mission.altitudes_m[0]
+    times_s = case.time_s[level & (case.time_s >= since_s) & (case.time_s < until_s)]
+    return float(np.ptp(times_s)) if len(times_s) else 0.0
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    space.keeps_its_room,
+    space.keeps_its_heights,
+    plan.items_are_the_plans,
+    plan.what_was_read_back_is_what_was_sent,
+    plan.rally_points_are_on_board,
+    plan.fence_is_the_files,
+    commands.nothing_is_commanded_that_is_anothers,
+    commands.it_is_armed_once_and_not_disarmed_in_the_air,
+    commands.nothing_strays,
+    commands.speeds_and_heights_are_the_plans,
+    commands.nothing_leaves_twice,
+    commands.nothing_is_repeated_over_a_choice,
+    commands.legs_are_clear,
+    commands.what_is_drawn_across_a_leg_ends_it,
+    inputs.silence_is_told,
+    inputs.lost_streams_are_acted_on,
+    inputs.a_lost_fix_is_held_for,
+    inputs.the_reserve_is_for_the_way_home,
+    inputs.a_failsafe_is_told,
+    inputs.breaches_are_told,
+    inputs.a_lost_clearance_is_held_for,
+    inputs.jumping_altitudes_are_held_for,
+    inputs.a_home_that_is_moved_is_held_for,
+    duties.accepted_requests_are_done,
+    duties.changed_files_that_are_left_are_told,
+    duties.announcements_reach_the_ground_station,
+    ends_as_it_may,
+    the_track_is_whole,
+    the_battery_lasts,
+    what_is_announced_is_what_happened,
+    what_went_wrong_is_said,
+)
+"""All that a flight is judged by; each rule sees the whole flight, and knows of no other."""
+
+
+def judge(evidence: Evidence) -> Verdict:
+    """Judge a flight by its evidence alone."""
+    try:
+        case = Case(evidence)
+    except EvidenceError as error:
+        violation = Violation(0.0, "evidence", str(error))
+        return Verdict(evidence.scene, evidence.faults, End.NOT, (violation,))
+    found = [violation for rule in RULES for violation in rule(case)]
+    return Verdict(
+        evidence.scene,
+        evidence.faults,
+        end_of(case),
+        tuple(sorted(found, key=lambda violation: violation.time_s)),
+        _closest_m(case),
+        float(np.diff(case.time_s)[case.flying[:-1]].sum()),
+        "; ".join(line.text for line in evidence.lines)[-_LAST_WORDS:],
+    )
+
+
+def _closest_m(case: Case) -> float | None:
+    """The least room to a zone or fence while the vehicle was ours; None: there was none."""
+    ours = np.array([by is Responsible.OURS for by in case.by])
+    rooms = [each.metres[ours[each.first :][: len(each.metres)]] for each in space.rooms_of(case)]
+    closest_m = min((float(room.min(initial=math.inf)) for room in rooms), default=math.inf)
+    return closest_m if math.isfinite(closest_m) else None

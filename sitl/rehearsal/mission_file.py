@@ -1,0 +1,274 @@
+"""The mission file of a rehearsal: hurried, drawn into by an operator, and the space it leaves.
+
+That space is worked out with the judge's reader of mission files, not with the code that flies.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+import random
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import shapely
+import yaml
+from shapely.geometry.base import BaseGeometry
+
+from air_router.mission.loading import load_mission
+from geo.frame import Point
+from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+
+_HOME_CLEAR_M: Final = 8.0
+"""Nearer to home than this a zone would be refused."""
+
+_WALL_M, _THICK_M = 22.0, 6.0
+"""How far from where the vehicle was first walls are drawn, and how thick."""
+
+_SIDES: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))
+SIDES: Final = range(len(_SIDES))
+"""Numbers of the four walls around a vehicle."""
+
+_CORNERS: Final = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+_TIMERS: Final = {"init_s": 40, "explore_s": 25, "search_s": 10, "communicate_s": 10}
+_FILES: Final = ("team", "world")
+_POINTS: Final = 44
+"""So many points of a fence leave room for more zones: PX4 stores 64."""
+
+_BRAKING_M_S2, _BRAKES_LATER_S = 3.0, 0.3
+"""What a PX4 brakes with, and how much later: it builds that up with limited jerk."""
+
+_MARGIN_M, _LEAVING_M = 1.7, 0.9
+"""On top of the clearance: nearer places are refused; first legs nearer than the other are, too."""
+
+_SHORT_M: Final = 1.3
+"""So much less than the clearance a way keeps that the judge calls bad."""
+
+_TRIES: Final = 120
+_FAR_M: Final = 2000.0
+
+
+class RehearsalFileError(Exception):
+    """A mission that cannot be rehearsed."""
+
+
+@functools.cache
+def hurried(path: Path) -> dict[str, Any]:
+    """A mission in a hurry: the paper's times divided, a few minutes in all.
+
+    Raises:
+        RehearsalFileError: it is no mission in YAML.
+    """
+    document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(document, dict) or "home" not in document:
+        raise RehearsalFileError(f"{path}: only missions in YAML are rehearsed")
+    folder = path.absolute().parent
+    document |= {key: str(folder / document[key]) for key in _FILES if key in document}
+    if "no_fly_files" in document:
+        document["no_fly_files"] = [str(folder / name) for name in document["no_fly_files"]]
+    return {**document, "timers": _TIMERS, "speed_m_s": 5, "duration_s": 170}
+
+
+def with_room(document: dict[str, Any]) -> dict[str, Any]:
+    """A mission with so few zones that more can be drawn."""
+    zones = list(document["no_fly_zones"])
+    corners = len(document["fence"] or ()) if isinstance(document["fence"], list) else 1
+    while zones and corners + sum(len(zone.get("polygon", "1")) for zone in zones) > _POINTS:
+        zones.pop()
+    return {**document, "no_fly_zones": zones}
+
+
+class MissionFile:
+    """A mission file that an operator draws zones into.
+
+    Args:
+        path: Where it is written.
+        document: What is in it.
+
+    Attributes:
+        path: The same.
+        text: What is in it now.
+        space: Where one may fly by that.
+        mission: As it was at the start; what is drawn is given in its local frame.
+    """
+
+    def __init__(self, path: Path, document: dict[str, Any]) -> None:
+        self.path = path
+        self._document = document
+        self._before = document
+        self._middle: Point | None = None  # of the four walls; None: none was drawn yet
+        self._walls: list[str] = []  # names of those that stand, the last one opens first
+        self.text = ""
+        self._write(document)
+        self.mission = load_mission(path)
+
+    @property
+    def space(self) -> FlyableSpace:
+        """Where one may fly by the file as it is now."""
+        return _space(self.path, self.text)
+
+    def circle(self, place: Point, radius_m: float) -> bool:
+        """Draw a circle; whether it is drawn: it would be refused too near to home."""
+        if math.dist(place, self.mission.home) - radius_m < _HOME_CLEAR_M:
+            return False
+        shape = {"circle": {"centre": self._degrees(place), "radius_m": radius_m}}
+        self._draw({f"added {len(self._document['no_fly_zones'])}": shape})
+        return True
+
+    def wall(self, vehicle: Point, sides: Iterable[int]) -> bool:
+        """Draw some of four walls around where the vehicle was at the first of them.
+
+        Returns whether they are drawn: not where one of them would be refused, nor all at once
+        around home.
+        """
+        self._middle = vehicle if self._middle is None else self._middle
+        shapes = {f"wall {side}": self._wall(self._middle, side) for side in sides}
+        offs_m = zip(self.mission.home, self._middle, strict=True)
+        inside = max(abs(home_m - middle_m) for home_m, middle_m in offs_m) <= _WALL_M
+        if None in shapes.values() or (inside and len(shapes) == len(SIDES)):
+            return False
+        self._walls += shapes
+        self._draw(shapes)
+        return True
+
+    def _wall(self, around: Point, side: int) -> dict[str, Any] | None:
+        """One wall around a place; None where it would be refused."""
+        home = self.mission.home
+        east, north = _SIDES[side]
+        out_m, along_m = _WALL_M + _THICK_M / 2, _WALL_M + _THICK_M
+        middle = around[0] + east * out_m, around[1] + north * out_m
+        half = (_THICK_M / 2, along_m) if east else (along_m, _THICK_M / 2)
+        away = [max(abs(home[axis] - middle[axis]) - half[axis], 0.0) for axis in (0, 1)]
+        if math.hypot(*away) < _HOME_CLEAR_M:
+            return None
+        ring = [Point(middle[0] + e * half[0], middle[1] + n * half[1]) for e, n in _CORNERS]
+        return {"polygon": [self._degrees(corner) for corner in ring]}
+
+    def open(self) -> bool:
+        """Take away the wall that was drawn last; whether there was one."""
+        if not self._walls:
+            return False
+        name = self._walls.pop()
+        changed = copy.deepcopy(self._document)
+        changed["no_fly_zones"] = [z for z in changed["no_fly_zones"] if z.get("name") != name]
+        self._write(changed)
+        return True
+
+    def undo(self) -> None:
+        """The last change was not taken: the file is again as it is flown."""
+        self._write(self._before)
+
+    def _draw(self, shapes: dict[str, Any]) -> None:
+        changed = copy.deepcopy(self._document)
+        changed["no_fly_zones"] += [
+            {"name": name, "crosses_fence": True, **shape} for name, shape in shapes.items()
+        ]
+        self._write(changed)
+
+    def _write(self, document: dict[str, Any]) -> None:
+        self._before, self._document = self._document, document
+        self.text = yaml.safe_dump(document, sort_keys=False)
+        self.path.write_text(self.text, encoding="utf-8")
+
+    def _degrees(self, place: Point) -> list[float]:
+        return [round(degrees, 8) for degrees in self.mission.frame.to_geodetic(place)]
+
+
+class Turn(NamedTuple):
+    """A way to somewhere, a place on it, and where it is sent from there."""
+
+    towards: Pair
+    at: Pair
+    off_to: Pair
+
+
+class FlyableSpace:
+    """Where ways may be flown, and where they are much too near: all zones count at any height.
+
+    Args:
+        mission: As the judge reads it.
+
+    Attributes:
+        mission: The same.
+    """
+
+    def __init__(self, mission: RawMission) -> None:
+        self.mission = mission
+
+        def kept(less_m: float) -> BaseGeometry:
+            """What is left to fly in."""
+            room = [f.polygon.buffer(less_m - f.clearance_m) for f in mission.fences]
+            zones = [z.polygon.buffer(z.clearance_m - less_m) for z in mission.zones]
+            everywhere = shapely.Point(0.0, 0.0).buffer(_FAR_M)
+            return shapely.intersection_all([everywhere, *room]).difference(
+                shapely.union_all(zones)
+            )
+
+        self._clear, self._leaving = kept(-_MARGIN_M), kept(-_LEAVING_M)  # of goals; of ways
+        self._legal = kept(_SHORT_M)  # outside of it the judge calls a way bad
+        shapely.prepare([self._clear, self._leaving, self._legal])
+
+    def nearest(self, here: Pair) -> tuple[float, Pair]:
+        """How far the next zone or fence is, and its direction: east and north, of length 1."""
+        point = shapely.Point(here)
+        near = min((area.border for area in self.mission.areas), key=point.distance)
+        to = shapely.get_coordinates(shapely.shortest_line(point, near))[1]
+        away_m = max(float(point.distance(near)), 1e-6)
+        return away_m, ((to[0] - here[0]) / away_m, (to[1] - here[1]) / away_m)
+
+    def around_a_corner(self, here: Pair, velocity_m_s: Pair, dice: random.Random) -> Pair | None:
+        """A place that is clear from here, and not from where it can stop; None: none found."""
+        seconds = _BRAKES_LATER_S + math.hypot(*velocity_m_s) / (2 * _BRAKING_M_S2)
+        stands = here[0] + velocity_m_s[0] * seconds, here[1] + velocity_m_s[1] * seconds
+        if not self._legal.covers(shapely.LineString([here, stands])):
+            return None
+        places = _around(here, dice, 6.0, 45.0)
+        swept = shapely.polygons([[here, stands, place] for place in places])
+        short = ~shapely.covers(self._legal, swept)
+        return self._first(here, [p for p, is_short in zip(places, short, strict=True) if is_short])
+
+    def turn(
+        self, here: Pair, speed_m_s: float, brakes_s: float, dice: random.Random
+    ) -> Turn | None:
+        """A straight way, and a place on it where it is too fast for another; None: none found.
+
+        Too fast, having braked for so long, with a jerk of 4 m/s3, since it was there.
+        """
+        left_m_s = speed_m_s - 2.0 * brakes_s**2
+        for towards in _around(here, dice, 30.0, 70.0):
+            if self._first(here, [towards]) is None:
+                continue
+            away_m = math.dist(here, towards)
+            east, north = ((b - a) / away_m for a, b in zip(here, towards, strict=True))
+            for along_m in range(12, int(away_m - 12.0), 4):
+                at = here[0] + along_m * east, here[1] + along_m * north
+                on_m = speed_m_s * brakes_s
+                from_ = at[0] + on_m * east, at[1] + on_m * north
+                off_to = self.around_a_corner(from_, (left_m_s * east, left_m_s * north), dice)
+                if off_to is not None:
+                    return Turn(towards, at, off_to)
+        return None
+
+    def in_sight(self, here: Pair, dice: random.Random) -> Pair | None:
+        """A place that a straight way leads to; None: none found."""
+        return self._first(here, _around(here, dice, 25.0, 60.0))
+
+    def _first(self, here: Pair, places: list[Pair]) -> Pair | None:
+        """The first of these that is clear, and on a way that may be left on."""
+        for place in places:
+            way = shapely.LineString([here, place])
+            if self._clear.covers(shapely.Point(place)) and self._leaving.covers(way):
+                return place
+        return None
+
+
+def _around(here: Pair, dice: random.Random, least_m: float, most_m: float) -> list[Pair]:
+    ways = [(dice.uniform(0.0, 2 * math.pi), dice.uniform(least_m, most_m)) for _ in range(_TRIES)]
+    return [(here[0] + away * math.sin(a), here[1] + away * math.cos(a)) for a, away in ways]
+
+
+@functools.lru_cache(maxsize=4)
+def _space(path: Path, text: str) -> FlyableSpace:
+    return FlyableSpace(read_mission(path, text, ground_amsl_m=0.0))
