@@ -16,12 +16,13 @@ from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.terminal import StatusLine
 from sitl.experiment.campaign.campaign import Campaign
-from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
+from sitl.experiment.campaign.process_pool import Work, make_runs
 from sitl.experiment.campaign.runs import (
     ARCHIVE_ENDING,
     RunLog,
     program,
     read_archive,
+    run_log,
     write_archive,
 )
 from sitl.experiment.plan import Experiment, Record, Task
@@ -120,18 +121,19 @@ def run_with(
     name = experiment.called(experiment.phase(first))
     folder = arguments.out or Path("experiments") / name
     if arguments.docs is not None:  # before the runs: whether there is something to fill after them
-        from sitl.experiment.analysis.document import text_of  # noqa: PLC0415 - only with SciPy
+        from sitl.experiment.analysis.report import text_of  # noqa: PLC0415 - only with SciPy
 
         text_of(arguments.docs, name)
-    with RunLog(folder, fresh=arguments.fresh) as log:
-        campaign = Campaign(experiment, rows, numbers, log.records, folder, StatusLine())
+    status = StatusLine()
+    with run_log(folder, fresh=arguments.fresh) as log:
+        campaign = Campaign(experiment, rows, numbers, log.records, folder)
         if try_out is not None:
             for task in {task.row.label: task for task in campaign.missing}.values():
                 try_out(task)
         if arguments.fresh:
             log.clear()
-        interrupted = _run_campaign(campaign, arguments, work, log)
-    _tell_of_other_programs(campaign)
+        interrupted = _run_campaign(campaign, arguments, work, log, status)
+    _tell_of_other_programs(campaign, status)
     records = campaign.records
     if records:
         if arguments.archive is not None:
@@ -156,11 +158,9 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
     if arguments.verify is None:
         folder = arguments.out or Path("experiments") / experiment.called(records[0]["phase"])
         folder.mkdir(parents=True, exist_ok=True)
-        arguments.no_figures = True  # their curves are not archived
         _evaluate(experiment, records, folder, arguments, archive)
         return ExitCode.DONE
-    from sitl.experiment.analysis.document import differences  # noqa: PLC0415 - only with SciPy
-    from sitl.experiment.analysis.report import Report  # noqa: PLC0415
+    from sitl.experiment.analysis.report import Report, differences  # noqa: PLC0415 - only with SciPy
 
     found = differences(arguments.verify, Report(experiment, records), archive)
     for what in found:
@@ -171,25 +171,29 @@ def _from_archive(archive: Path, arguments: argparse.Namespace) -> int:
 
 
 def _run_campaign(
-    campaign: Campaign, arguments: argparse.Namespace, work: Work, log: RunLog
+    campaign: Campaign,
+    arguments: argparse.Namespace,
+    work: Work,
+    log: RunLog,
+    status: StatusLine,
 ) -> bool:
     """Make the missing runs; whether the user stopped it."""
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
-        campaign.status.say(f"all {counted(wanted, 'runs')} are there")
+        status.say(f"all {counted(wanted, 'runs')} are there")
         return False
     if missing < wanted:
-        campaign.status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
+        status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
         with _terminated():
-            campaign.run(ProcessPool(arguments.jobs or os.cpu_count() or 1), work, log.add)
+            outcomes = make_runs(work, campaign.missing, arguments.jobs or os.cpu_count() or 1)
+            campaign.run(outcomes, log.add, status)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
-        campaign.status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
         return True
     for failure in campaign.failed:
-        if isinstance(failure, Failed):
-            sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
+        sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
     return False
 
 
@@ -207,10 +211,10 @@ def _terminated() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _tell_of_other_programs(campaign: Campaign) -> None:
+def _tell_of_other_programs(campaign: Campaign, status: StatusLine) -> None:
     others = sorted({record["program"] for record in campaign.records} - {program()})
     if others:
-        campaign.status.say(
+        status.say(
             f"note: some of the runs are from other versions of the program ({', '.join(others)}; "
             f"this is {program()}); --fresh makes them again"
         )
@@ -224,12 +228,11 @@ def _evaluate(
     archive: Path | None,
 ) -> None:
     """Write and print what runs amount to, and put it into a document where that is asked for."""
-    from sitl.experiment.analysis import document, report  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.report import Report, fill  # noqa: PLC0415 - only with SciPy
 
-    found = report.Report(experiment, records)
+    found = Report(experiment, records)
     found.write(folder)
-    drawn = not arguments.no_figures and any(record["curves"] for record in records)
-    figures = _figures(experiment, records, folder) if drawn else []
+    figures = [] if arguments.no_figures else _figures(experiment, records, folder)
     if arguments.json:
         more = {"figures": [str(path) for path in figures], "folder": str(folder)}
         print_json(found.summary | more)
@@ -238,7 +241,7 @@ def _evaluate(
         for claim in found.claims:
             sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.verdict}\n")
     if arguments.docs is not None:
-        document.fill(arguments.docs, found, archive, figures)
+        fill(arguments.docs, found, archive, figures)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
 
 
@@ -259,7 +262,7 @@ def _print_list(as_json: bool) -> None:
                 {
                     "name": experiment.name,
                     "title": experiment.title,
-                    "question": experiment.question,
+                    "question": " ".join(experiment.question.split()),
                     "rows": [row.label for row in experiment.rows],
                     "seeds": experiment.seeds,
                     "path": str(path),

@@ -9,7 +9,7 @@ line, in the order in which things happened:
     {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see record.serialization)
     {"t": 12.5, "uav": "uav01", "action": {...}}    what it asked for then
         with "of": n, if it is a motion or what became of one: the n-th that was asked for
-    {"t": 12.5, "sent": [...]}                      a transmission ended: result.TRANSMISSION
+    {"t": 12.5, "sent": [...]}                      a transmission ended: exchange.Transmission
     {"t": 12.5, "goal": "g3", "robot": "ugv02"}     a robot reached a goal
 
 Its digest is the run's: the same seed gives the same log, whatever machine writes it.
@@ -55,13 +55,7 @@ class EventQueue:
         self.at(self.now_s + delay_s, event)
 
     def every(self, period_s: float, event: Callable[[], None]) -> None:
-        """Have something happen now, and again and again; multiples of the period, without drift.
-
-        Raises:
-            ValueError: a period that time cannot pass in.
-        """
-        if not period_s > 0:
-            raise ValueError(f"nothing happens every {period_s} s")
+        """Have something happen now, and again at all multiples of a period, without drift."""
         began_s, count = self.now_s, 0
 
         def once() -> None:

@@ -1,20 +1,12 @@
-r"""What an experiment consists of: rows of settings, each run with several seeds, and its claims.
+"""What an experiment consists of: rows of settings, each run with several seeds, and its claims.
 
 A run is named by its row and its seed's number. Its seed follows from the experiment's name, the
-row and that number alone, so it is the same on every machine, today and later:
-
-    SHA-256 of "EXPERIMENT\nROW\nNUMBER", its first eight bytes as a number, halved
-
-ROW is the JSON of those settings in which the experiment's rows differ, without the `paired`
-ones, keys in alphabetical order. Rows that differ only in paired settings (the policy, say)
-therefore meet the same seeds, and so the same start places and goals: their tests may be paired.
+row and that number alone, so it is the same on every machine, today and later. Of the row those
+settings count in which rows differ, without the `paired` ones: rows that differ only in paired
+settings (the policy, say) meet the same start places and goals, and their runs are pairs.
 
 Numbers from `confirmation_seed` on are kept for confirmation: runs that answer a claim which was
 declared before they were made. Whatever else is looked at comes from the exploration seeds below.
-
-A part of a claim is about one effect: a contrast, the weighted sum of the means of some rows. It
-holds where the whole interval of the effect lies on the side of `more_than` or `less_than` that it
-names, fails where it lies wholly on the other side, and is undecided otherwise.
 """
 
 from __future__ import annotations
@@ -125,7 +117,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One run that is to be made: plain values, so it can travel to any process or machine.
+    """One run that is to be made: plain values, so it can travel to other processes.
 
     Paths in the settings count from `folder`; `rules` are those by which the run will be judged.
     """
@@ -143,36 +135,68 @@ class Task:
         """How the run is called in messages."""
         return f"{self.row.label}, seed {self.number}"
 
+    @property
+    def key(self) -> tuple[str, int]:
+        """What tells it from the other runs of its experiment."""
+        return self.row.label, self.number
 
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """Rows that are compared, and how often each is run.
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What is the same in a record of this very run."""
+        return {
+            "experiment": self.experiment,
+            "row": self.row.label,
+            "number": self.number,
+            "phase": self.phase,
+            "seed": self.seed,
+            "fingerprint": self.row.fingerprint,
+        }
+
+
+class Header(BaseModel):
+    """What an experiment's file says of it, but for its rows.
 
     Attributes:
         name: short, for folders and seeds.
         title: one line for people.
         question: what it is to answer.
-        rows: in the order of the table.
         seeds: how many runs of each row, unless the command line says otherwise.
         first_seed: the number of each row's first run, unless the command line says otherwise.
         confirmation_seed: from this number on runs are for confirmation.
         claims: what its runs are to decide, and how.
         paired: settings that do not go into the seed.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: Annotated[
+        str,
+        Field(
+            pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
+            description="a short word of small letters, digits, - and _",
+        ),
+    ]
+    title: str
+    question: str = ""
+    seeds: Annotated[int, Field(ge=1, le=100_000)] = 30
+    first_seed: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
+    confirmation_seed: Annotated[int, Field(ge=1, le=1_000_000_000)] = 10_001
+    claims: tuple[ClaimRule, ...] = ()
+    paired: tuple[str, ...] = ("policy", "protocol", "passive")
+
+
+class Experiment(Header):
+    """Rows that are compared, and how often each is run.
+
+    Attributes:
+        rows: in the order of the table.
         varied: the settings in which rows differ, in the file's order.
         folder: where its file is.
     """
 
-    name: str
-    title: str
-    question: str
     rows: tuple[Row, ...]
-    seeds: int
-    first_seed: int = 0
-    confirmation_seed: int = 10_001
-    claims: tuple[ClaimRule, ...] = ()
-    paired: tuple[str, ...] = ()
-    varied: tuple[str, ...] = ()
-    folder: str = "."
+    varied: tuple[str, ...]
+    folder: str
 
     @property
     def rules(self) -> str:
@@ -216,12 +240,13 @@ class Experiment:
             if not equals:
                 patterns.append(choice)
                 continue
-            among = dict.fromkeys(_said(row, key) for row in self.rows)
-            if set(among) == {str(None)}:
+            written = {row: _written(row, key) for row in self.rows}
+            if not any(written.values()):
                 raise NoSuchRowError(f"no row has {choice}; '{key}' is no setting of these rows")
-            rows = tuple(row for row in rows if _said(row, key) in values.split(","))
+            rows = tuple(row for row in rows if written[row] in values.split(","))
             if not rows:
-                raise NoSuchRowError(f"no row has {choice}; '{key}' is one of {', '.join(among)}")
+                among = ", ".join(dict.fromkeys(written.values()))
+                raise NoSuchRowError(f"no row has {choice}; '{key}' is one of {among}")
         if patterns:
             rows = tuple(r for r in rows if any(fnmatch.fnmatchcase(r.label, p) for p in patterns))
         if not rows:
@@ -260,20 +285,17 @@ def rows_with(rows: Iterable[Row], settings: Settings) -> list[Row]:
 
 # Settings in words, for labels, legends and tables.
 
-_NOT_SHOWN: Final = {"sources"}
 _COUNTS: Final = {"uavs": "UAVs", "ugvs": "UGVs"}
 
 
-def flat(settings: Settings, before: str = "") -> dict[str, Any]:
-    """Settings without mappings in them: `timers.init_s`."""
+def flat(settings: Settings) -> dict[str, Any]:
+    """Settings without mappings in them: `timers.init_s`; where they come from is left out."""
     result: dict[str, Any] = {}
     for key, value in settings.items():
-        if key in _NOT_SHOWN:
-            continue
-        if isinstance(value, Mapping):
-            result.update(flat(value, f"{before}{key}."))
-        else:
-            result[before + key] = value
+        if not isinstance(value, Mapping):
+            result[key] = value
+        elif key != "sources":
+            result |= {f"{key}.{inner}": own for inner, own in value.items()}
     return result
 
 
@@ -296,13 +318,17 @@ def phrase(key: str, value: Any) -> str:
     if key in _COUNTS:
         return counted(value, _COUNTS[key])
     inner = flat(value).values() if isinstance(value, Mapping) else [value]
-    shown = " ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in inner)
-    return shown.replace("_", " ")
+    return " ".join(map(said, inner)).replace("_", " ")
 
 
-def _said(row: Row, key: str) -> str:
+def _written(row: Row, key: str) -> str:
     """What a row has of a setting, as files write it; `timers.init_s` is one within another."""
     value = value_of(flat(row.settings), key)
-    if isinstance(value, bool):
-        return str(value).lower()
+    return str(value).lower() if isinstance(value, bool) else said(value)
+
+
+def said(value: Any) -> str:
+    """A setting's value as it is written, without zeros that say nothing."""
+    if value is None:
+        return ""
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -7,88 +7,41 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import GenericAlias
-from typing import Annotated, Any, Final, get_type_hints
+from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, Field, create_model
 
 from air_router.errors import UsageError
-from air_router.files.settings import Timers
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.experiment.plan import ClaimRule, Experiment, Row, phrase, rows_with, varied
-from sitl.experiment.settings import (
-    ExplorerSettings,
-    PaperModel,
-    PathLossModel,
-    Positive,
-    RunSettings,
-)
+from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied
+from sitl.experiment.settings import RunSettings
 
 MOST_ROWS: Final = 1000
 
 _HERE: Final = Path(__file__).parent
 _PLANS: Final = _HERE / "plans"
 
-_Name = Annotated[
-    str,
-    Field(
-        pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
-        description="a short word of small letters, digits, - and _",
-    ),
-]
-_UNSET: Any = None
-"""The default of what may be left out, and may not be `null`."""
+
+class _Row(RunSettings):
+    label: Annotated[str, Field(min_length=1, max_length=60)] = ""
 
 
-def _model(name: str, kinds: Mapping[str, Any], base: type[BaseModel] = BaseModel) -> Any:
-    """A model of fields that may all be left out."""
-    fields: dict[str, Any] = {key: (kind, _UNSET) for key, kind in kinds.items()}
-    return create_model(name, __base__=base, **fields)
-
-
-def _kinds(made: type, *but: str) -> dict[str, Any]:
-    """What a file may write for the fields of a dataclass."""
-    hints = get_type_hints(made, include_extras=True)
-    return {key: hint for key, hint in hints.items() if key not in but}
-
-
-_SETTINGS: Final = _kinds(RunSettings) | {
-    "town": str,
-    "mission": str,
-    "values": list[Positive],
-    "explorer": _model("Explorer", _kinds(ExplorerSettings)),
-    "paper": _model("Paper", _kinds(PaperModel)),
-    "path_loss": _model("PathLoss", _kinds(PathLossModel)),
-    "timers": _model("Timers", dict.fromkeys(_kinds(Timers, "hold_s"), Positive)),
+_LISTS: Final[dict[str, Any]] = {
+    name: (GenericAlias(list, (kind.rebuild_annotation(),)), Field([], min_length=1))
+    for name, kind in RunSettings.model_fields.items()
 }
-"""What a run is made of; the names and meanings are those of `settings.RunSettings`."""
-
-_Settings = _model("Settings", _SETTINGS)
-_Row = _model("Row", {"label": Annotated[str, Field(min_length=1, max_length=60)]}, base=_Settings)
-_Axes = _model(
-    "Axes",
-    {
-        name: Annotated[GenericAlias(list, (kind,)), Field(min_length=1)]
-        for name, kind in _SETTINGS.items()
-    },
-)
+_Axes: Final = create_model("_Axes", **_LISTS)  # lists of what a row may have
 
 
-class _Model(BaseModel):
-    name: _Name
-    title: str
-    question: str = ""
-    seeds: Annotated[int, Field(ge=1, le=100_000)] = 30
-    first_seed: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
-    confirmation_seed: Annotated[int, Field(ge=1, le=1_000_000_000)] = 10_001
-    settings: _Settings = _Settings()  # type: ignore[valid-type]  # made above
-    cross: _Axes | None = None  # type: ignore[valid-type]
-    rows: Annotated[list[_Row], Field(min_length=1)] | None = None  # type: ignore[valid-type]
-    claims: list[ClaimRule] = []
-    paired: list[str] = ["policy", "protocol", "passive"]
+class _File(Header):
+    settings: RunSettings = RunSettings()
+    cross: _Axes | None = None  # type: ignore[valid-type]  # made above
+    rows: Annotated[list[_Row], Field(min_length=1)] | None = None
 
 
 class UnknownPlaceError(UsageError):
@@ -122,7 +75,7 @@ def load_experiment(name: str) -> tuple[Experiment, Path]:
 
 def experiment_of(document: Document) -> Experiment:
     """What a file says. Raises DocumentError."""
-    return _Reading(document, document.parse(_Model)).experiment()
+    return _Reading(document, document.parse(_File)).experiment()
 
 
 @dataclass(slots=True)
@@ -130,7 +83,7 @@ class _Reading:
     """Turns a checked file into rows and collects what is wrong with them."""
 
     document: Document
-    model: _Model
+    model: _File
 
     def experiment(self) -> Experiment:
         _refuse(self._problems())
@@ -150,19 +103,8 @@ class _Reading:
             for label, row in zip(labels, rows, strict=True)
         )
         _refuse(self._claim_problems(made))
-        return Experiment(
-            name=model.name,
-            title=model.title,
-            question=" ".join(model.question.split()),
-            rows=made,
-            seeds=model.seeds,
-            first_seed=model.first_seed,
-            confirmation_seed=model.confirmation_seed,
-            claims=tuple(model.claims),
-            paired=tuple(model.paired),
-            varied=differing,
-            folder=str(folder.absolute()),
-        )
+        header = {name: getattr(model, name) for name in Header.model_fields}
+        return Experiment(**header, rows=made, varied=differing, folder=str(folder.absolute()))
 
     def _problems(self) -> Iterator[Problem]:
         model = self.model
@@ -170,38 +112,34 @@ class _Reading:
             message = "write 'rows' (a list), 'cross' (lists of values to combine), or both"
             yield self.document.problem(("rows",), message, "one-rows-key")
         for index, name in enumerate(model.paired):
-            if name not in _SETTINGS:
+            if name not in RunSettings.model_fields:
                 message = f"'{name}' is no setting; remove it"
                 yield self.document.problem(("paired", index), message, "unknown-word")
-        count = 1
-        for values in _plain(model.cross).values():
-            count *= len(values)
+        count = math.prod(map(len, _plain(model.cross).values()))
         if count > MOST_ROWS:
             message = f"{count} rows, at most {MOST_ROWS}; combine less"
             yield self.document.problem(("cross",), message, "out-of-range")
 
-    def _variants(self) -> Iterator[tuple[str | None, dict[str, Any]]]:
+    def _variants(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Each row's label, if it was given one, and its own settings."""
         crossed = _plain(self.model.cross)
         axes = {key: crossed[key] for key in self.document.data.get("cross") or {}}
         for row in self.model.rows or [_Row()]:
             own = _plain(row)
-            label = own.pop("label", None)
+            label = own.pop("label", "")
             for values in itertools.product(*axes.values()):
                 combined = dict(zip(axes, values, strict=True))
                 named = [label, *(_named(*each) for each in combined.items())]
                 yield label and ", ".join(named), {**own, **combined}
 
     def _file_problems(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
-        told = set()
+        told: dict[tuple[tuple[str | int, ...], str], None] = {}
         for index, row in enumerate(rows):
             try:
                 files_of(row, self.document.path.parent)
             except UnknownPlaceError as error:
-                keys = self._keys(index, len(rows), error.key)
-                if (keys, str(error)) not in told:
-                    told.add((keys, str(error)))
-                    yield self.document.problem(keys, str(error), "no-such-file")
+                told[self._keys(index, len(rows), error.key), str(error)] = None
+        yield from (self.document.problem(*problem, "no-such-file") for problem in told)
 
     def _repeated(self, labels: list[str]) -> Iterator[Problem]:
         for index, label in enumerate(labels):
@@ -231,9 +169,8 @@ class _Reading:
         return ("cross" if key in (data.get("cross") or {}) else "settings", key)
 
 
-def _refuse(problems: Iterator[Problem]) -> None:
-    found = list(problems)
-    if found:
+def _refuse(problems: Iterable[Problem]) -> None:
+    if found := list(problems):
         raise DocumentError(found)
 
 
@@ -245,7 +182,7 @@ def files_of(row: Mapping[str, Any], folder: Path) -> dict[str, Path]:
     Raises:
         UnknownPlaceError: one of them is not there.
     """
-    town = town_file(row["town"], folder)
+    town = _place(row["town"], folder, "town")
     name = row.get("mission")
     mission = town.with_name("mission.yaml") if name is None else _place(name, folder, "mission")
     return {"town": town, **({"mission": mission} if mission.is_file() else {})}
@@ -259,15 +196,6 @@ def sources(row: Mapping[str, Any], folder: Path) -> dict[str, str]:
     """
     paths = files_of(row, folder)
     return {key: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for key, path in paths.items()}
-
-
-def town_file(name: str, folder: Path) -> Path:
-    """A town's file by the name of a shipped one or a path from `folder`.
-
-    Raises:
-        UnknownPlaceError: there is none.
-    """
-    return _place(name, folder, "town")
 
 
 def _place(name: str, folder: Path, key: str) -> Path:
@@ -293,7 +221,8 @@ def _is_word(name: str) -> bool:
 
 
 def _plain(model: BaseModel | None) -> dict[str, Any]:
-    return model.model_dump(exclude_unset=True) if model else {}
+    """What a file says of a model's fields, as plain values."""
+    return model.model_dump(mode="json", exclude_unset=True) if model else {}
 
 
 def _merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

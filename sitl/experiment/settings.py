@@ -7,13 +7,12 @@ defaults came about is told in docs/experiments.md. An experiment that takes ano
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy, Timers
+from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
 from sitl.world.towns.town import REACHED_M, SAME_GOAL_M
 
 ChannelKind = Literal["paper", "path_loss"]
@@ -41,26 +40,42 @@ PolicyKind = SeekPolicy | Literal["oracle"]
 PlacedBy = Literal["town", "seed"]
 """Whether places are those of the town's file, or others in every run."""
 
-SIMULATION_TIMERS: Final = Timers(init_s=150.0, explore_s=60.0, search_s=5.0, communicate_s=30.0)
-"""The timers of the authors' simulated experiments."""
+
+class _Model(BaseModel):
+    """Settings that a file may have; all of them may be left out, and none changes in a run."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperModel:
-    """The paper's transmission model, and how its text is read.
+class MissionTimers(_Model):
+    """How long the states of a UAV's mission last; the authors' of their simulated experiments.
+
+    Attributes:
+        init_s: INIT, before any robot is sought.
+        explore_s: EXPL, between two searches.
+        search_s: SEARCH, from the arrival where a robot should be.
+        communicate_s: COMM, at the most.
+    """
+
+    init_s: Positive = 150.0
+    explore_s: Positive = 60.0
+    search_s: Positive = 5.0
+    communicate_s: Positive = 30.0
+
+
+class PaperModel(_Model):
+    """The paper's transmission model, and how its text is read (docs/experiment-engine.md).
 
     Each stage of an exchange takes an exponentially distributed time; the rates are those that the
-    authors fitted to their field data. They are taken as 1/s per stage (the text says "latency per
-    byte", which would make a map of 100 KB take hours).
+    authors fitted to their field data.
 
     Attributes:
         header_rate_1_s: Rate of the header request (the paper's lambda_h).
         data_rate_1_s: Rate of each piece of data (lambda_t).
         end_rate_1_s: Rate of the end of communication (lambda_e).
         cut: What becomes of an exchange whose robots lose contact. `timeout`: it goes on if contact
-            comes back within `timeout_s`, and what was on the air is sent again; otherwise it ends,
-            and the next contact begins a new one, as the paper says of its node. `drop`: it ends at
-            once. `hold`: it waits for the next contact, however long.
+            comes back within `timeout_s`, else it ends, and the next contact begins a new one.
+            `drop`: it ends at once. `hold`: it waits for the next contact, however long.
         timeout_s: The node's time-out in the paper's experiments.
         order: Who gets the channel. `fixed`: the waiting exchange that comes first in the order of
             the robots' names (who pulls, then from whom). `arrival`: who has waited longest.
@@ -81,8 +96,7 @@ class PaperModel:
     piece: Literal["message", "frame"] = "message"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathLossModel:
+class PathLossModel(_Model):
     """Log-distance path loss with shadowing and buildings; see `sitl.world.radio`.
 
     Two transmissions exclude one another only if one of the four robots hears one of the other
@@ -124,16 +138,14 @@ class PathLossModel:
     pull_every_s: Positive | None = 10.0
 
 
-@dataclass(frozen=True, slots=True)
-class ExplorerSettings:
+class ExplorerSettings(_Model):
     """How a ground robot drives and decides; the defaults are the paper's and its authors' code.
 
     Attributes:
         speed_m_s: The most that it drives.
         progress: What it makes of that on a road on average, stops to look and to plan included;
-            elsewhere it is slower. How fast the paper's simulated robots were is not told. Their
-            authors' code gives a goal up after 3 s per metre, in the simulation after 10 s: so
-            0.3 m/s is the most at which the first is too little.
+            elsewhere it is slower. How fast the paper's simulated robots were is not told; their
+            code gives a goal up after 3 s per metre, in the simulation after 10 s.
         sight_m: It knows the ground within this distance of where it was.
         recognition_m: It recognises a vehicle within this distance, if no building is between.
         same_goal_m: Two sightings within this distance are one goal.
@@ -158,12 +170,12 @@ class ExplorerSettings:
     reachability_interval_s: Positive = 30.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunSettings:
-    """One run but for its seed. Everything in it can be pickled and compared.
+class RunSettings(_Model):
+    """One run but for its seed.
 
     Attributes:
-        town: The file of the town: roads, buildings, goals (`sitl.world.towns.town`).
+        town: The file of the town: roads, buildings, goals (`sitl.world.towns.town`). In an
+            experiment's file also the name of a town that comes with the program; so `mission`.
         world: What is flown in: the `town`; or the `mission`'s own world, with its patrols, radios,
             timers and battery, where of all else only the policy counts. `processes`: that world
             by `air-router sim`.
@@ -201,26 +213,26 @@ class RunSettings:
         sample_s: How often positions, ages and the explored share are sampled.
     """
 
-    town: Path
+    town: Path = Path("urban")
     world: Literal["town", "mission", "processes"] = "town"
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
     ugvs: Annotated[int, Field(ge=0, le=200)] = 3
-    explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
+    explorer: ExplorerSettings = ExplorerSettings()
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"
     base_station: bool = True
     channel: ChannelKind = "paper"
     radius_m: Positive = 30.0
-    paper: PaperModel = field(default_factory=PaperModel)
-    path_loss: PathLossModel = field(default_factory=PathLossModel)
+    paper: PaperModel = PaperModel()
+    path_loss: PathLossModel = PathLossModel()
     protocol: ProtocolKind = "original"
     pulls: PulledBy = "contact"
     duration_s: Positive = 1800.0
     policy: PolicyKind = DEFAULT_SEEK_POLICY
     values: tuple[Positive, ...] = ()
     passive: bool = False
-    timers: Timers = SIMULATION_TIMERS
+    timers: MissionTimers = MissionTimers()
     uav_speed_m_s: Positive = 5.0
     uav_altitude_m: Positive = 60.0
     uav_acceleration_m_s2: Positive = 2.0
@@ -232,13 +244,6 @@ class RunSettings:
     sample_s: Positive = 10.0
 
 
-_DEFAULTS: Final = {
-    each.name: each.default
-    for each in fields(RunSettings)
-    if isinstance(each.default, str | int | float)
-}
-
-
 def value_of(settings: Mapping[str, Any], key: str) -> Any:
     """A setting of a row, which need not say what is as usual; None: it is neither said nor usual.
 
@@ -246,4 +251,6 @@ def value_of(settings: Mapping[str, Any], key: str) -> Any:
         settings: Plain values, as a file has them.
         key: A field of `RunSettings`.
     """
-    return settings.get(key, _DEFAULTS.get(key))
+    usual = RunSettings.model_fields.get(key)
+    plain = usual is not None and isinstance(usual.default, str | int | float)
+    return settings.get(key, usual.default if usual and plain else None)

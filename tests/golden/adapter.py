@@ -34,7 +34,7 @@ from mocha_link.links import link_events
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 from sitl.experiment.campaign.running import run_settings
-from sitl.experiment.engine.engine import run
+from sitl.experiment.engine.engine import Run
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.robots.node import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
@@ -272,7 +272,7 @@ def make_run(settings: Mapping[str, Any], files: Mapping[str, str], seed: int) -
     """Make one run of an experiment; one tape for every UAV."""
     folder = _folder(json.dumps(files))
     with _tapped(lambda: {"files": files, "run": settings}) as tapes:
-        run(_settings_of(settings, folder), seed)
+        Run(_settings_of(settings, folder), seed).finish()
     return tapes
 
 

@@ -14,13 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import (
-    UNKNOWN,
-    Effect,
-    Interval,
-    Runs,
-    share_above,
-)
+from sitl.experiment.analysis.statistics import UNKNOWN, Effect, Interval, Runs, share_above
 from sitl.experiment.plan import (
     ClaimRule,
     Experiment,
@@ -64,29 +58,24 @@ class Claim:
     declared: bool
 
     @property
-    def answer(self) -> str:
-        """Holds, fails, undecided, or which parts do what."""
-        found = {
-            verdict: [part.what for part in self.parts if part.verdict == verdict]
-            for verdict in ("holds", "fails", "undecided")
-        }
-        if max(map(len, found.values())) == len(self.parts):
-            return self.parts[0].verdict
-        told = [f"{verdict}: {'; '.join(parts)}" for verdict, parts in found.items() if parts]
-        return f"{'in part' if found['holds'] else 'not shown'}. {'. '.join(told)}"
-
-    @property
     def brief(self) -> str:
         """The answer in a word or two, and what it is worth."""
-        text = self.answer.partition(".")[0]
+        verdicts = {part.verdict for part in self.parts}
+        text = "in part" if "holds" in verdicts else "not shown"
+        if len(verdicts) == 1:
+            text = self.parts[0].verdict
         if self.phase == "exploration":
             text += ", on exploration seeds"
         return text if self.declared else f"{text}, by rules that changed after runs were made"
 
     @property
     def verdict(self) -> str:
-        """The answer with all parts, and what it is worth."""
-        return f"{self.brief}{self.answer.removeprefix(self.answer.partition('.')[0])}"
+        """The answer, and which parts hold, fail or are undecided where that differs."""
+        parts: dict[Verdict, list[str]] = {"holds": [], "fails": [], "undecided": []}
+        for part in self.parts:
+            parts[part.verdict].append(part.what)
+        told = [f"{verdict}: {'; '.join(what)}" for verdict, what in parts.items() if what]
+        return ". ".join([self.brief, *(told if len(told) > 1 else [])])
 
 
 def claims_of(experiment: Experiment, records: Sequence[Record]) -> list[Claim]:
@@ -115,23 +104,23 @@ def _part(runs: Runs, claim: ClaimRule, part: PartRule) -> Part:
     tests, beside = len(claim.parts), ""
     if part.share:
         rows = rows_with(runs.experiment.rows, part.contrast[0].rows)
-        both = [
+        won, lost = (
             np.concatenate([runs.values(row, measure, runs.numbers(row)) for row in rows])
             for measure in part.share
-        ]
-        effect, design = share_above(both[0], both[1], part.reference)
-        beside = f"; {int(sum(map(np.sum, both)))} cases, design effect {design:.1f}"
+        )
+        effect, design = share_above(won, lost, part.reference)
+        beside = f"; {int(won.sum() + lost.sum())} cases, design effect {design:.1f}"
         effects = [effect]
     else:
         effects = _effects(runs, part)
-    least = min(effects, key=lambda effect: effect.value)
     if part.each:
         beside = f"; the least of {len(effects)}"
+    least = min(effects, key=lambda effect: effect.value)
     verdicts = {_verdict(effect.interval(tests), part) for effect in effects}
     verdict: Verdict = "holds" if verdicts == {"holds"} else "undecided"
     if "fails" in verdicts:
         verdict = "fails"
-    shown = _as_said(least.interval(tests), part)
+    shown = Interval(*(math.exp(v) if part.ratio else v for v in least.interval(tests)))
     return Part(part.what, verdict, shown, _because(least, shown, part, tests) + beside)
 
 
@@ -142,15 +131,12 @@ def _effects(runs: Runs, part: PartRule) -> list[Effect]:
 
     *first, last = map(weights, part.contrast)
     before = [entry for own in first for entry in own]
-    if not part.each:
-        return [runs.effect([*before, *last], part.measure, ratio=part.ratio)]
-    own = [row for _, row in before]
-    others = [row for _, row in last if row not in own]
-    weight = part.contrast[-1].weight
-    found = [
-        runs.effect([*before, (weight, row)], part.measure, ratio=part.ratio) for row in others
-    ]
-    return found or [UNKNOWN]
+    contrasts = [[*before, *last]]
+    if part.each:
+        own = [row for _, row in before]
+        weight = part.contrast[-1].weight
+        contrasts = [[*before, (weight, row)] for _, row in last if row not in own]
+    return [runs.effect(each, part.measure, ratio=part.ratio) for each in contrasts] or [UNKNOWN]
 
 
 def _verdict(found: Interval, part: PartRule) -> Verdict:
@@ -163,22 +149,16 @@ def _verdict(found: Interval, part: PartRule) -> Verdict:
     return "holds" if above else "fails" if below else "undecided"
 
 
-def _as_said(found: Interval, part: PartRule) -> Interval:
-    return Interval(*(math.exp(v) if part.ratio else v for v in found))
-
-
 def _because(effect: Effect, shown: Interval, part: PartRule, tests: int) -> str:
     """The effect with its interval, what was asked, and what as many runs would have shown."""
     if math.isnan(shown.value):
         return "too few runs"
     detectable = effect.detectable(tests)
+    unit, form, told = part.measure.rpartition("_")[2], "+.2f", f"{detectable:.2f}"
     if part.ratio:
-        value, low, high = (f"{number:.2f}" for number in shown)
-        unit, told = "times", f"a factor of {math.exp(detectable):.2f}"
-    else:
-        value, low, high = (f"{number:+.2f}" for number in shown)
-        last = "percent" if part.share else part.measure.rpartition("_")[2]
-        unit, told = "points" if last == "percent" else last, f"{detectable:.2f}"
-    asked = f"less than {part.less_than:g}" if part.more_than is None else ""
-    asked = asked or f"more than {part.more_than:g}"
-    return f"{value} {unit} [{low}, {high}]; asked: {asked}; detectable: {told}"
+        unit, form, told = "times", ".2f", f"a factor of {math.exp(detectable):.2f}"
+    elif part.share or unit == "percent":
+        unit = "points"
+    value, low, high = (format(number, form) for number in shown)
+    side, bound = ("more", part.more_than) if part.less_than is None else ("less", part.less_than)
+    return f"{value} {unit} [{low}, {high}]; asked: {side} than {bound:g}; detectable: {told}"

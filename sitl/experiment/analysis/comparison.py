@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
 from sitl.experiment.analysis.statistics import Interval, Runs, Weights
-from sitl.experiment.plan import Experiment, Record, Row, canonical, rows_with, words
+from sitl.experiment.plan import Row, canonical, rows_with, words
 from sitl.experiment.settings import value_of
 
 MEASURES: Final = {
@@ -61,33 +61,34 @@ def compared(runs: Runs) -> list[Comparison]:
     bases: dict[int, Row] = {}
     alike: dict[str, list[tuple[Row, Row]]] = {}
     found = []
+
+    def compare(row: str, base: str, both: Sequence[tuple[Row, Row]]) -> None:
+        pairs = sum(len(runs.numbers(*pair)) for pair in both)
+        share = 1 / len(both)
+        weights = [entry for one, other in both for entry in ((share, one), (-share, other))]
+        found.append(Comparison(row, base, pairs, weights))
+
     for row in experiment.rows:
         base = bases.setdefault(experiment.seed(row, 0), row)
-        pairs = len(runs.numbers(row, base))
-        if base is not row and pairs > 1:
-            found.append(Comparison(row.label, base.label, pairs, [(1.0, row), (-1.0, base)]))
+        if base is not row and len(runs.numbers(row, base)) > 1:
+            compare(row.label, base.label, [(row, base)])
             change = [[value_of(own.settings, k) for k in experiment.paired] for own in (row, base)]
             alike.setdefault(canonical(change), []).append((row, base))
     keys = [key for key in experiment.varied if key in experiment.paired]
     for both in alike.values():
         if len(both) > 1:
-            names = [f"{words(own.settings, keys)}, all" for own in both[0]]
-            weights = [
-                (sign / len(both), own)
-                for pair in both
-                for sign, own in zip((1, -1), pair, strict=True)
-            ]
-            pairs = sum(len(runs.numbers(*pair)) for pair in both)
-            found.append(Comparison(names[0], names[1], pairs, weights))
+            name, base_name = (f"{words(own.settings, keys)}, all" for own in both[0])
+            compare(name, base_name, both)
     return found
 
 
-def as_rows(runs: Runs, comparisons: Sequence[Comparison]) -> list[list[str]]:
+def as_rows(runs: Runs) -> list[list[str]]:
     """The comparisons as they are read: the heads, then the cells of each.
 
     A difference with its interval, which holds together with those of the other rows, and how large
     one is that so many pairs tell from 0.
     """
+    comparisons = compared(runs)
     measures = {key: told for key, told in MEASURES.items() if runs.has(key)}
     rows = [["row", "against", "pairs", *measures.values()]]
     for one in comparisons:
@@ -102,62 +103,38 @@ def as_rows(runs: Runs, comparisons: Sequence[Comparison]) -> list[list[str]]:
     return rows
 
 
-class Likeness(NamedTuple):
-    """A measure in both simulations: means of logarithms, and how many times the second it is."""
-
-    name: str
-    here: float
-    processes: float
-    ratio: Interval
-
-    @property
-    def within(self) -> Literal["yes", "no", "open"]:
-        """Whether it is `WITHIN`; "open": the interval is neither within nor outside."""
-        _, low, high = self.ratio
-        if low >= 1 - WITHIN and high <= 1 + WITHIN:
-            return "yes"
-        return "no" if low > 1 + WITHIN or high < 1 - WITHIN else "open"
+def within(ratio: Interval) -> Literal["yes", "no", "open"]:
+    """Whether a ratio is `WITHIN` of 1; "open": its interval is neither within nor outside."""
+    _, low, high = ratio
+    if low >= 1 - WITHIN and high <= 1 + WITHIN:
+        return "yes"
+    return "no" if low > 1 + WITHIN or high < 1 - WITHIN else "open"
 
 
-def likeness(experiment: Experiment, records: Sequence[Record]) -> list[Likeness]:
-    """Whether experiments come to what processes do: missions flown in both; none if none were.
+def likeness(runs: Runs) -> str:
+    """Whether experiments come to what processes do: both side by side, for a document.
 
-    Flights of one seed meet the same patrols and fading, so they are compared in pairs.
+    Flights of one seed meet the same patrols and fading, so they are compared in pairs. Empty where
+    no missions were flown in both.
     """
-    runs = Runs(experiment, records)
     here, there = (
-        [row for row in rows_with(experiment.rows, {"world": world}) if runs.numbers(row)]
+        [row for row in rows_with(runs.experiment.rows, {"world": world}) if runs.numbers(row)]
         for world in ("mission", "processes")
     )
     if not here or not there:
-        return []
+        return ""
 
     def factor(key: str, weights: Weights) -> Interval:
         found = runs.effect(weights, key, ratio=True).interval()
         return Interval(*map(math.exp, found))
 
     ours, theirs = ([(1 / len(rows), row) for row in rows] for rows in (here, there))
-    return [
-        Likeness(
-            name,
-            factor(key, ours).value,
-            factor(key, theirs).value,
-            factor(key, [*ours, *((-weight, row) for weight, row in theirs)]),
-        )
-        for key, name in FLIGHT_MEASURES.items()
-    ]
-
-
-def likeness_table(found: Sequence[Likeness]) -> str:
-    """Both simulations side by side, for a document; empty if they were not compared."""
-    if not found:
-        return ""
+    apart = [*ours, *((-weight, row) for weight, row in theirs)]
     lines = ["| per mission, geometric means | experiments | processes | ratio | within 10 % |"]
     lines += ["|---|---:|---:|---:|---|"]
-    for one in found:
-        ratio, low, high = one.ratio
-        lines.append(
-            f"| {one.name} | {one.here:.1f} | {one.processes:.1f} | {ratio:.2f} ({low:.2f} to "
-            f"{high:.2f}) | {one.within} |"
-        )
+    for key, name in FLIGHT_MEASURES.items():
+        means = " | ".join(f"{factor(key, weights).value:.1f}" for weights in (ours, theirs))
+        ratio = factor(key, apart)
+        value, low, high = (f"{number:.2f}" for number in ratio)
+        lines.append(f"| {name} | {means} | {value} ({low} to {high}) | {within(ratio)} |")
     return "\n".join(lines)

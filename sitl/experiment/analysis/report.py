@@ -1,31 +1,54 @@
-"""What the runs of an experiment amount to, and the files that say it.
+"""What the runs of an experiment amount to, and the files and documents that say it.
 
 results.csv     a line per run, a column per number, units in the names
 ages.csv        ages of information: a line per run, topic, robot that makes it, robot that uses it
-table.txt, .md  the table with intervals, for a terminal and for a document
+table.txt       the table with intervals
 summary.json    the table and the verdicts on the claims, for programs
+
+A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
+experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
+claims, fidelity. So the document can be made again from any runs. Figures go beside it, into
+`images/experiments`; tables, rows compared by seeds, and the numbers behind claims into
+`evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
 """
 
 from __future__ import annotations
 
 import csv
 import dataclasses
+import hashlib
+import io
 import json
 import math
+import re
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+from air_router.counted import counted
+from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.claims import Claim, claims_of
+from sitl.experiment.analysis.comparison import as_rows, likeness
+from sitl.experiment.analysis.statistics import Runs
+from sitl.experiment.campaign.campaign import in_words
 from sitl.experiment.plan import Experiment, Record, flat, seeds_of
 from sitl.experiment.settings import value_of
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
 """Settings that have a column even where all rows agree."""
 
-_PAIR: Final = ("topic", "maker", "user", "age_mean_s", "age_peak_s")
+_IDS: Final = ("experiment", "row", "phase", "number", "seed")
+_ORIGIN: Final = ("peak_memory_MB", "digest", "program", "machine")
+_AGE_HEADS: Final = ("row", "seed_number", "topic", "maker", "user", "age_mean_s", "age_peak_s")
+_IMAGES: Final = Path("images") / "experiments"
+_END: Final = "<!-- end -->"
+
+
+class NoMarksError(UsageError):
+    """The document has no place for this experiment."""
 
 
 class Report:
@@ -60,11 +83,6 @@ class Report:
         """The table for a terminal."""
         return tables.as_text(self.experiment, self.lines, seeds_of(self.records))
 
-    @cached_property
-    def table(self) -> str:
-        """The table for a document."""
-        return tables.as_markdown(self.experiment, self.lines)
-
     @property
     def summary(self) -> dict[str, Any]:
         """All of it in plain values; None for what is no number."""
@@ -84,48 +102,43 @@ class Report:
 
     def write(self, folder: Path) -> None:
         """Write the files into a folder, which is there."""
-        _write_csv(_tidy(self.records), folder / "results.csv")
-        _write_csv(_pair_ages(self.records), folder / "ages.csv")
-        summary = json.dumps(self.summary, indent=1)
-        for name, text in (("table.txt", self.text), ("table.md", self.table)):
-            (folder / name).write_text(text + "\n", encoding="utf-8")
-        (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+        ages = [  # archives have none
+            (record["row"], record["number"], *pair)
+            for record in self.records
+            for pair in record["curves"].get("pairs", ())
+        ]
+        files = {
+            "results.csv": _csv(_tidy(self.records)),
+            "ages.csv": _csv([_AGE_HEADS, *ages]),
+            "table.txt": self.text + "\n",
+            "summary.json": json.dumps(self.summary, indent=1) + "\n",
+        }
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
 
 
-def _tidy(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Runs as mappings with the same keys in the same order."""
+def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
+    """The heads, and a row for every run; None is a number that a run does not have."""
     settings = [flat(record["settings"]) for record in records]
     keys = dict.fromkeys((*_ALWAYS, *(key for row in settings for key in row)))
     measures = dict.fromkeys(key for record in records for key in record["measures"])
-    return [
-        {
-            "experiment": record["experiment"],
-            "row": record["row"],
-            "phase": record["phase"],
-            "seed_number": record["number"],
-            "seed": record["seed"],
-            **{key: value_of(row, key) for key in keys},
-            **{key: record["measures"].get(key) for key in measures},
-            **{key: record[key] for key in ("peak_memory_MB", "digest", "program", "machine")},
-        }
+    heads = (*_IDS, *keys, *measures, *_ORIGIN)
+    rows: list[Sequence[Any]] = [
+        [
+            *(record[key] for key in _IDS),
+            *(value_of(row, key) for key in keys),
+            *(record["measures"].get(key) for key in measures),
+            *(record[key] for key in _ORIGIN),
+        ]
         for record, row in zip(records, settings, strict=True)
     ]
+    return [["seed_number" if head == "number" else head for head in heads], *rows]
 
 
-def _pair_ages(records: Sequence[Record]) -> list[dict[str, Any]]:
-    return [
-        {"row": r["row"], "seed_number": r["number"], **dict(zip(_PAIR, pair, strict=True))}
-        for r in records
-        for pair in r["curves"].get("pairs", ())  # archives have none
-    ]
-
-
-def _write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """An empty cell is a number that a run does not have."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows(rows)
+def _csv(rows: Iterable[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def without_nan(value: Any) -> Any:
@@ -137,3 +150,133 @@ def without_nan(value: Any) -> Any:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return [without_nan(inner) for inner in value]
     return value
+
+
+# Documents.
+
+
+def text_of(document: Path, name: str) -> str:
+    """The text of a document that has a block of an experiment.
+
+    Raises:
+        NoMarksError: it has none.
+        OSError: it cannot be read.
+    """
+    text = document.read_text(encoding="utf-8")
+    if f"<!-- begin {name} " not in text:
+        raise NoMarksError(
+            f"{document} has no place for '{name}'; put '<!-- begin {name} facts -->' and "
+            f"'{_END}' on lines of their own"
+        )
+    return text
+
+
+def fill(document: Path, report: Report, archive: Path | None, figures: Sequence[Path]) -> None:
+    """Replace an experiment's blocks in a document, and put those figures beside it that it shows.
+
+    Files of evidence that are there are written anew. What has no content stays as it is.
+
+    Raises:
+        NoMarksError: the document has no block of the experiment.
+    """
+    text = _filled(text_of(document, report.name), report.name, _blocks(document, report, archive))
+    document.write_text(text, encoding="utf-8")
+    into = document.parent / _IMAGES
+    for figure in figures:
+        copy = into / f"{report.name}-{figure.name}"
+        if (_IMAGES / copy.name).as_posix() in text:
+            into.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(figure, copy)
+    for file, content in _evidence(document, report).items():
+        file.write_text(content, encoding="utf-8")
+
+
+def differences(document: Path, report: Report, archive: Path) -> list[str]:
+    """Blocks and files of evidence that say something else than the archived runs.
+
+    Raises:
+        NoMarksError: the document has no block of the experiment.
+    """
+    text = text_of(document, report.name)
+    found = [
+        f"{document}: {report.name} {what}"
+        for what, content in _blocks(document, report, archive).items()
+        if _filled(text, report.name, {what: content}) != text
+    ]
+    files = _evidence(document, report)
+    return found + [str(f) for f, own in files.items() if f.read_text(encoding="utf-8") != own]
+
+
+def _filled(text: str, name: str, contents: Mapping[str, str]) -> str:
+    """A document with other content in an experiment's blocks; where there is none, it stays."""
+    for what, content in contents.items():
+        begin = f"<!-- begin {name} {what} -->"
+        pattern = re.escape(begin) + r"\n.*?" + re.escape(_END)
+        new = f"{begin}\n{content}\n{_END}"
+        if content:
+            text = re.sub(pattern, new.replace("\\", r"\\"), text, flags=re.DOTALL)
+    return text
+
+
+def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, str]:
+    """The text for each kind of block; empty where there is nothing to say."""
+    return {
+        "fidelity": likeness(Runs(report.experiment, report.records)),
+        "claims": _claims(report),
+        "facts": _facts(report),
+        "paper": tables.nearness(report.experiment, report.lines),
+        "archive": "" if archive is None else _archive(archive, document, report),
+    }
+
+
+def _claims(report: Report) -> str:
+    text = ["| claim | what it says | verdict | effect [95 % interval] |", "|---|---|---|---|"]
+    for claim in report.claims:
+        text.append(f"| **{claim.number}** | **{claim.text}** | **{claim.brief}** | |")
+        text += [f"| | {part.what} | {part.verdict} | {part.because} |" for part in claim.parts]
+    return "\n".join(text)
+
+
+def _archive(archive: Path, document: Path, report: Report) -> str:
+    """Where the runs are, and what tells them from others."""
+    path = archive.absolute().relative_to(document.absolute().parent).as_posix()
+    programs, rules = (
+        ", ".join(sorted({record[key] for record in report.records}))
+        for key in ("program", "rules")
+    )
+    content = archive.read_bytes()
+    return (
+        f"Remade from [{path}]({path}): {len(content) / 1e6:.2f} MB, SHA-256 "
+        f"`{hashlib.sha256(content).hexdigest()}`, program {programs}, claims {rules}."
+    )
+
+
+def _facts(report: Report) -> str:
+    """What was run, and how long it took."""
+    cpu_s = sum(record["measures"]["cpu_s"] for record in report.records)
+    return (
+        f"{counted(len(report.records), 'runs')} ({counted(len(report.lines), 'rows')}, "
+        f"{seeds_of(report.records)}), {in_words(cpu_s)} of processor time."
+    )
+
+
+def _evidence(document: Path, report: Report) -> dict[Path, str]:
+    """What belongs into the files of evidence that a document has beside it."""
+    tabled = {
+        "table": tables.as_rows(report.experiment, report.lines),
+        "pairs": as_rows(Runs(report.experiment, report.records)),
+        "claims": [
+            ["claim", "part", "verdict", "because"],
+            *(
+                [str(claim.number), part.what, part.verdict, part.because]
+                for claim in report.claims
+                for part in claim.parts
+            ),
+        ],
+    }
+    found = {}
+    for what, rows in tabled.items():
+        file = document.parent / "evidence" / f"{report.name}-{what}.csv"
+        if file.exists() and len(rows) > 1:
+            found[file] = _csv(rows)
+    return found

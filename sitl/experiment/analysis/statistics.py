@@ -32,9 +32,6 @@ Numbers = npt.NDArray[np.float64]
 LEVEL: Final = 0.05
 POWER: Final = 0.8
 
-_AT_ONCE: Final = 5_000_000
-"""So many runs are drawn at a time: of thousands of runs all resamples do not fit into memory."""
-
 _RESAMPLES: Final = 10_000
 _SEED: Final = 20240513
 """The resampling has its own seed, so that the same runs give the same interval."""
@@ -77,7 +74,7 @@ def interval(*columns: Numbers, statistic: Callable[..., Any] = _mean) -> Interv
             columns,
             statistic,
             n_resamples=_RESAMPLES,
-            batch=max(1, _AT_ONCE // runs),
+            batch=500,  # at once: of thousands of runs all resamples do not fit into memory
             paired=True,
             vectorized=True,
             method="percentile",

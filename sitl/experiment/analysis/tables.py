@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import Interval, Runs, interval, ratio, spread
-from sitl.experiment.plan import Experiment, Record, flat
+from sitl.experiment.analysis.statistics import Interval, Numbers, Runs, interval, ratio, spread
+from sitl.experiment.plan import Experiment, Record, flat, said
 from sitl.experiment.settings import value_of
 
 _HEADS: Final = {"radius_m": "radius m", "uavs": "UAVs", "ugvs": "UGVs"}
@@ -147,33 +146,22 @@ def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
     }
     for row in experiment.rows:
         own = [record["measures"] for record in records if record["row"] == row.label]
-        if own:
-            settings = flat(row.settings)
-            values = {column.key: column.estimate(own) for column in COLUMNS}
-            if oracle := oracles.get(experiment.seed(row, 0)):
-                numbers = samples.numbers(oracle, row)
-                ages_s = (samples.values(r, _OF_ORACLE.measure, numbers) for r in (oracle, row))
-                shares = interval(*ages_s, statistic=ratio)
-                values[_OF_ORACLE.key] = Interval(*(100 * share for share in shares))
-            wall_s = sum(run["wall_s"] for run in own)
-            simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in own)
-            found.append(
-                Line(
-                    label=row.label,
-                    settings=settings,
-                    runs=len(own),
-                    values=values,
-                    speed_up=simulated_s / max(wall_s, 1e-9),
-                    paper=_paper_row(settings),
-                )
-            )
+        if not own:
+            continue
+        values = {column.key: column.estimate(own) for column in COLUMNS}
+        if oracle := oracles.get(experiment.seed(row, 0)):
+            numbers = samples.numbers(oracle, row)
+            ages_s = (samples.values(each, _OF_ORACLE.measure, numbers) for each in (oracle, row))
+            shares = interval(*ages_s, statistic=ratio)
+            values[_OF_ORACLE.key] = Interval(*(100 * share for share in shares))
+        wall_s = sum(run["wall_s"] for run in own)
+        simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in own)
+        settings = flat(row.settings)
+        team = tuple(value_of(settings, key) for key in _HEADS)
+        paper = next((line for line in PAPER_TABLE if line[:3] == team), None)
+        speed_up = simulated_s / max(wall_s, 1e-9)
+        found.append(Line(row.label, settings, len(own), values, speed_up, paper))
     return found
-
-
-def _paper_row(settings: Mapping[str, Any]) -> PaperRow | None:
-    """The paper's line for a team; None if it has none."""
-    team = tuple(value_of(settings, key) for key in _HEADS)
-    return next((row for row in PAPER_TABLE if row[:3] == team), None)
 
 
 def of_the_paper(experiment: Experiment) -> bool:
@@ -183,22 +171,25 @@ def of_the_paper(experiment: Experiment) -> bool:
 
 def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     """The table as it is read: the heads, then the cells of each row."""
-    keys = list(dict.fromkeys(key for line in found for key in line.settings))
-    differing = [k for k in keys if len({_plain(k, line) for line in found}) > 1]
-    columns: dict[str, Callable[[Line], str]] = {
-        _HEADS.get(key, key.replace("_", " ")): partial(_plain, key) for key in differing
-    }
+    columns: dict[str, list[str]] = {}
+    for key in dict.fromkeys(key for line in found for key in line.settings):
+        cells = [said(value_of(line.settings, key)) for line in found]
+        if len(set(cells)) > 1:
+            columns[_HEADS.get(key, key.replace("_", " "))] = cells
     if not columns or len(columns) > _MOST_SETTINGS:
-        columns = {"row": lambda line: line.label}
-    columns["runs"] = lambda line: str(line.runs)
+        columns = {"row": [line.label for line in found]}
+    columns["runs"] = [str(line.runs) for line in found]
     for column in (*COLUMNS, _OF_ORACLE):
-        if all(math.isnan(line.values.get(column.key, _NONE).value) for line in found):
-            continue
-        columns[column.head] = partial(_shown, column)
-        if column.paper and of_the_paper(experiment):
-            columns[f"paper: {column.head}"] = partial(_papers, column)
-    columns["x real time"] = lambda line: f"{line.speed_up:,.0f}"
-    return [[*columns], *([cell(line) for cell in columns.values()] for line in found)]
+        estimates = [line.values.get(column.key, _NONE) for line in found]
+        if not all(math.isnan(estimate.value) for estimate in estimates):
+            columns[column.head] = [_shown(estimate, column.digits) for estimate in estimates]
+            if column.paper and of_the_paper(experiment):
+                theirs = [line.paper and getattr(line.paper, column.paper) for line in found]
+                columns[f"paper: {column.head}"] = [
+                    "" if number is None else f"{number:.{column.digits}f}" for number in theirs
+                ]
+    columns["x real time"] = [f"{line.speed_up:,.0f}" for line in found]
+    return [[*columns], *map(list, zip(*columns.values(), strict=True))]
 
 
 def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
@@ -215,12 +206,6 @@ def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
     return "\n\n".join([experiment.title, *text, f"From {seeds}.\n{_CAPTION}"])
 
 
-def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:
-    """The table for a document."""
-    heads, *rows = ("| " + " | ".join(row) + " |" for row in as_rows(experiment, found))
-    return "\n".join([heads, "|" + "---:|" * heads.count(" | ") + "---:|", *rows])
-
-
 def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:
     """The table for other programs."""
     return [
@@ -235,22 +220,49 @@ def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:
     ]
 
 
-def _plain(key: str, line: Line) -> str:
-    value = value_of(line.settings, key)
-    if value is None:
+def nearness(experiment: Experiment, found: Sequence[Line]) -> str:
+    """How near the table comes to the paper's, for a document; empty if it is another table.
+
+    Beside it a formula with one constant, fitted to the paper's numbers: for waits it times
+    (UAVs + UGVs)^2 times the radius, else the constant itself.
+    """
+    ours = [line for line in found if line.paper]
+    if not of_the_paper(experiment) or len(ours) < len(PAPER_TABLE):
         return ""
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    text = [
+        "| column | ours / paper (range) | within x2 | R² | paper in interval | formula: x2 | R² |",
+        "|---|" + "---:|" * 6,
+    ]
+    radii_m, uavs, ugvs, *_ = np.array([line.paper for line in ours], np.float64).T
+    for column in (column for column in COLUMNS if column.paper):
+        paper = np.array([getattr(line.paper, column.paper or "") for line in ours])
+        value, low, high = np.array([line.values[column.key] for line in ours]).T
+        shape = (uavs + ugvs) ** 2 * radii_m if "wait" in column.key else np.ones(len(ours))
+        factors = value / paper
+        cells = [
+            column.head,
+            f"{_geometric(factors):.2f} ({factors.min():.2f} to {factors.max():.2f})",
+            *_fit(value, paper),
+            f"{np.count_nonzero((low <= paper) & (paper <= high))} of {len(ours)}",
+            *_fit(shape * _geometric(paper / shape), paper),
+        ]
+        text.append(f"| {' | '.join(cells)} |")
+    return "\n".join(text)
 
 
-def _shown(column: Column, line: Line) -> str:
-    estimate = line.values.get(column.key, _NONE)
+def _geometric(values: Numbers) -> float:
+    return math.exp(np.log(values).mean())
+
+
+def _fit(guess: Numbers, truth: Numbers) -> tuple[str, str]:
+    """How many are within a factor of two, and R²: the share of the variance that is explained."""
+    near = np.count_nonzero(np.abs(np.log2(guess / truth)) <= 1)
+    lost = ((guess - truth) ** 2).sum() / ((truth - truth.mean()) ** 2).sum()
+    return f"{near} of {len(truth)}", f"{1 - lost:.2f}"
+
+
+def _shown(estimate: Interval, digits: int) -> str:
     if math.isnan(estimate.value):
         return "none"
-    value, low, high = (f"{number:.{column.digits}f}" for number in estimate)
+    value, low, high = (f"{number:.{digits}f}" for number in estimate)
     return value if math.isnan(estimate.low) else f"{value} [{low}, {high}]"
-
-
-def _papers(column: Column, line: Line) -> str:
-    """The paper's number, as precise as the paper has it."""
-    digits = 2 if column.paper and column.paper.startswith("wait") else 1
-    return f"{getattr(line.paper, column.paper or ''):.{digits}f}" if line.paper else ""

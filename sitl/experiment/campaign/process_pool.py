@@ -14,9 +14,8 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from typing import Final
+from typing import Final, NamedTuple
 
 from air_router.errors import EXPECTED, told
 from sitl.experiment.plan import Record, Task
@@ -27,52 +26,37 @@ Work = Callable[[Task], Record]
 """Makes one run. Travels to other processes, so it is a module's own function."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """A run has been made."""
+class Outcome(NamedTuple):
+    """What became of a run.
+
+    Attributes:
+        task: which one.
+        record: it is made; None: it is not.
+        why: then: the error of the program, or how its worker ended.
+        again: the worker was lost, and the run is begun once more.
+    """
 
     task: Task
-    record: Record
+    record: Record | None
+    why: str = ""
+    again: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Lost:
-    """The worker that made a run is gone; `again`: the run is begun once more."""
-
-    task: Task
-    why: str
-    again: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """A run ended in an error of the program. The same seed would end in the same one."""
-
-    task: Task
-    why: str
-
-
-Outcome = Finished | Lost | Failed | None
+Outcomes = Generator[Outcome | None, None, None]
 """None: nothing has come for a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessPool:
-    """A pool of so many processes."""
-
-    workers: int
-
-    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
-        """Make all runs, in any order; closing the iterator ends the processes at once."""
-        waiting = deque(tasks)
-        while waiting:
-            for suspect in (yield from _made(work, waiting, self.workers, again=True)):
-                yield from _made(work, deque([suspect]), 1, again=False)
+def make_runs(work: Work, tasks: Iterable[Task], workers: int) -> Outcomes:
+    """Make all runs, in any order; closing the iterator ends the processes at once."""
+    waiting = deque(tasks)
+    while waiting:
+        for suspect in (yield from _made(work, waiting, workers, again=True)):
+            yield from _made(work, deque([suspect]), 1, again=False)
 
 
 def _made(
     work: Work, waiting: deque[Task], workers: int, *, again: bool
-) -> Generator[Outcome, None, list[Task]]:
+) -> Generator[Outcome | None, None, list[Task]]:
     """Make runs until none is left or a worker dies; those that were under way then."""
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
@@ -89,15 +73,15 @@ def _made(
             for future in done:
                 task = under_way.pop(future)
                 error = future.exception()
-                if isinstance(error, BrokenProcessPool):
+                if error:
                     lost.append(task)
-                    yield Lost(task, str(error), again)
+                    yield Outcome(task, None, str(error), again)
                 elif isinstance(made := future.result(), str):
-                    yield Failed(task, made)
+                    yield Outcome(task, None, made)
                 else:
-                    yield Finished(task, made)
+                    yield Outcome(task, made)
         for task in under_way.values():
-            yield Lost(task, "a worker beside it ended", again)
+            yield Outcome(task, None, "a worker beside it ended", again)
         return [*lost, *under_way.values()]
     finally:
         for process in set(multiprocessing.active_children()) - before:

@@ -10,21 +10,22 @@ So a table can be remade when rows, towns or claims are others.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import functools
 import hashlib
 import json
 import lzma
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import BinaryIO, Final
 
-from air_router.errors import AirRouterError, ExitCode, UsageError
+from air_router.errors import AirRouterError, ExitCode
 from mocha_link.team.document import Document
-from sitl.experiment.plan import Experiment, Phase, Record
+from sitl.experiment.plan import Experiment, Record
 from sitl.experiment.plan_file import experiment_of
 
 FILE_NAME: Final = "runs.jsonl"
@@ -34,15 +35,10 @@ _PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
 _KEYS: Final = frozenset(
     {"experiment", "row", "number", "phase", "rules", "seed", "fingerprint", "measures"}
 )
-_ARCHIVED_CURVES: Final = ("links",)
 
 
 class RunLogError(AirRouterError):
     """The file of finished runs cannot be used."""
-
-
-class MixedRunsError(UsageError):
-    """The finished runs belong to other settings, seeds or a phase other than what is asked for."""
 
 
 class InUseError(AirRouterError):
@@ -51,45 +47,16 @@ class InUseError(AirRouterError):
     exit_code = ExitCode.REFUSED
 
 
+@dataclass(slots=True)
 class RunLog:
-    """The finished runs in a folder; one program at a time may add to it.
-
-    With `fresh` it does not look at what is there, and `clear` forgets it.
+    """The finished runs in a folder.
 
     Attributes:
-        records: The runs that were there.
-
-    Raises:
-        RunLogError: the file has lines that no run wrote.
-        InUseError: another program has it open.
+        records: The runs that were there when it was opened.
     """
 
-    def __init__(self, folder: Path, *, fresh: bool = False) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / FILE_NAME
-        self._file = path.open("ab+")  # locked: one program at a time
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self.records: list[Record] = [] if fresh else self._read(path)
-        except BlockingIOError:
-            self._file.close()
-            raise InUseError(
-                f"{folder} is in use by another `sitl experiment`; wait, or give another --out"
-            ) from None
-        except BaseException:
-            self._file.close()
-            raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._file.close()
+    records: list[Record]
+    _file: BinaryIO
 
     def clear(self) -> None:
         """Forget what is in the file."""
@@ -102,20 +69,38 @@ class RunLog:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _read(self, path: Path) -> list[Record]:
-        self._file.seek(0)
-        content = self._file.read()
+
+@contextlib.contextmanager
+def run_log(folder: Path, *, fresh: bool = False) -> Iterator[RunLog]:
+    """The log in a folder, locked: one program at a time may add to it.
+
+    With `fresh` it does not look at what is there, and `RunLog.clear` forgets it.
+
+    Raises:
+        RunLogError: the file has lines that no run wrote.
+        InUseError: another program has it open.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / FILE_NAME
+    with path.open("ab+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InUseError(
+                f"{folder} is in use by another `sitl experiment`; wait, or give another --out"
+            ) from None
+        file.seek(0)
+        content = b"" if fresh else file.read()
         whole = content[: content.rfind(b"\n") + 1]
-        self._file.truncate(len(whole))
-        return [_run(line, path, number) for number, line in enumerate(whole.splitlines(), 1)]
+        if not fresh:
+            file.truncate(len(whole))
+        yield RunLog([_run(line, path, n) for n, line in enumerate(whole.splitlines(), 1)], file)
 
 
 def write_archive(path: Path, plan: Path, records: Sequence[Record]) -> None:
     """Write runs and the file of their experiment."""
     lines: list[Record] = [{"file": plan.name, "plan": plan.read_text(encoding="utf-8")}]
-    for record in records:
-        curves = {key: record["curves"][key] for key in _ARCHIVED_CURVES if key in record["curves"]}
-        lines.append({**record, "curves": curves})
+    lines += [{**record, "curves": {}} for record in records]
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
     path.write_bytes(lzma.compress(text.encode(), preset=9))
 
@@ -148,43 +133,6 @@ def _run(line: bytes, path: Path, number: int) -> Record:
             f"{path}:{number}: not a run; remove the line, or begin anew with --fresh"
         )
     return record
-
-
-def usable(
-    records: list[Record], experiment: Experiment, phase: Phase, folder: Path
-) -> dict[Any, Record]:
-    """The finished runs of this very experiment, by row's label and seed's number.
-
-    Raises:
-        MixedRunsError: there are runs of the other phase; or rows of the same name were run with
-            other settings, or with other seeds: what the file's rows differ in, what is paired, or
-            where confirmation begins has changed.
-    """
-    rows = {row.label: row for row in experiment.rows}
-    found: dict[Any, Record] = {}
-    for record in records:
-        if record["phase"] != phase:
-            raise MixedRunsError(
-                f"{folder} holds {record['phase']} runs, and {phase} runs are asked for; give "
-                "another --out"
-            )
-        row = rows.get(record["row"])
-        if row is None:
-            continue
-        number = record["number"]
-        same = (
-            record["experiment"] == experiment.name
-            and record["fingerprint"] == row.fingerprint
-            and record["phase"] == experiment.phase(number)
-            and record["seed"] == experiment.seed(row, number)
-        )
-        if not same:
-            raise MixedRunsError(
-                f"{folder} holds runs of row '{row.label}' with other settings or seeds; give "
-                "another --out, or begin anew with --fresh"
-            )
-        found[row.label, number] = record
-    return found
 
 
 @functools.cache

@@ -1,19 +1,12 @@
 """How old what robots hold of each other is: exact, from every message that is made and delivered.
 
 A robot holds a state of another one. Its age is the time since that state stopped being true: 0 as
-long as the robot that made it would still say the same, so an unchanged map does not grow old, and
-perfect communication has an age of 0. This is the age of synchronization of J. Zhong, R. Yates and
-E. Soljanin, "Two Freshness Metrics for Local Cache Refresh", ISIT 2018. A map stops being true when
-one more cell is seen, claims when one is made, kept or left; what is told on the other topics, when
-the next message is made, which is when a peer asks. A pose is a measurement and true at its instant
-only; there it is the age of information of S. Kaul, R. Yates and M. Gruteser, "Real-Time Status:
-How Often Should One Update?", INFOCOM 2012: the time since the newest delivered one was made.
-Before the first delivery, ages count from when there was something to say.
-
-The peak age is the mean of the ages just before each delivery of news (M. Costa, M. Codreanu and
-A. Ephremides, "On the Age of Information in Status Update Systems With Packet Management", IEEE
-Transactions on Information Theory 62, 2016). The age at the end of a run is its last peak unless it
-is 0: a pair that never meets would have none.
+long as the robot that made it would still say the same. A map stops being true when one more cell
+is seen, claims when one is made, kept or left; what is told on the other topics, when the next
+message is made, which is when a peer asks. A pose is true at its instant only. Before the first
+delivery, ages count from when there was something to say. The peak age is the mean of the ages just
+before each delivery of news; that at the end of a run is the last peak, unless it is 0.
+docs/experiments.md#age-of-information says whose measures these are.
 """
 
 from __future__ import annotations
@@ -133,13 +126,6 @@ class Ages:
                         rows = [(time_s, source.false_s[place + 1]) for time_s, place in own]
                         found[name, robot, other] = np.array([(0.0, first_s), *rows])
         return found
-
-
-def ages_at(held: Held, times_s: Numbers) -> Numbers:
-    """The age at some times of a run."""
-    false_s = held[np.searchsorted(held[:, 0], times_s, side="right") - 1, 1]
-    ages_s: Numbers = np.maximum(times_s - false_s, 0.0)
-    return ages_s
 
 
 def mean_age_s(held: Held, end_s: float) -> float:

@@ -12,18 +12,17 @@ from collections.abc import Sequence
 from functools import partial
 
 from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.sync.protocol import SYNC1, Action, Connect, Disconnect, Reply, Send
+from mocha_link.sync.frames import CHUNKS
+from mocha_link.sync.protocol import ID_BYTES, SYNC1, Action, Connect, Disconnect, Reply, Send
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.exchange import (
     AirtimeStats,
-    ContactRow,
+    Contact,
     Exchange,
     code_of,
     finished_in,
-    is_data,
     needs_turn,
     request_load,
-    size_of,
     stage_of,
 )
 from sitl.experiment.events import EventQueue
@@ -31,19 +30,10 @@ from sitl.experiment.robots.node import Node
 
 
 class ChannelSim:
-    """Connects the nodes of a run.
-
-    Args:
-        nodes: In the order of their numbers.
-        airtime: Keeps count of it.
-    """
+    """Connects the nodes of a run, in the order of their numbers; `airtime` keeps count of it."""
 
     def __init__(
-        self,
-        queue: EventQueue,
-        channel: Channel,
-        nodes: Sequence[Node],
-        airtime: AirtimeStats,
+        self, queue: EventQueue, channel: Channel, nodes: Sequence[Node], airtime: AirtimeStats
     ) -> None:
         self._queue = queue
         self._channel = channel
@@ -64,9 +54,11 @@ class ChannelSim:
         """Pulls that are under way or wait."""
         return len(self._exchanges)
 
-    def lasting(self) -> list[ContactRow]:
-        """Contacts that have not ended."""
-        return [(began_s, self._queue.now_s, *pair) for pair, began_s in self._contacts.items()]
+    def contacts(self) -> list[Contact]:
+        """All contacts so far, in the order of their beginnings."""
+        now_s = self._queue.now_s
+        lasting = [Contact(began_s, now_s, *pair) for pair, began_s in self._contacts.items()]
+        return sorted((*self._airtime.contacts, *lasting))
 
     def look(self, places: Places) -> None:
         """Robots have moved: contacts begin and end."""
@@ -108,7 +100,7 @@ class ChannelSim:
     def _part(self, change: Change) -> None:
         a, b, _ = change
         began_s = self._contacts.pop((a, b))
-        self._airtime.parted((began_s, self._queue.now_s, a, b))
+        self._airtime.contacts.append(Contact(began_s, self._queue.now_s, a, b))
         self.tell_contact(a, b, began_s, up=False)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
@@ -235,11 +227,12 @@ class ChannelSim:
             if supplied is None:
                 exchange.dry = True
                 break
-            exchange.supplied.append(supplied[1])
-            size += size_of(supplied[1])
-            if is_data(supplied[1]):
+            parts = supplied[1]
+            exchange.supplied.append(parts)
+            size += sum(map(len, parts))
+            if parts[0][ID_BYTES] == CHUNKS:
                 data = True
-                messages += finished_in(supplied[1])
+                messages += finished_in(parts)
                 if self._channel.frame_by_frame:
                     break
         return Load(Stage.DATA, messages, size, 0) if data else None
@@ -308,7 +301,9 @@ class ChannelSim:
                 self._do(node, action)
             for event in events:
                 if isinstance(event, SyncEnded | SyncTimedOut) and event.direction is Direction.IN:
-                    self._airtime.pulled(broken=isinstance(event, SyncTimedOut))
+                    broken = isinstance(event, SyncTimedOut)
+                    self._airtime.broken += broken
+                    self._airtime.complete += not broken
             if self._triggered and any(isinstance(event, MessageStored) for event in events):
                 self._push(node)
 

@@ -1,29 +1,25 @@
 """One pull on its way over the channel: what is to cross it next, what that costs, what came of it.
 
-The frames are those of `mocha_link`: nothing here says anything of its own. What a transmission is
-made of follows from the protocol that the two nodes speak:
+The frames are those of `mocha_link`. What a transmission is made of follows from the protocol:
 
 original  A request and its reply cross together: GHEAD is a header request, each GDATA a piece of
           data, DENDT the end. One at a time.
-ours      The opening of a sync, and whatever else has to go back and forth before data flow (a new
-          opening, answers to group digests), is a header request; what the other side says to it
-          rides along. Frames of data follow one another without further requests; what they bring
-          whole is the data of the transmission. Credit, what may be skipped, and the end need no
-          turn of their own: no robot waits for an answer to them.
+ours      The opening of a sync, and whatever else has to go back and forth before data flow, is a
+          header request; what the other side says to it rides along. Frames of data follow without
+          further requests. Credit, what may be skipped, and the end need no turn of their own: no
+          robot waits for an answer to them.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
-
-import numpy as np
+from typing import Final, NamedTuple
 
 from mocha_link.node.gossip import Gossip
 from mocha_link.store.wire import Header
-from mocha_link.sync.frames import ANSWER, CHUNKS, OPEN
+from mocha_link.sync.frames import ANSWER, OPEN
 from mocha_link.sync.protocol import (
     ACK,
     CODE_BYTES,
@@ -37,7 +33,6 @@ from mocha_link.sync.protocol import (
 )
 from mocha_link.sync.sync_receiver import read_chunks
 from sitl.experiment.engine.channel import Link, Load, Stage
-from sitl.experiment.engine.result import CONTACT, TRANSMISSION
 
 _STAGES: Final = {GHEAD: Stage.HEADER, GDATA: Stage.DATA, DENDT: Stage.END}
 _BODY: Final = ID_BYTES + CODE_BYTES
@@ -48,13 +43,40 @@ _REQUEST_TRIPS: Final = 4
 _OPENING_TRIPS: Final = 2
 """Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
 
-Row = tuple[float, float, float, int, int, int, int, int, bool]
-"""A transmission, in the order of `result.TRANSMISSION`."""
 
-ContactRow = tuple[float, float, int, int]
-"""A contact, in the order of `result.CONTACT`."""
+class Transmission(NamedTuple):
+    """A transmission. What was interrupted and sent again has one for each try.
 
-_Table = np.ndarray[tuple[int], np.dtype[np.void]]
+    Attributes:
+        ready_s: When it could have begun, had the channel been free; of each try the same.
+        start_s: When it began.
+        end_s: When it arrived, or was interrupted.
+        asking: Number of the robot that pulls.
+        answering: Of whom it pulls from.
+        stage: A `Stage`.
+        messages: Robots' messages that arrived with it.
+        bytes: Request and replies; of an interrupted one as far as it came.
+        complete: It was not interrupted.
+    """
+
+    ready_s: float
+    start_s: float
+    end_s: float
+    asking: int
+    answering: int
+    stage: int
+    messages: int
+    bytes: int
+    complete: bool
+
+
+class Contact(NamedTuple):
+    """Two robots, by their numbers, were in contact; one that lasts ends with the run."""
+
+    began_s: float
+    ended_s: float
+    a: int
+    b: int
 
 
 @dataclass(slots=True, eq=False)
@@ -129,21 +151,11 @@ def request_load(exchange: Exchange, answering: Gossip) -> Load:
     return Load(stage, int(stage is Stage.DATA), size, _REQUEST_TRIPS)
 
 
-def is_data(parts: Sequence[Frame]) -> bool:
-    """Whether a supplied frame, behind its id, has data in it."""
-    return parts[0][ID_BYTES] == CHUNKS
-
-
 def finished_in(parts: Sequence[Frame]) -> int:
     """How many messages are whole once this frame of data has arrived."""
     chunks = read_chunks(memoryview(parts[0])[ID_BYTES:], parts[1:])
     ends = sum(offset + len(data) == total for _, total, offset, data in chunks.pieces)
     return len(chunks.wholes) + ends
-
-
-def size_of(parts: Sequence[Frame]) -> int:
-    """Bytes of a frame."""
-    return sum(map(len, parts))
 
 
 class AirtimeStats:
@@ -155,20 +167,22 @@ class AirtimeStats:
     Attributes:
         complete: Pulls that came to their end.
         broken: Pulls that were given up when contact was lost.
+        transmissions: In the order of their ends.
+        contacts: Those that are over.
     """
 
-    def __init__(self, told: Callable[[Row], None]) -> None:
+    def __init__(self, told: Callable[[Transmission], None]) -> None:
         self.complete = self.broken = 0
+        self.transmissions: list[Transmission] = []
+        self.contacts: list[Contact] = []
         self._told = told
-        self._rows: list[Row] = []  # in the order of their ends
-        self._contacts: list[ContactRow] = []  # that are over
 
     def sent(self, exchange: Exchange, end_s: float, part: float | None = None) -> None:
         """A transmission of an exchange ends; `part`: it was cut, and so much of it had crossed."""
         load, start_s, ready_s = exchange.load, exchange.start_s, exchange.ready_s
         if load is None or start_s is None or ready_s is None:
             raise AssertionError("a transmission begins before it ends")
-        row = (
+        sent = Transmission(
             round(ready_s, 6),
             round(start_s, 6),
             round(end_s, 6),
@@ -176,26 +190,7 @@ class AirtimeStats:
             int(load.stage),
             load.messages if part is None else 0,
             load.size if part is None else int(load.size * part),
-            part is None,
+            complete=part is None,
         )
-        self._rows.append(row)
-        self._told(row)
-
-    def parted(self, contact: ContactRow) -> None:
-        """A contact is over."""
-        self._contacts.append(contact)
-
-    def pulled(self, *, broken: bool) -> None:
-        """A pull is over."""
-        if broken:
-            self.broken += 1
-        else:
-            self.complete += 1
-
-    def transmissions(self) -> _Table:
-        """All transmissions so far, as `result.TRANSMISSION`."""
-        return np.array(self._rows, dtype=TRANSMISSION)
-
-    def contacts(self, lasting: Iterable[ContactRow]) -> _Table:
-        """All contacts so far, and those that last, as `result.CONTACT`."""
-        return np.array(sorted((*self._contacts, *lasting)), dtype=CONTACT)
+        self.transmissions.append(sent)
+        self._told(sent)

@@ -6,45 +6,24 @@ Ours and the paper's, with 95 % confidence intervals. Needs matplotlib.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
 from air_router.counted import counted
-from sitl.experiment.analysis.statistics import Interval
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
-from sitl.experiment.engine.result import BIN_S
-from sitl.experiment.figures.plots import (
-    draw_links,
-    draw_places,
-    plot_ages,
-    plot_bandwidth,
-    plot_contacts,
-    plot_goals,
-    plot_waits,
-)
-from sitl.experiment.figures.sheet import (
-    COLOURS,
-    FAINT,
-    INK,
-    Chart,
-    example_chart,
-    panel_chart,
-    save,
-    sheet,
-    styled,
-)
+from sitl.experiment.figures.plots import draw_bandwidth, draw_goals, draw_places
+from sitl.experiment.figures.sheet import COLOURS, FAINT, INK, legend_below, save, sheet, styled
 from sitl.experiment.plan import Experiment, Record, words
 
 _MEASURES: Final = (
-    ("goals_percent", "goals_percent", "goals reached (%)", False),
-    ("time_min", "mean_time_min", "time to a goal (min)", False),
-    ("wait_mean_s", "wait_mean_s", "message wait, mean (s)", True),
+    ("goals_percent", "goals_percent", "goals reached (%)"),
+    ("time_min", "mean_time_min", "time to a goal (min)"),
+    ("wait_mean_s", "wait_mean_s", "message wait, mean (s)"),
 )
 _COMPARED: Final = (
     ("goals_percent", "goals reached (%)"),
@@ -59,9 +38,9 @@ _MOST_ROWS: Final = 16
 
 def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
     """The paper's table as curves over the radius, ours beside the paper's."""
-    found = lines(experiment, records)
     if not of_the_paper(experiment):
         return None
+    found = lines(experiment, records)
     sizes = sorted({line.settings["ugvs"] for line in found})
     figure, axes = sheet(
         len(_MEASURES) * len(sizes),
@@ -69,32 +48,22 @@ def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | No
         "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's",
         high=2.4,
         columns=len(sizes),
+        one_scale="row",
     )
-    for place, (ours, theirs, label, logarithmic) in enumerate(_MEASURES):
+    for place, (ours, theirs, label) in enumerate(_MEASURES):
         row = axes[place * len(sizes) : (place + 1) * len(sizes)]
         for size, one in zip(sizes, row, strict=True):
             team = [line for line in found if line.settings["ugvs"] == size]
             _draw_team(one, team, ours, theirs)
+            one.set(xlabel="radius (m)", ylabel=label)
             one.set_title(counted(size, "ground robots"), loc="left")
-            one.set_xlabel("radius (m)")
-            one.set_ylabel(label)
-            if logarithmic:
-                _logarithmic(one)
-        low = min(one.get_ylim()[0] for one in row)
-        high = max(one.get_ylim()[1] for one in row)
-        for one in row:
-            one.set_ylim(low, high)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, labelcolor=INK)
+        if ours.startswith("wait"):  # with numbers that people read: 0.2, 0.5, 1, 2
+            row[0].set_yscale("log")
+            row[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            row[0].yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            row[0].yaxis.set_minor_locator(NullLocator())
+    legend_below(figure)
     return figure
-
-
-def _logarithmic(one: Axes) -> None:
-    """A logarithmic axis with numbers that people read: 0.2, 0.5, 1, 2."""
-    one.set_yscale("log")
-    one.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    one.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    one.yaxis.set_minor_locator(NullLocator())
 
 
 def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
@@ -103,31 +72,26 @@ def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
             (line for line in team if line.settings["uavs"] == uavs),
             key=lambda line: line.settings["radius_m"],
         )
-        if not own:
-            continue
         radii_m = np.array([line.settings["radius_m"] for line in own]) + shift
         style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 5}
-        values = [line.values[ours] for line in own]
-        _bars(one, radii_m, values, {**style, "label": f"{counted(uavs, 'UAVs')}, ours"})
+        bars: dict[str, Any] = {"lw": 1.6, "elinewidth": 1.1, "capsize": 2.5, "zorder": 3}
+        value, low, high = np.array([line.values[ours] for line in own]).reshape(-1, 3).T
+        reach = np.maximum(np.nan_to_num([value - low, high - value]), 0)
+        team_name = counted(uavs, "UAVs")
+        one.errorbar(radii_m, value, yerr=reach, label=f"{team_name}, ours", **style, **bars)
         paper = [getattr(line.paper, theirs) if line.paper else np.nan for line in own]
-        hollow: dict[str, Any] = {"linestyle": (0, (3, 2)), "mfc": "white", "lw": 1, "zorder": 2}
-        one.plot(radii_m, paper, label=f"{counted(uavs, 'UAVs')}, paper", **style, **hollow)
-
-
-def _bars(one: Axes, across: Any, found: Sequence[Interval], style: dict[str, Any]) -> None:
-    value, low, high = np.array(found, dtype=np.float64).T
-    reach = np.maximum(np.nan_to_num([value - low, high - value]), 0)
-    one.errorbar(across, value, yerr=reach, lw=1.6, elinewidth=1.1, capsize=2.5, zorder=3, **style)
+        hollow: dict[str, Any] = {"ls": (0, (3, 2)), "mfc": "white", "lw": 1, "zorder": 2}
+        one.plot(radii_m, paper, label=f"{team_name}, paper", **style, **hollow)
 
 
 def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
     """Every row's goals, times, ages and waits, one dot each."""
     found = lines(experiment, records)
-    if not 1 < len(found) <= _MOST_ROWS:
+    if not 1 < len(found) <= _MOST_ROWS or "goals_total" not in records[0]["measures"]:
         return None
-    first = experiment.varied[:1]
-    groups = [words(line.settings, first) for line in found]
+    groups = [words(line.settings, experiment.varied[:1]) for line in found]
     order = list(dict.fromkeys(groups))
+    colours = [COLOURS[order.index(group) % len(COLOURS)] for group in groups]
     figure, axes = sheet(
         len(_COMPARED),
         "The rows compared",
@@ -136,83 +100,39 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     )
     height = np.arange(len(found))[::-1]
     for one, (measure, label) in zip(axes, _COMPARED, strict=True):
-        for line, group, up in zip(found, groups, height, strict=True):
-            estimate = line.values[measure]
-            colour = COLOURS[order.index(group) % len(COLOURS)]
-            if not np.isnan(estimate.low):
-                one.plot([estimate.low, estimate.high], [up, up], color=colour, lw=1.6)
-            one.plot(estimate.value, up, "o", color=colour, ms=5)
+        value, low, high = np.array([line.values[measure] for line in found]).T
+        one.hlines(height, low, high, colors=colours, lw=1.6)
+        one.scatter(value, height, color=colours, s=25, zorder=3)
         one.set_yticks(height, [line.label for line in found], fontsize=7.5)
-        one.set_xlabel(label)
-        one.set_ylim(-0.7, len(found) - 0.3)
-        one.grid(visible=True, axis="x")
+        one.set(xlabel=label, ylim=(-0.7, len(found) - 0.3))
         one.margins(x=0.08)
         one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
     return figure
 
 
-FOLDER: Final = "figures"
-
-
-_GOALS: Final = Chart(
-    "Goals reached over time",
-    "mean of the runs of each team, band: one standard error",
-    "time (min)",
-    "goals reached (%)",
-    legend="lower right",
-)
-_WAITS: Final = Chart(
-    "How long messages wait for the channel",
-    "all messages of all runs. Dots: the means",
-    "wait longer than (s)",
-    "share of messages",
-    legend="lower left",
-)
-_BANDWIDTH: Final = Chart(
-    "Bandwidth over time, all robots together",
-    f"the first run of some teams, in bins of {BIN_S:.0f} s",
-    "time (min)",
-    "kB/s",
-    high=2.1,
-)
-_CONTACTS: Final = Chart(
-    "Who met whom",
-    "the wider a line, the longer the contact, mean of the runs. Orange: UAVs, blue: ground robots",
-    high=3.2,
-)
-_AGES: Final = Chart(
-    "Age of information",
-    "thin: of each ground robot, thick: their mean; mean of the runs",
-    "time (min)",
-    "age (min)",
-    legend="upper left",
-)
-_FIGURES: Final[Mapping[str, Callable[[Experiment, Sequence[Record]], Figure | None]]] = {
-    "table": draw_table,
-    "compare": draw_comparison,
-    "goals": partial(panel_chart, _GOALS, plot_goals),
-    "waits": partial(panel_chart, _WAITS, plot_waits),
-    "bandwidth": partial(example_chart, _BANDWIDTH, plot_bandwidth),
+_Draw = Callable[[Experiment, Sequence[Record]], Figure | None]
+_OF_MEASURES: Final[Mapping[str, _Draw]] = {"table": draw_table, "compare": draw_comparison}
+_OF_CURVES: Final[Mapping[str, _Draw]] = {
+    "goals": draw_goals,
+    "bandwidth": draw_bandwidth,
     "places": draw_places,
-    "contacts": partial(example_chart, _CONTACTS, plot_contacts),
-    "ages": partial(example_chart, _AGES, plot_ages),
-    "links": draw_links,
 }
-"""In the order in which to look at them."""
+"""Figures in the order in which to look at them; archives have no curves."""
 
 
 def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
-    """Draw every figure into DIR/figures, as PNG and for papers as PDF.
+    """Draw every figure that runs have the numbers for into DIR/figures, as PNG and PDF.
 
     Returns the PNG files, in the order in which to look at them.
 
     Raises:
         PictureError: a file cannot be written.
     """
-    into = folder / FOLDER
+    into = folder / "figures"
     into.mkdir(exist_ok=True)
     drawn = []
-    for name, draw in _FIGURES.items():
+    known = {**_OF_MEASURES, **(_OF_CURVES if any(r["curves"] for r in records) else {})}
+    for name, draw in known.items():
         path = into / f"{name}.png"
         with styled():
             figure = draw(experiment, records)

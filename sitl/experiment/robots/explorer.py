@@ -11,9 +11,11 @@ import math
 import random
 from typing import Final, NamedTuple
 
-from air_router.messages import MAP_TOPIC, MessageError
-from geo.frame import FrameError, Point
-from geo.grid import GridError, Terrain
+import numpy as np
+
+from air_router.messages import MAP_TOPIC
+from geo.frame import Point
+from geo.grid import Terrain
 from sitl.experiment.robots.knowledge import GoalBook, Knowledge, read_map
 from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
@@ -27,34 +29,23 @@ from sitl.experiment.settings import ExplorerSettings
 from sitl.world.towns.town import Cell, Town
 from sitl.world.towns.ways import PASSABLE, Ways, length_m
 
-PACE: Final = {
-    Terrain.ROAD: 1.0,
-    Terrain.GRAVEL: 0.8,
-    Terrain.GRASS: 0.8,
-    Terrain.HUMAN: 0.5,
-    Terrain.VEHICLE: 0.5,
-    Terrain.VEGETATION: 0.5,
-}
+_PACE: Final = np.full(len(Terrain), 0.5)
+_PACE[[Terrain.ROAD, Terrain.GRAVEL, Terrain.GRASS]] = 1.0, 0.8, 0.8
 """Share of its mean speed on roads that a robot makes on each ground."""
 
-_PACE: Final = tuple(PACE.get(terrain, 0.5) for terrain in Terrain)
 _INSIDE_M: Final = 0.5
 """Ways to a goal end so far within the distance at which it counts as reached."""
 
 NO_VEHICLE_M: Final = 8.0
 """A place that is farther than this from every vehicle is a false goal: visited, but not found."""
 
-_HEARD: Final = frozenset({MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC})
-
 
 class Visit(NamedTuple):
-    """A goal of the town that a robot has reached, and when."""
+    """A goal of the town that a robot has reached, and when, in seconds from the start."""
 
     goal: str
     time_s: float
-
-
-_DEFAULTS: Final = ExplorerSettings()
+    robot: str
 
 
 class GroundRobot:
@@ -71,8 +62,6 @@ class GroundRobot:
         position: Where it is.
         heading_deg: Clockwise from north.
         visited: Goals reached, in order; each id at most once per robot.
-        driven_m: Metres driven so far.
-        refused: Messages that were not what their topic promises.
         knowledge: What it knows of the ground.
         book: What it knows of goals.
     """
@@ -83,7 +72,7 @@ class GroundRobot:
         town: Town,
         seed: int,
         start: Point,
-        settings: ExplorerSettings = _DEFAULTS,
+        settings: ExplorerSettings,
     ) -> None:
         self.name = name
         self.town = town
@@ -91,8 +80,6 @@ class GroundRobot:
         self.position = start
         self.heading_deg = 0.0
         self.visited: list[Visit] = []
-        self.driven_m = 0.0
-        self.refused = 0
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
         self.book = GoalBook(name, settings.same_goal_m)
         self._post = ExplorerPost(
@@ -131,34 +118,26 @@ class GroundRobot:
             return []
         return self._post.collect(self._now_s, self.position, self.heading_deg, self.knowledge)
 
-    def take(self, robot: str, topic: str, data: bytes, now_s: float) -> bool:
-        """A gossiped message of another robot has arrived; False if it is refused.
+    def take(self, robot: str, topic: str, data: bytes, now_s: float) -> None:
+        """A gossiped message of another robot has arrived; topics that it does not use are left.
 
-        Topics that it does not use are taken and left alone.
+        Raises:
+            MessageError, GridError, FrameError: it is not what its topic promises.
         """
-        if topic not in _HEARD or robot == self.name:
-            return True
-        try:
-            if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
-                reading = read_map(data, self.town.lattice, self.town.frame.origin)
-                self.knowledge.learn(reading.cells)
-                self.book.learn(reading.vehicles)
-            elif topic == CLAIMS_TOPIC:
-                stamp_s, claims = read_claims(data, self.town.frame)
-                if self.book.hear(robot, stamp_s, claims):
-                    self._leave(now_s, failed=False)
-            else:
-                self.book.learn(read_sightings(data, self.town.frame))
-        except (MessageError, GridError, FrameError):
-            self.refused += 1
-            return False
-        return True
+        if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
+            reading = read_map(data, self.town.lattice)
+            self.knowledge.learn(reading.cells)
+            self.book.learn(reading.vehicles)
+        elif topic == CLAIMS_TOPIC and self.book.hear(robot, *read_claims(data, self.town.frame)):
+            self._leave(now_s, failed=False)
+        elif topic == OBJECTS_TOPIC:
+            self.book.learn(read_sightings(data, self.town.frame))
 
     def _drive(self, time_s: float, now_s: float) -> None:
         while time_s > 0 and self._way:
             target = self.town.lattice.centre(self._way[0])
             distance_m = math.dist(self.position, target)
-            speed_m_s = self._mean_speed_m_s * _PACE[self.knowledge.cells[self._cell]]
+            speed_m_s = self._mean_speed_m_s * float(_PACE[self.knowledge.cells[self._cell]])
             step_m = min(distance_m, speed_m_s * time_s)
             if step_m > 0:
                 east_m, north_m = target[0] - self.position[0], target[1] - self.position[1]
@@ -167,7 +146,6 @@ class GroundRobot:
                 self.position = Point(
                     self.position[0] + part * east_m, self.position[1] + part * north_m
                 )
-                self.driven_m += step_m
             if step_m == distance_m:
                 self.position = target
                 time_s -= distance_m / speed_m_s
@@ -203,7 +181,7 @@ class GroundRobot:
         if near is None or math.dist(goal, near.position) > NO_VEHICLE_M:
             return
         if all(near.id != visit.goal for visit in self.visited):
-            self.visited.append(Visit(near.id, time_s))
+            self.visited.append(Visit(near.id, time_s, self.name))
 
     def _think(self) -> None:
         """Choose where to go, unless there is a goal, or nothing is new since the last time."""
@@ -216,9 +194,9 @@ class GroundRobot:
         self._thought_of = news
         ways = Ways(self.town.lattice, self.knowledge.cells, self._cell)
         for goal in self.book.free(self.position):
-            cell = ways.nearest(goal, self.settings.arrival_m - _INSIDE_M)
-            if cell is not None:
-                self._claim(goal, ways.to(cell))
+            way = self._way_to(goal, ways)
+            if way is not None:
+                self._claim(goal, way)
                 return
         if self.settings.idle == "explore":
             if self._way:
@@ -227,14 +205,19 @@ class GroundRobot:
             if edge is not None:
                 self._follow(ways.to(edge))
                 return
-        if not self._at_start:
-            self._go_home(ways)
-        else:
+        if self._at_start:
             self.book.forgive()
+        else:
+            self._follow(self._way_to(self._start, ways) or [])
 
     @property
     def _at_start(self) -> bool:
         return math.dist(self.position, self._start) <= self.settings.arrival_m
+
+    def _way_to(self, place: Point, ways: Ways) -> list[Cell] | None:
+        """A way to where a place counts as reached; None: there is none over known ground."""
+        cell = ways.nearest(place, self.settings.arrival_m - _INSIDE_M)
+        return None if cell is None else ways.to(cell)
 
     def _claim(self, goal: Point, way: list[Cell]) -> None:
         self.book.claim(goal)
@@ -251,21 +234,16 @@ class GroundRobot:
         self._way = []
         self._next_thought_s = now_s
 
-    def _go_home(self, ways: Ways) -> None:
-        cell = ways.nearest(self._start, self.settings.arrival_m - _INSIDE_M)
-        self._follow([] if cell is None else ways.to(cell))
-
     def _replan(self) -> None:
-        ways = Ways(self.town.lattice, self.knowledge.cells, self._cell)
         goal = self.book.current
         if goal is None:
             self._way = []
             return
-        cell = ways.nearest(goal, self.settings.arrival_m - _INSIDE_M)
-        if cell is None:
+        way = self._way_to(goal, Ways(self.town.lattice, self.knowledge.cells, self._cell))
+        if way is None:
             self._leave(self._now_s, failed=True)
         else:
-            self._follow(ways.to(cell))
+            self._follow(way)
 
     def _follow(self, way: list[Cell]) -> None:
         self._way = way

@@ -13,8 +13,10 @@ from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
+from sitl.experiment.settings import RunSettings
 from sitl.px4sim.motion.battery import Battery
 from sitl.px4sim.motion.disturbances import Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
@@ -39,12 +41,8 @@ class Flyer:
 
     Args:
         plan: What is on board: nodes and their items.
-        position: Where it takes off.
-        cruise_m: Altitude above home to which it climbs.
-        climb_m_s: How fast it does.
-        speed_m_s: Cruise speed.
-        acceleration_m_s2: What it speeds up, turns and brakes with.
-        battery_s: How long a full battery lasts; None: it is not looked at.
+        mission: Where it takes off, to which altitude it climbs, and its cruise speed.
+        settings: What it climbs and speeds up with, and how long a full battery lasts.
 
     Attributes:
         position: Metres east/north.
@@ -54,29 +52,22 @@ class Flyer:
         landed: It is on the ground again, disarmed.
     """
 
-    def __init__(  # noqa: PLR0913 - what flight is limited by
-        self,
-        plan: FlightPlan,
-        position: Point,
-        *,
-        cruise_m: float,
-        climb_m_s: float,
-        speed_m_s: float,
-        acceleration_m_s2: float,
-        battery_s: float | None = None,
-    ) -> None:
-        self.position = position
+    def __init__(self, plan: FlightPlan, mission: Mission, settings: RunSettings) -> None:
+        self.position = mission.home
         self.velocity_m_s = (0.0, 0.0)
         self.direction = (0.0, 1.0)
         self._plan = plan
         self.altitude_m = 0.0
         self.landed = False
         self._battery = Battery()  # of the simulated autopilot
-        self._battery_s = battery_s  # from full to empty; None: no word of it
-        self._cruise_m = cruise_m
-        self._climb_m_s = climb_m_s
-        self._speed_m_s = speed_m_s
-        self._acceleration_m_s2 = acceleration_m_s2
+        full = settings.battery
+        self._battery_s = (
+            None if full == "none" else 60.0 * full
+        )  # until empty; None: no word of it
+        self._cruise_m = mission.altitude_above_home_m
+        self._climb_m_s = settings.uav_climb_m_s
+        self._speed_m_s = mission.speed_m_s
+        self._acceleration_m_s2 = settings.uav_acceleration_m_s2
         self._mode = FlightMode.MISSION  # PX4's, as the controller sees it
         self._item: int | None = None  # of the plan; None: it flies to none
         self._target: Point | None = None  # None: it brakes, or rests

@@ -10,30 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import lru_cache
-from typing import Final
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from geo.frame import Geodetic, Point
-from geo.grid import Cells, GridError, SemanticGrid, Terrain
+from geo.grid import Cells, GridPatch, SemanticGrid, Terrain
 from sitl.world.towns.town import GRAIN_M, Cell, Lattice, coarse
 
-MOST_GOALS = 1_000
-"""More are not remembered."""
+Status = Literal["in_progress", "visited"]
 
 
-class Status(Enum):
-    """What becomes of a claimed goal."""
-
-    IN_PROGRESS = "in_progress"
-    VISITED = "visited"
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(NamedTuple):
     """A goal that a robot is on its way to, or has visited."""
 
     place: Point
@@ -64,14 +54,14 @@ class GoalBook:
     @property
     def current(self) -> Point | None:
         """The goal that the robot is on its way to."""
-        if self.claims and self.claims[-1].status is Status.IN_PROGRESS:
+        if self.claims and self.claims[-1].status == "in_progress":
             return self.claims[-1].place
         return None
 
     def learn(self, places: Iterable[Point]) -> None:
         """There are goals at these places."""
         for place in places:
-            if len(self.goals) < MOST_GOALS and not self._same(place, self.goals):
+            if not self._same(place, self.goals):
                 self.goals.append(place)
                 self.version += 1
 
@@ -85,12 +75,12 @@ class GoalBook:
 
     def claim(self, goal: Point) -> None:
         """Be on the way to a goal."""
-        self.claims.append(Claim(goal, Status.IN_PROGRESS))
+        self.claims.append(Claim(goal, "in_progress"))
         self.version += 1
 
     def visit(self) -> None:
         """The current goal has been reached."""
-        self.claims[-1] = Claim(self.claims[-1].place, Status.VISITED)
+        self.claims[-1] = Claim(self.claims[-1].place, "visited")
         self.version += 1
 
     def give_up(self, *, failed: bool) -> None:
@@ -111,18 +101,15 @@ class GoalBook:
 
         News that are not newer than what the robot has said before change nothing.
         """
-        if robot == self.name:
-            return False
-        known = self._others.get(robot)
-        if known is not None and stamp_s <= known[0]:
+        known_s, _ = self._others.get(robot, (-math.inf, ()))
+        if stamp_s <= known_s:
             return False
         self._others[robot] = stamp_s, tuple(claims)
         self.version += 1
         self.learn(claim.place for claim in claims)
         current = self.current
         return current is not None and any(
-            self._same(current, (claim.place,))
-            and (claim.status is Status.VISITED or robot < self.name)
+            self._same(current, (claim.place,)) and (claim.status == "visited" or robot < self.name)
             for claim in claims
         )
 
@@ -136,12 +123,8 @@ LEAST_VEHICLE_M2: Final = 4.0
 BLOB_M: Final = 6.0
 """Cells of vehicles within this distance of the first one belong to one vehicle."""
 
-MOST_CELLS: Final = 20_000
-"""A map that shows more cells of vehicles is refused: 300 vehicles at half a metre."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MapReading:
+class MapReading(NamedTuple):
     """A map as a robot uses it.
 
     Attributes:
@@ -149,59 +132,36 @@ class MapReading:
         vehicles: The middles of the vehicles in it.
     """
 
-    cells: Cells = field(repr=False)
+    cells: Cells
     vehicles: tuple[Point, ...]
 
 
 @lru_cache(maxsize=16)  # all robots of a process get the same map, and read it once
-def read_map(data: bytes, lattice: Lattice, origin: Geodetic) -> MapReading:
-    """Read a map.
+def read_map(data: bytes, lattice: Lattice) -> MapReading:
+    """Read a map of a robot's frame.
 
     Args:
         data: What `SemanticGrid.encode` wrote.
         lattice: The cells that the robot thinks in.
-        origin: Of the robot's frame.
 
     Raises:
-        GridError: the bytes are no map, it has another origin, its cells do not fit into the coarse
-            ones, or it shows too many vehicles.
+        GridError: the bytes are no map, or its cells lie between those of the lattice.
     """
     grid = SemanticGrid.decode(data)
-    if grid.origin != origin:
-        raise GridError(f"a map of another frame: origin {grid.origin}, expected {origin}")
-    factor = round(GRAIN_M / grid.resolution_m)
-    if factor < 1 or abs(factor * grid.resolution_m - GRAIN_M) > 1e-9:
-        raise GridError(f"cells of {grid.resolution_m} m do not fit into cells of {GRAIN_M} m")
-    row = (grid.south_m - lattice.south_m) / grid.resolution_m
-    column = (grid.west_m - lattice.west_m) / grid.resolution_m
-    if row != round(row) or column != round(column):
-        raise GridError("the cells do not align with the lattice")
-    fitted = _fitted(grid.cells, round(row), round(column), lattice, factor)
-    cells = coarse(fitted, factor).ravel()
+    corner = Point(lattice.west_m, lattice.south_m)
+    far = Point(
+        lattice.west_m + lattice.columns * GRAIN_M, lattice.south_m + lattice.rows * GRAIN_M
+    )
+    whole = SemanticGrid.blank(grid.origin, grid.resolution_m, corner, far)
+    whole.paint(GridPatch(grid.west_m, grid.south_m, grid.resolution_m, grid.cells))
+    cells = coarse(whole.cells, round(GRAIN_M / grid.resolution_m)).ravel()
     cells.setflags(write=False)
     return MapReading(cells, _vehicles(grid))
-
-
-def _fitted(cells: Cells, row: int, column: int, lattice: Lattice, factor: int) -> Cells:
-    """The part of a map that lies on the lattice; unknown where it shows nothing of that."""
-    rows, columns = lattice.rows * factor, lattice.columns * factor
-    if (row, column) == (0, 0) and cells.shape == (rows, columns):
-        return cells
-    fitted = np.zeros((rows, columns), dtype=np.uint8)
-    top, right = min(rows, row + cells.shape[0]), min(columns, column + cells.shape[1])
-    bottom, left = max(row, 0), max(column, 0)
-    if bottom < top and left < right:
-        fitted[bottom:top, left:right] = cells[
-            bottom - row : top - row, left - column : right - column
-        ]
-    return fitted
 
 
 def _vehicles(grid: SemanticGrid) -> tuple[Point, ...]:
     found = np.flatnonzero(grid.cells.ravel() == Terrain.VEHICLE)
     places = np.stack(np.divmod(found, grid.cells.shape[1]), axis=-1) * grid.resolution_m
-    if len(places) > MOST_CELLS:
-        raise GridError(f"{len(places)} cells of vehicles in a map; allowed are {MOST_CELLS}")
     least = LEAST_VEHICLE_M2 / grid.resolution_m**2
     corner = np.array([grid.south_m, grid.west_m]) + grid.resolution_m / 2
     vehicles: list[Point] = []
@@ -218,9 +178,14 @@ _UNKNOWN = np.uint8(Terrain.UNKNOWN)
 
 
 class Knowledge:
-    """The coarse cells as a robot believes them to be.
+    """The coarse cells as a robot believes them to be; at first it knows nothing.
 
     Its own eyes are right: what they see overrides what a map has said.
+
+    Args:
+        lattice: Which cell is where.
+        truth: What eyes would see of each cell, flat.
+        sight_m: They see cells whose middles lie within this distance of that of their own.
 
     Attributes:
         lattice: Which cell is where.
@@ -230,13 +195,6 @@ class Knowledge:
     """
 
     def __init__(self, lattice: Lattice, truth: Cells, sight_m: float) -> None:
-        """Know nothing.
-
-        Args:
-            lattice: Which cell is where.
-            truth: What eyes would see of each cell, flat.
-            sight_m: They see cells whose middles lie within this distance of that of their own.
-        """
         self.lattice = lattice
         self.cells = np.zeros(lattice.rows * lattice.columns, dtype=np.uint8)
         self.version = 0
@@ -244,14 +202,8 @@ class Knowledge:
         self._truth = truth
         self._seen = np.zeros(lattice.rows * lattice.columns, dtype=np.bool_)
         reach = math.floor(sight_m / GRAIN_M)
-        steps = [
-            (row, column)
-            for row in range(-reach, reach + 1)
-            for column in range(-reach, reach + 1)
-            if math.hypot(row, column) * GRAIN_M <= sight_m
-        ]
-        self._rows = np.array([row for row, _ in steps])  # of cells in sight, from its own
-        self._columns = np.array([column for _, column in steps])
+        steps = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
+        self._in_sight = steps[:, np.hypot(*steps) * GRAIN_M <= sight_m]  # rows, columns from it
 
     def see(self, cell: Cell) -> bool:
         """Look around in a cell; whether that contradicts what was believed before."""
@@ -261,23 +213,19 @@ class Knowledge:
             return False
         self._seen[fresh] = True
         before, now = self.cells[fresh], self._truth[fresh]
-        changed = before != now
-        if not changed.any():
-            return False
-        unknown = before == _UNKNOWN
-        self.cells[fresh] = now
-        self.version += 1
-        self.first_seen += int(np.count_nonzero(unknown))
+        changed, unknown = before != now, before == _UNKNOWN
+        if changed.any():
+            self.cells[fresh] = now
+            self.version += 1
+            self.first_seen += int(np.count_nonzero(unknown))
         return bool((changed & ~unknown).any())
 
-    def learn(self, cells: Cells) -> bool:
-        """Take over what a map shows of cells that are unknown so far; whether it showed any."""
+    def learn(self, cells: Cells) -> None:
+        """Take over what a map shows of cells that are unknown so far."""
         fresh = (self.cells == _UNKNOWN) & (cells != _UNKNOWN)
-        if not fresh.any():
-            return False
-        self.cells[fresh] = cells[fresh]
-        self.version += 1
-        return True
+        if fresh.any():
+            self.cells[fresh] = cells[fresh]
+            self.version += 1
 
     def seen_map(self, origin: Geodetic) -> SemanticGrid:
         """What its own eyes have seen, as a map that just covers it."""
@@ -292,13 +240,8 @@ class Knowledge:
         return SemanticGrid(origin, GRAIN_M, west_m, south_m, np.ascontiguousarray(cut))
 
     def _around(self, cell: Cell) -> npt.NDArray[np.intp]:
-        row, column = divmod(cell, self.lattice.columns)
-        rows, columns = self._rows + row, self._columns + column
-        inside = (
-            (rows >= 0)
-            & (rows < self.lattice.rows)
-            & (columns >= 0)
-            & (columns < self.lattice.columns)
-        )
-        cut: npt.NDArray[np.intp] = (rows * self.lattice.columns + columns)[inside]
-        return cut
+        lattice = self.lattice
+        rows, columns = self._in_sight + np.array([divmod(cell, lattice.columns)]).T
+        inside = (rows >= 0) & (rows < lattice.rows) & (columns >= 0) & (columns < lattice.columns)
+        around: npt.NDArray[np.intp] = (rows * lattice.columns + columns)[inside]
+        return around

@@ -6,11 +6,11 @@ Poses, paths and sightings are those of `air_router.messages`; topics are the pa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Final, Literal
+from typing import Any, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from air_router.messages import (
     PATH_TOPIC,
@@ -25,7 +25,7 @@ from air_router.messages import (
     Stamp,
 )
 from geo.frame import LocalFrame, Point
-from sitl.experiment.robots.knowledge import MOST_GOALS, Claim, Knowledge, Status
+from sitl.experiment.robots.knowledge import Claim, Knowledge, Status
 
 DEGREE_DIGITS: Final = 9
 """Decimals of degrees in messages, 0.1 mm: what follows differs from machine to machine."""
@@ -42,20 +42,23 @@ class ClaimedGoal(BaseModel):
 
     latitude_deg: Latitude
     longitude_deg: Longitude
-    status: Literal["in_progress", "visited"]
+    status: Status
 
 
 class ClaimedGoalsMessage(GossipMessage):
     """All claims of a robot: the newest message says it all; what is missing was given up."""
 
     stamp_s: Stamp
-    goals: Annotated[tuple[ClaimedGoal, ...], Field(max_length=MOST_GOALS)]
+    goals: tuple[ClaimedGoal, ...]
 
 
-def degrees(frame: LocalFrame, place: Point) -> tuple[float, float]:
-    """Latitude and longitude of a place: the same on every machine."""
+def degrees(frame: LocalFrame, place: Point) -> dict[str, float]:
+    """Latitude and longitude of a place, as messages have them: the same on every machine."""
     latitude_deg, longitude_deg = frame.to_geodetic(place)
-    return round(latitude_deg, DEGREE_DIGITS), round(longitude_deg, DEGREE_DIGITS)
+    return {
+        "latitude_deg": round(latitude_deg, DEGREE_DIGITS),
+        "longitude_deg": round(longitude_deg, DEGREE_DIGITS),
+    }
 
 
 FRESH_CELLS = 10
@@ -89,46 +92,33 @@ class ExplorerPost:
         self, now_s: float, position: Point, heading_deg: float, knowledge: Knowledge
     ) -> list[tuple[str, bytes]]:
         """The messages that are due: (topic, data), the most urgent first."""
-        messages = []
+        said: list[tuple[str, bytes]] = []
+
+        def say(topic: str, kind: Callable[..., GossipMessage], **content: Any) -> None:
+            message = kind(stamp_s=self._stamp(topic, now_s), **content)
+            said.append((topic, message.encode()))
+
+        def there(place: Point) -> dict[str, float]:
+            return degrees(self.frame, place)
+
         if self._due(POSE_TOPIC, now_s, self.pose_interval_s):
-            latitude_deg, longitude_deg = degrees(self.frame, position)
-            pose = PoseMessage(
-                stamp_s=self._stamp(POSE_TOPIC, now_s),
-                latitude_deg=latitude_deg,
-                longitude_deg=longitude_deg,
-                heading_deg=round(heading_deg, 1),
-            )
-            messages.append((POSE_TOPIC, pose.encode()))
+            say(POSE_TOPIC, PoseMessage, **there(position), heading_deg=round(heading_deg, 1))
         if self.claims is not None:
-            messages.append((CLAIMS_TOPIC, self._claims(now_s, self.claims)))
+            goals = [ClaimedGoal(**there(c.place), status=c.status) for c in self.claims]
+            say(CLAIMS_TOPIC, ClaimedGoalsMessage, goals=tuple(goals))
         if self.way is not None:
-            stamp_s = self._stamp(PATH_TOPIC, now_s)
-            points = tuple(degrees(self.frame, place) for place in self.way)
-            path = PathMessage(stamp_s=stamp_s, points=points)
-            messages.append((PATH_TOPIC, path.encode()))
+            say(PATH_TOPIC, PathMessage, points=tuple(tuple(there(p).values()) for p in self.way))
         if knowledge.first_seen - self._told_cells >= FRESH_CELLS and self._due(
             REACHABILITY_TOPIC, now_s, self.reachability_interval_s
         ):
             self._told_cells = knowledge.first_seen
             self._stamp(REACHABILITY_TOPIC, now_s)
-            seen = knowledge.seen_map(self.frame.origin)
-            messages.append((REACHABILITY_TOPIC, seen.encode()))
+            said.append((REACHABILITY_TOPIC, knowledge.seen_map(self.frame.origin).encode()))
         if self.objects is not None:
-            stamp_s = self._stamp(OBJECTS_TOPIC, now_s)
-            messages.append((OBJECTS_TOPIC, sightings(self.frame, stamp_s, self.objects)))
+            objects = [SeenObject(kind="vehicle", **there(place)) for place in self.objects]
+            say(OBJECTS_TOPIC, SightingsMessage, objects=tuple(objects))
         self.claims = self.way = self.objects = None
-        return messages
-
-    def _claims(self, now_s: float, claims: list[Claim]) -> bytes:
-        goals = tuple(
-            ClaimedGoal(
-                latitude_deg=latitude_deg, longitude_deg=longitude_deg, status=claim.status.value
-            )
-            for claim in claims
-            for latitude_deg, longitude_deg in [degrees(self.frame, claim.place)]
-        )
-        stamp_s = self._stamp(CLAIMS_TOPIC, now_s)
-        return ClaimedGoalsMessage(stamp_s=stamp_s, goals=goals).encode()
+        return said
 
     def _due(self, topic: str, now_s: float, interval_s: float) -> bool:
         return now_s >= self._stamps.get(topic, -math.inf) + interval_s
@@ -139,11 +129,11 @@ class ExplorerPost:
         return stamp_s
 
 
-def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, list[Claim]]:
+def read_claims(data: bytes, frame: LocalFrame) -> tuple[float, Sequence[Claim]]:
     """Another robot's claims and their stamp. Raises MessageError, FrameError."""
     message = ClaimedGoalsMessage.decode(data)
     claims = [
-        Claim(frame.to_local(goal.latitude_deg, goal.longitude_deg), Status(goal.status))
+        Claim(frame.to_local(goal.latitude_deg, goal.longitude_deg), goal.status)
         for goal in message.goals
     ]
     return message.stamp_s, claims
@@ -156,12 +146,3 @@ def read_sightings(data: bytes, frame: LocalFrame) -> list[Point]:
         for seen in SightingsMessage.decode(data).objects
         if seen.kind == "vehicle"
     ]
-
-
-def sightings(frame: LocalFrame, stamp_s: float, places: Iterable[Point]) -> bytes:
-    """A message on OBJECTS_TOPIC: vehicles are at these places."""
-    objects = tuple(
-        SeenObject(kind="vehicle", latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-        for latitude_deg, longitude_deg in (degrees(frame, place) for place in places)
-    )
-    return SightingsMessage(stamp_s=stamp_s, objects=objects).encode()

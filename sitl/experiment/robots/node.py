@@ -24,12 +24,7 @@ from mocha_link.sync.protocol import ID_BYTES, Action
 from mocha_link.team.document import Document, as_yaml
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.messages import (
-    CLAIMS_TOPIC,
-    OBJECTS_TOPIC,
-    REACHABILITY_TOPIC,
-    degrees,
-)
+from sitl.experiment.robots.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
 from sitl.world.towns.town import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
@@ -103,9 +98,8 @@ def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
     """A team in which every robot may talk to every other one."""
     aerial = tuple(f"uav{number:02d}" for number in range(1, uavs + 1))
     ground = tuple(f"ugv{number:02d}" for number in range(1, ugvs + 1))
-    kinds = (
-        dict.fromkeys(aerial, "uav") | dict.fromkeys(ground, "ugv") | ({BASE: BASE} if base else {})
-    )
+    kinds = dict.fromkeys((BASE,) if base else (), BASE)
+    kinds |= dict.fromkeys(aerial, "uav") | dict.fromkeys(ground, "ugv")
     robots = {
         name: {
             "kind": _KINDS[kinds[name]],
@@ -131,10 +125,7 @@ def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
 
 def base_says(town: Town, now_s: float) -> list[tuple[str, bytes]]:
     """What a base station has to say to a peer that asks: where it stands, which is at home."""
-    latitude_deg, longitude_deg = degrees(town.frame, town.home)
-    pose = PoseMessage(
-        stamp_s=EPOCH_S + now_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg
-    )
+    pose = PoseMessage(stamp_s=EPOCH_S + now_s, **degrees(town.frame, town.home))
     return [(POSE_TOPIC, pose.encode())]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import MissionFileError
-from air_router.files.settings import SeekPolicy, Timers
+from air_router.files.settings import Timers
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import Mission
@@ -42,43 +42,35 @@ class Scenery:
     router: Router
 
 
+_MATTERS: Final = (
+    *("town", "mission", "timers", "passive", "policy"),
+    *("uav_speed_m_s", "uav_altitude_m"),
+)
+"""The settings that make a difference to it."""
+
+
 def scenery_of(settings: RunSettings) -> Scenery:
     """The scenery of a run, made once per process.
 
     Raises:
         AirRouterError: the files of town and mission are not what they should be.
     """
-    return _scenery(
-        settings.town,
-        settings.mission,
-        settings.timers,
-        settings.uav_speed_m_s,
-        settings.uav_altitude_m,
-        "rendezvous" if settings.policy == "oracle" else settings.policy,
-        passive=settings.passive,
-    )
+    return _scenery(RunSettings(**{name: getattr(settings, name) for name in _MATTERS}))
 
 
 @lru_cache(maxsize=8)
-def _scenery(  # noqa: PLR0913, PLR0917 - what makes a difference to it
-    town_file: Path,
-    mission_file: Path | None,
-    timers: Timers,
-    speed_m_s: float,
-    altitude_m: float,
-    policy: SeekPolicy,
-    *,
-    passive: bool,
-) -> Scenery:
-    town = load_town(town_file)
-    if mission_file is None:
+def _scenery(settings: RunSettings) -> Scenery:
+    speed_m_s, altitude_m = settings.uav_speed_m_s, settings.uav_altitude_m
+    town = load_town(settings.town)
+    if settings.mission is None:
         mission = mission_over(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
     else:
-        mission = _mission(mission_file, speed_m_s=speed_m_s, altitude_m=altitude_m)
+        mission = _mission(settings.mission, speed_m_s=speed_m_s, altitude_m=altitude_m)
+    timers = Timers(**settings.timers.model_dump())
     mission = dataclasses.replace(
         mission,
-        timers=dataclasses.replace(timers, init_s=math.inf) if passive else timers,
-        seek_policy=policy,
+        timers=dataclasses.replace(timers, init_s=math.inf) if settings.passive else timers,
+        seek_policy="rendezvous" if settings.policy == "oracle" else settings.policy,
         duration_s=None,
     )
     return Scenery(town, mission, FlightPlan.of(mission), Router(WaypointGraph(mission)))

@@ -1,57 +1,58 @@
 """Runs that were not simulated, for tests of what stands around the engine."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
 from sitl.experiment.engine.ages import USES
-from sitl.experiment.engine.result import CONTACT, TRANSMISSION, GoalVisit, RunResult
+from sitl.experiment.engine.engine import Sample
+from sitl.experiment.engine.exchange import Contact, Transmission
+from sitl.experiment.robots.explorer import Visit
 from sitl.experiment.settings import RunSettings
+from sitl.world.towns.town import Goal
 
 
-def made_up_result(settings: RunSettings, seed: int) -> RunResult:
+def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
     """More robots find more, and wait longer; nothing else about it is true."""
     chance = np.random.default_rng(seed)
-    robots = (
-        *(["base"] if settings.base_station else []),
-        *(f"uav{n + 1:02d}" for n in range(settings.uavs)),
-        *(f"ugv{n + 1:02d}" for n in range(settings.ugvs)),
-    )
+    ugvs = [f"ugv{n + 1:02d}" for n in range(settings.ugvs)]
+    base = ["base"] if settings.base_station else []
+    robots = (*base, *(f"uav{n + 1:02d}" for n in range(settings.uavs)), *ugvs)
     kinds = tuple(name.rstrip("0123456789") for name in robots)
     team, duration_s = len(robots), settings.duration_s
     share = min(1.0, 0.2 + 0.05 * settings.ugvs + 0.004 * settings.radius_m)
-    goals = sorted(
-        GoalVisit(f"goal {n}", float(chance.uniform(60, duration_s)), f"ugv{1 + n % 3:02d}")
+    goals = [
+        Visit(f"goal {n}", float(chance.uniform(60, duration_s)), f"ugv{1 + n % 3:02d}")
         for n in range(10)
         if chance.random() < share
-    )
-    goals = tuple(sorted(goals, key=lambda visit: visit.time_s))
+    ]
     times_s = np.arange(0, duration_s + 1, settings.sample_s)
     starts_m = chance.uniform(-100, 100, (1, team, 2))
     steps_m = chance.normal(0, 0.5, (len(times_s), team, 2)) * settings.sample_s
     steps_m += 1.5 * settings.sample_s * np.sin(times_s / 97)[:, None, None]
-    return RunResult(
-        seed=seed,
-        robots=robots,
-        kinds=kinds,
-        travelled_m=tuple(float(n) for n in range(team)),
-        values=(1.0,) * settings.ugvs,
-        goals_total=10,
+    places_m = (starts_m + np.cumsum(steps_m, axis=0) / 8).astype(np.float32)
+    return SimpleNamespace(
+        settings=settings,
+        fleet=SimpleNamespace(names=robots, kinds=kinds, ugvs=ugvs),
+        travelled_m=np.arange(team, dtype=float),
+        town=SimpleNamespace(goals=[Goal(f"goal {n}", Point(15.0 * n, 5.0)) for n in range(10)]),
         goal_bound_share=1.0,
-        goals=goals,
-        goal_places=tuple((f"goal {n}", Point(15.0 * n, 5.0)) for n in range(10)),
-        transmissions=_transmissions(chance, settings, team),
+        goals=sorted(goals, key=lambda visit: visit.time_s),
+        airtime=SimpleNamespace(
+            transmissions=_transmissions(chance, settings, team),
+            complete=40 * team,
+            broken=team // 3,
+        ),
+        channel_sim=SimpleNamespace(open=1),
         contacts=_contacts(chance, team, duration_s),
-        exchanges_complete=40 * team,
-        exchanges_broken=team // 3,
-        exchanges_open=1,
-        sample_times_s=times_s,
-        positions_m=(starts_m + np.cumsum(steps_m, axis=0) / 8).astype(np.float32),
+        samples=[
+            Sample(float(time_s), min(time_s / duration_s * 1.4, 0.95), place_m)
+            for time_s, place_m in zip(times_s, places_m, strict=True)
+        ],
         held=_held(chance, robots, kinds, duration_s),
-        known_share=np.clip(times_s / duration_s * 1.4, 0, 0.95).astype(np.float32),
-        states=(("uav01", 0.0, "INIT"), ("uav01", 150.0, "SEARCH"), ("uav01", 190.0, "COMM")),
-        decisions=99,
-        digest=f"{seed:064x}",
+        log=SimpleNamespace(actions=99, digest=f"{seed:064x}"),
         wall_s=0.01 * team**2,
         cpu_s=0.01 * team**2,
     )
@@ -59,20 +60,17 @@ def made_up_result(settings: RunSettings, seed: int) -> RunResult:
 
 def _transmissions(chance, settings, team):
     count = 60 * team
-    rows = np.zeros(count, TRANSMISSION)
     centres_s = chance.uniform(0, settings.duration_s, 1 + count // 40)
-    times_s = np.sort(chance.choice(centres_s, count) + chance.exponential(8, count))
-    rows["ready_s"] = times_s
+    ready_s = np.sort(chance.choice(centres_s, count) + chance.exponential(8, count))
     late = chance.random(count) < 0.5
     mean_s = 0.01 * team * settings.radius_m * settings.uavs
-    rows["start_s"] = times_s + late * chance.exponential(mean_s, count) ** 1.3
-    rows["end_s"] = rows["start_s"] + chance.exponential(0.13, count)
-    rows["answering"] = chance.integers(0, team, count)
-    rows["asking"] = (rows["answering"] + 1) % team
-    rows["stage"] = chance.integers(0, 3, count)
-    rows["bytes"] = chance.integers(50, 40_000, count)
-    rows["complete"] = chance.random(count) < 0.98
-    return rows
+    start_s = ready_s + late * chance.exponential(mean_s, count) ** 1.3
+    end_s = start_s + chance.exponential(0.13, count)
+    answering = chance.integers(0, team, count)
+    stages, sizes = chance.integers(0, 3, count), chance.integers(50, 40_000, count)
+    complete = chance.random(count) < 0.98
+    columns = (ready_s, start_s, end_s, (answering + 1) % team, answering, stages, 0 * stages)
+    return [Transmission(*row) for row in zip(*columns, sizes, complete, strict=True)]
 
 
 def _held(chance, robots, kinds, duration_s):
@@ -87,18 +85,16 @@ def _held(chance, robots, kinds, duration_s):
 
 def _contacts(chance, team, duration_s):
     count = 20 * team
-    rows = np.zeros(count, CONTACT)
-    rows["began_s"] = np.sort(chance.uniform(0, duration_s, count))
-    rows["ended_s"] = np.minimum(rows["began_s"] + chance.exponential(20, count), duration_s)
-    rows["a"] = chance.integers(0, team, count)
-    rows["b"] = (rows["a"] + chance.integers(1, team, count)) % team
-    return rows
+    began_s = np.sort(chance.uniform(0, duration_s, count))
+    ended_s = np.minimum(began_s + chance.exponential(20, count), duration_s)
+    a = chance.integers(0, team, count)
+    b = (a + chance.integers(1, team, count)) % team
+    return [Contact(*row) for row in zip(began_s, ended_s, a, b, strict=True)]
 
 
 def work(task):
     """A run as the workers make it, but made up."""
-    settings = run_settings(task)
-    return recorded(task, settings, made_up_result(settings, task.seed))
+    return recorded(task, made_up_run(run_settings(task), task.seed))
 
 
 def failing_work(task):

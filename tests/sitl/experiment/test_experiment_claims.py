@@ -1,6 +1,5 @@
 """Effects are the textbook's, and verdicts follow from declared rules and the runs alone."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -8,11 +7,8 @@ import pytest
 
 from air_router.errors import UsageError
 from sitl.experiment.analysis import claims, comparison, statistics, tables
-from sitl.experiment.analysis.links import judged
 from sitl.experiment.analysis.statistics import Runs
-from sitl.experiment.engine.result import BUILDINGS_M, CONTACT, DISTANCES_M, seen_links
 from sitl.experiment.plan_file import load_experiment
-from sitl.world.terrain import Raster
 
 stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
 
@@ -161,7 +157,7 @@ def test_intervals_of_a_claims_parts_hold_together():
     one = both.model_copy(update={"parts": both.parts[:1]})
     widths = []
     for claim in (both, one):
-        (found,) = claims.claims_of(dataclasses.replace(experiment, claims=(claim,)), records)
+        (found,) = claims.claims_of(experiment.model_copy(update={"claims": (claim,)}), records)
         widths.append(found.parts[0].effect.high - found.parts[0].effect.value)
     assert 1.13 < widths[0] / widths[1] < 1.17  # of 97.5 % and of 95 %
 
@@ -252,7 +248,7 @@ def test_verdicts_say_from_which_runs_and_rules_they_come():
     )
     (other,) = (claim for claim in experiment.claims if claim.number == 5)
     part = other.parts[0].model_copy(update={"measure": "goals_lost"})
-    wrong = dataclasses.replace(experiment, claims=(other.model_copy(update={"parts": (part,)}),))
+    wrong = experiment.model_copy(update={"claims": (other.model_copy(update={"parts": (part,)}),)})
     assert wrong.rules != experiment.rules
     with pytest.raises(UsageError, match="'goals_lost'; no run has this measure"):
         claims.claims_of(wrong, records)
@@ -319,41 +315,8 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     assert effects[2].error < effects[0].error
     value, low, high = effects[0].interval(3)  # as many are compared
     told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
-    heads, first, *_ = comparison.as_rows(runs, found)
+    heads, first, *_ = comparison.as_rows(runs)
     assert first[heads.index("wait, s")] == told
-
-
-class Seen:
-    """Two robots, a wall between them in the second half of the run."""
-
-    kinds = ("ugv", "ugv", "uav")
-    sample_times_s = np.arange(4.0)
-    positions_m = np.array(
-        [[[0, 0], [20, 0], [5, 5]]] * 2 + [[[0, 30], [20, 30], [5, 5]]] * 2, dtype=np.float32
-    )
-    contacts = np.array([(0.0, 2.0, 1, 0), (0.0, 4.0, 0, 2)], dtype=CONTACT)
-
-
-def test_cases_of_links_are_counted_with_what_stands_between():
-    cells = np.ones((100, 80), dtype=np.uint8)
-    cells[60:, 36:50] = 3  # a building of 7 m, north of 20 m
-    counts = np.array(seen_links(Seen(), Raster(-10.0, -10.0, 0.5, cells)))
-    assert counts.sum(axis=(0, 1)).tolist() == [4, 2]
-    distance = np.searchsorted(DISTANCES_M, 20.0, side="right") - 1
-    wall = np.searchsorted(BUILDINGS_M, 7.0, side="right") - 1
-    assert counts[distance, 0].tolist() == [2, 2]
-    assert counts[distance, wall].tolist() == [2, 0]
-
-
-def test_the_map_helps_where_walls_matter():
-    shape = (len(DISTANCES_M) - 1, len(BUILDINGS_M) - 1, 2)
-    counts = np.zeros(shape)
-    counts[..., 0] = 100
-    far = np.arange(shape[0])[:, None] + 3 * np.arange(shape[1])[None, :]
-    counts[..., 1] = 100 / (1 + np.exp((far - 12) / 2))
-    without, with_map = (judged(counts, counts, buildings=flag) for flag in (False, True))
-    assert with_map.brier < without.brier
-    assert with_map.area > without.area
 
 
 @pytest.mark.parametrize(
@@ -372,17 +335,17 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
         ]
 
     both = flights({"mission": syncs, "processes": (100, 100, 100)})
-    found = {one.name: one for one in comparison.likeness(experiment, both)}
-    one = found["syncs, both directions"]
-    assert one.within == within
-    assert one.ratio.low <= one.ratio.value <= one.ratio.high
-    assert one.here == pytest.approx(math.prod(syncs) ** (1 / 3))
-    assert one.ratio.value == pytest.approx(one.here / 100)
-    assert found["searches"].within == "yes"
+
+    def told(records):
+        lines = comparison.likeness(Runs(experiment, records)).splitlines()
+        return {cells[1].strip(): cells[2:-1] for cells in (line.split("|") for line in lines)}
+
+    here, there, ratio, said = map(str.strip, told(both)["syncs, both directions"])
+    mean = math.prod(syncs) ** (1 / 3)
+    assert (here, there, said) == (f"{mean:.1f}", "100.0", within)
+    assert ratio.startswith(f"{mean / 100:.2f} (")
+    assert told(both)["searches"][-1].strip() == "yes"
     # Fading that both sides meet alike is no doubt about their ratio.
-    alike = comparison.likeness(experiment, flights({"mission": syncs, "processes": syncs}))
-    assert {one.ratio for one in alike} == {(1.0, 1.0, 1.0)}
-    assert "| searches | 1.0 | 1.0 | 1.00 (1.00 to 1.00) | yes |" in comparison.likeness_table(
-        alike
-    )
-    assert comparison.likeness(experiment, both[:3]) == []
+    alike = told(flights({"mission": syncs, "processes": syncs}))
+    assert alike["syncs, both directions"][2].strip() == "1.00 (1.00 to 1.00)"
+    assert comparison.likeness(Runs(experiment, both[:3])) == ""

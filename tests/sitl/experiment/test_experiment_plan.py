@@ -11,7 +11,7 @@ from sitl.experiment.analysis.tables import PAPER_TABLE
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
 from sitl.experiment.plan import NoSuchRowError, Task
 from sitl.experiment.plan_file import UnknownPlaceError, experiment_names, load_experiment
-from sitl.experiment.settings import SIMULATION_TIMERS, PaperModel, RunSettings
+from sitl.experiment.settings import MissionTimers, PaperModel, RunSettings
 
 PAIRED = """
 name: pair
@@ -110,14 +110,14 @@ def test_every_row_is_crossed(tmp_path):
     settings = run_settings(experiment.task(rows[4], 0))
     assert (settings.values, settings.policy) == ((2.0, 1.0), "round_robin")
     assert settings.paper == PaperModel(cut="drop")
-    assert settings.timers == dataclasses.replace(SIMULATION_TIMERS, init_s=99)
+    assert settings.timers == MissionTimers(init_s=99)
 
 
 def test_a_file_that_changed_under_way_is_not_mixed_in(tmp_path):
     experiment = load(tmp_path, PAIRED)
     row = experiment.rows[0]
     settings = {**row.settings, "sources": {**row.settings["sources"], "town": "0" * 16}}
-    with pytest.raises(OtherFilesError, match=r"town\.yaml is not the file"):
+    with pytest.raises(OtherFilesError, match=r"town\.yaml is not the file any more"):
         run_settings(Task("pair", dataclasses.replace(row, settings=settings), 0, 1))
 
 

@@ -7,7 +7,7 @@ from multiprocessing.context import SpawnProcess
 
 import light_work
 
-from sitl.experiment.campaign.process_pool import Failed, Finished, Lost, ProcessPool
+from sitl.experiment.campaign.process_pool import make_runs
 from sitl.experiment.plan import Row, Task
 
 
@@ -17,15 +17,15 @@ def tasks(folder, numbers):
 
 
 def test_a_run_whose_worker_dies_is_made_once_more_and_those_beside_it_are_made_after_all(tmp_path):
-    outcomes = list(ProcessPool(2).run(light_work.sometimes_deadly, tasks(tmp_path, (2, 0, 3, 4))))
-    made = [outcome.record["seed"] for outcome in outcomes if isinstance(outcome, Finished)]
-    assert made == [1000]
-    lost = [outcome for outcome in outcomes if isinstance(outcome, Lost)]
-    assert [o.task.number for o in lost if not o.again] == [2]  # no bystander is given up
-    assert lost[0].again
-    assert "terminated abruptly" in lost[-1].why
-    failed = {o.task.number: o.why for o in outcomes if isinstance(o, Failed)}
-    assert failed.keys() == {3, 4}
+    outcomes = list(
+        filter(None, make_runs(light_work.sometimes_deadly, tasks(tmp_path, (2, 0, 3, 4)), 2))
+    )
+    assert [outcome.record["seed"] for outcome in outcomes if outcome.record] == [1000]
+    lost = [outcome for outcome in outcomes if outcome.again]
+    failed = {o.task.number: o.why for o in outcomes if not (o.record or o.again)}
+    assert 2 in {outcome.task.number for outcome in lost}
+    assert failed.keys() == {2, 3, 4}  # no bystander is given up
+    assert "terminated abruptly" in failed[2]
     assert "in sometimes_deadly" in failed[3]
     assert "ZeroDivisionError: the model's own fault" in failed[3]
     assert failed[4] == "town.yaml: No such file or directory"
@@ -33,7 +33,7 @@ def test_a_run_whose_worker_dies_is_made_once_more_and_those_beside_it_are_made_
 
 def finished(outcomes):
     """The next run that is made, however long its worker takes to start."""
-    return next(outcome for outcome in outcomes if isinstance(outcome, Finished))
+    return next(outcome for outcome in outcomes if outcome and outcome.record)
 
 
 def test_closing_ends_the_processes_and_nothing_else_does(tmp_path, monkeypatch):
@@ -45,7 +45,7 @@ def test_closing_ends_the_processes_and_nothing_else_does(tmp_path, monkeypatch)
         os.kill(process.pid, signal.SIGINT)
 
     monkeypatch.setattr(SpawnProcess, "start", interrupted)
-    outcomes = ProcessPool(2).run(light_work.leisurely, tasks(tmp_path, range(40)))
+    outcomes = make_runs(light_work.leisurely, tasks(tmp_path, range(40)), 2)
     assert finished(outcomes)
     workers = multiprocessing.active_children()
     assert len(workers) == 2

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.links.link_events import MessageStored
-from sitl.experiment.engine.ages import Ages, ages_at, mean_age_s, peak_age_s
+from sitl.experiment.engine.ages import Ages, mean_age_s, peak_age_s
 
 ROBOTS = ("uav01", "ugv01", "ugv02")
 KINDS = ("uav", "ugv", "ugv")
@@ -63,14 +63,6 @@ def test_poses_age_from_when_they_were_made():
     # 0..4 s: 0 to 4; 4..10 s: 2 to 8; 10..20 s: 5 to 15; an older one that comes late is none
     assert mean_age_s(world.held, 20.0) == pytest.approx((8 + 30 + 100) / 20)
     assert peak_age_s(world.held, 20.0) == pytest.approx((4 + 8 + 15) / 3)
-    assert ages_at(world.held, np.array([0.0, 3.0, 4.0, 9.0, 10.0, 20.0])).tolist() == [
-        0,
-        3,
-        2,
-        7,
-        5,
-        15,
-    ]
     assert len(world.passed_on) == 5
 
 

@@ -15,7 +15,7 @@ from mocha_link.links.link_events import (
 )
 from sitl.experiment.engine.channel import Change, Stage
 from sitl.experiment.engine.channel_sim import ChannelSim
-from sitl.experiment.engine.exchange import AirtimeStats
+from sitl.experiment.engine.exchange import AirtimeStats, Transmission
 from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.node import Node, fleet_of
 
@@ -86,8 +86,8 @@ class Field:
         self.channel_sim.look(NOWHERE)
 
     def rows(self, *, complete=True):
-        rows = self.airtime.transmissions()
-        return rows[rows["complete"] == complete]
+        rows = [sent for sent in self.airtime.transmissions if sent.complete is complete]
+        return np.rec.fromrecords(rows, names=list(Transmission._fields)) if rows else []
 
     def stored(self, name):
         return {
@@ -168,7 +168,7 @@ def test_after_the_time_out_an_exchange_begins_anew(protocol):
     field.queue.run(60.0)
     assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
     assert field.airtime.complete == 2
-    assert field.airtime.contacts(field.channel_sim.lasting()).tolist() == [
+    assert field.channel_sim.contacts() == [
         (0.0, 1.5, 1, 2),
         (4.0, 4.5, 1, 2),
         (20.0, 60.0, 1, 2),

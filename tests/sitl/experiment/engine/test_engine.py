@@ -1,24 +1,24 @@
 """Whole runs, small ones: what they are made of, that they repeat, and that nothing is copied."""
 
-import dataclasses
 import math
 import os
 import pickle
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
 from sitl.experiment.engine import channel
 from sitl.experiment.engine.ages import mean_age_s
-from sitl.experiment.engine.engine import Run, run
-from sitl.experiment.engine.result import STAGES, measured
+from sitl.experiment.engine.channel import Stage
+from sitl.experiment.engine.engine import Run
+from sitl.experiment.engine.result import measured
 from sitl.experiment.robots import explorer, uav
-from sitl.experiment.settings import PathLossModel, RunSettings
+from sitl.experiment.settings import MissionTimers, PathLossModel, RunSettings
 from sitl.world import terrain
 
 ROOT = Path(__file__).parents[4]
@@ -29,60 +29,81 @@ SMALL = RunSettings(
     uavs=2,
     ugvs=3,
     duration_s=200.0,
-    timers=Timers(init_s=60.0, explore_s=30.0, search_s=5.0, communicate_s=30.0),
+    timers=MissionTimers(init_s=60.0, explore_s=30.0),
 )
 SEED = 7
 
 
+def but(settings=SMALL, **changes):
+    """The settings with others in their place."""
+    return settings.model_copy(update=changes)
+
+
+def run(settings, seed=SEED):
+    """A run that is over."""
+    made = Run(settings, seed)
+    made.finish()
+    return made
+
+
+def sent(made):
+    """Its transmissions, a column for each field."""
+    return np.rec.fromrecords(
+        made.airtime.transmissions, names=list(made.airtime.transmissions[0]._fields)
+    )
+
+
+def states(made):
+    return [(uav.name, *state) for uav in made.uavs for state in uav.states]
+
+
 @pytest.fixture(scope="module")
 def original():
-    return run(SMALL, SEED)
+    return run(SMALL)
 
 
 @pytest.fixture(scope="module")
 def ours():
-    return run(dataclasses.replace(SMALL, protocol="ours"), SEED)
+    return run(but(protocol="ours"))
 
 
 def test_a_run_shows_everything_that_it_promises(original):
-    robots = len(original.robots)
-    assert original.robots == ("base", "uav01", "uav02", "ugv01", "ugv02", "ugv03")
-    assert original.kinds == ("base", "uav", "uav", "ugv", "ugv", "ugv")
-    samples = len(original.sample_times_s)
-    assert samples == 20
-    assert original.positions_m.shape == (samples, robots, 2)
+    robots = len(original.fleet.names)
+    assert original.fleet.names == ("base", "uav01", "uav02", "ugv01", "ugv02", "ugv03")
+    assert original.fleet.kinds == ("base", "uav", "uav", "ugv", "ugv", "ugv")
+    assert len(original.samples) == 20
+    assert {sample.places_m.shape for sample in original.samples} == {(robots, 2)}
     made = {
         name: {pair[1:] for pair in original.held if pair[0] == name} for name in ("map", "claims")
     }
     assert made["map"] == {
-        (uav, ugv) for uav in original.robots[1:3] for ugv in original.robots[3:]
+        (uav, ugv) for uav in original.fleet.names[1:3] for ugv in original.fleet.names[3:]
     }
     assert len(made["claims"]) == 6
-    assert np.all(np.diff(original.known_share) >= 0)
-    assert original.known_share[-1] > 0.1
+    assert np.all(np.diff([sample.known_share for sample in original.samples]) >= 0)
+    assert original.samples[-1].known_share > 0.1
     assert original.travelled_m[0] == 0.0
     assert all(10.0 < metres < 5 * 200 for metres in original.travelled_m[1:])
-    assert {uav for uav, _, _ in original.states} == {"uav01", "uav02"}
-    assert original.decisions > 20
-    assert original.goals_total == 15
+    assert {uav for uav, _, _ in states(original)} == {"uav01", "uav02"}
+    assert original.log.actions > 20
+    assert len(original.town.goals) == 15
     assert len({visit.goal for visit in original.goals}) == len(original.goals)
 
 
 def test_only_one_robot_sends_at_a_time_and_what_it_sends_is_the_protocol_s(original):
-    rows = original.transmissions
+    rows = sent(original)
     order = np.argsort(rows["start_s"], kind="stable")
     assert np.all(rows["start_s"][order][1:] >= rows["end_s"][order][:-1] - 1e-6)
     assert np.all(rows["ready_s"] <= rows["start_s"])
     for exchange in (rows[rows["complete"] & (rows["asking"] == 1) & (rows["answering"] == 0)],):
-        stages = [STAGES[stage] for stage in exchange["stage"]]
-        assert stages[0] == "header"
-        assert "data" in stages
-    ends = rows["complete"] & (rows["stage"] == STAGES.index("end"))
-    assert np.count_nonzero(ends) == original.exchanges_complete > 4
+        assert exchange["stage"][0] == Stage.HEADER
+        assert Stage.DATA in exchange["stage"]
+    ends = rows["complete"] & (rows["stage"] == Stage.END)
+    assert np.count_nonzero(ends) == original.airtime.complete > 4
     assert np.all(rows["messages"][rows["complete"]] == (rows["stage"][rows["complete"]] == 1))
-    found = measured(original, 200.0)
+    found = measured(original)
     data, headers = (
-        rows["complete"] & (rows["stage"] == STAGES.index(s)) for s in ("data", "header")
+        rows["complete"] & (rows["stage"] == stage) for stage in (Stage.DATA, Stage.HEADER)
     )
     assert (found["data_waits"], found["header_waits"]) == (data.sum(), headers.sum())
     assert found["waits"] == data.sum() + headers.sum() + ends.sum()
@@ -92,12 +113,12 @@ def test_only_one_robot_sends_at_a_time_and_what_it_sends_is_the_protocol_s(orig
 
 def test_ours_brings_more_messages_over_in_less_time_on_the_air(original, ours):
     def busy_per_message(result):
-        rows = result.transmissions
+        rows = sent(result)
         return (rows["end_s"] - rows["start_s"]).sum() / rows["messages"].sum()
 
     assert busy_per_message(ours) < 0.7 * busy_per_message(original)
-    assert not np.any(ours.transmissions["stage"] == STAGES.index("end"))
-    assert ours.exchanges_complete > 4
+    assert not np.any(sent(ours)["stage"] == Stage.END)
+    assert ours.airtime.complete > 4
 
 
 def test_poses_and_maps_travel(original, ours):
@@ -116,9 +137,9 @@ def test_poses_and_maps_travel(original, ours):
 def test_an_unchanged_map_does_not_grow_old():
     """Where every robot always hears every other one, what they hold is true but for a moment."""
     radio = PathLossModel(tx_power_dbm=200.0, shadowing_db=0.0, pull_every_s=1.0, rate_bytes_s=1e8)
-    settings = dataclasses.replace(SMALL, uavs=1, ugvs=2, channel="path_loss", path_loss=radio)
-    settings = dataclasses.replace(settings, duration_s=100.0, base_station=False)
-    result = run(settings, SEED)
+    settings = but(uavs=1, ugvs=2, channel="path_loss", path_loss=radio)
+    settings = but(settings, duration_s=100.0, base_station=False)
+    result = run(settings)
     ages_s = {pair: mean_age_s(held, 100.0) for pair, held in result.held.items()}
     assert all(0.4 < age_s < 2.0 for pair, age_s in ages_s.items() if pair[0] == "pose")
     # the map is told every 10 s at most while it grows
@@ -127,27 +148,25 @@ def test_an_unchanged_map_does_not_grow_old():
 
 
 def test_the_first_uav_explores_and_the_second_only_searches(original):
-    states = {name: [s for uav, _, s in original.states if uav == name] for name in original.robots}
-    assert states["uav01"][0] == "INIT"
-    assert "EXPL" in states["uav01"]
-    assert set(states["uav02"]) <= {"SEARCH", "COMM"}
+    first, second = ([state for _, state in uav.states] for uav in original.uavs)
+    assert first[0] == "INIT"
+    assert "EXPL" in first
+    assert set(second) <= {"SEARCH", "COMM"}
 
 
 def comms_s(result):
     """How long each visit to a robot lasted."""
-    pairs = zip(result.states, result.states[1:], strict=False)
-    return [b[1] - a[1] for a, b in pairs if a[0] == b[0] and a[2] == "COMM"]
+    return [b[1] - a[1] for a, b in pairwise(states(result)) if a[0] == b[0] and a[2] == "COMM"]
 
 
 def test_uavs_that_seek_no_robot_go_round_and_talk_to_whom_they_pass():
-    result = run(dataclasses.replace(SMALL, passive=True, uavs=1), SEED)
-    assert {state for _, _, state in result.states} == {"INIT"}
-    assert result.exchanges_complete > 0
+    result = run(but(passive=True, uavs=1))
+    assert {state for _, _, state in states(result)} == {"INIT"}
+    assert result.airtime.complete > 0
 
 
 def test_an_oracle_finds_whom_it_seeks_and_seeks_the_worthy():
-    searching = dataclasses.replace(
-        SMALL,
+    searching = but(
         uavs=1,
         duration_s=500.0,
         radius_m=10.0,
@@ -157,19 +176,23 @@ def test_an_oracle_finds_whom_it_seeks_and_seeks_the_worthy():
     )
 
     def found(result):
-        states = [state for _, _, state in result.states]
-        return states.count("COMM"), states.count("SEARCH")
+        found = [state for _, _, state in states(result)]
+        return found.count("COMM"), found.count("SEARCH")
 
-    blind = run(searching, SEED)
-    oracle = run(dataclasses.replace(searching, policy="oracle", values=(1.0, 1.0, 99.0)), SEED)
+    blind = run(searching)
+    oracle = run(but(searching, policy="oracle", values=(1.0, 1.0, 99.0)))
     comms, searches = found(oracle)
     assert comms >= searches - 1 > 0
     assert found(blind)[0] < found(blind)[1] - 1
-    pose_s = [mean_age_s(oracle.held["pose", name, "uav01"], 500.0) for name in oracle.robots[1:]]
-    map_s = [mean_age_s(oracle.held["map", "uav01", name], 500.0) for name in oracle.robots[1:]]
+    pose_s = [
+        mean_age_s(oracle.held["pose", name, "uav01"], 500.0) for name in oracle.fleet.names[1:]
+    ]
+    map_s = [
+        mean_age_s(oracle.held["map", "uav01", name], 500.0) for name in oracle.fleet.names[1:]
+    ]
     assert pose_s[2] < min(pose_s[:2])
     assert pose_s[2] < mean_age_s(blind.held["pose", "ugv03", "uav01"], 500.0)
-    columns = measured(oracle, 500.0)
+    columns = measured(oracle)
     weighted_s = np.average(np.add(pose_s, map_s) / 2, weights=(1, 1, 99))
     assert columns["service_age_mean_s"] == pytest.approx(weighted_s)
     assert columns["goal_bound_gap_percent"] > 0
@@ -177,21 +200,22 @@ def test_an_oracle_finds_whom_it_seeks_and_seeks_the_worthy():
 
 def test_comm_ends_by_its_exchange_where_nodes_pull_and_by_its_timer_where_contacts_do(ours):
     """And an empty battery brings a UAV home and down."""
-    flown = dataclasses.replace(SMALL, protocol="ours", pulls="node", channel="path_loss", uavs=1)
-    flown = dataclasses.replace(flown, ugvs=1, battery=2.6, airframe="px4")
-    home = run(flown, SEED)
+    flown = but(protocol="ours", pulls="node", channel="path_loss", uavs=1)
+    flown = but(flown, ugvs=1, battery=2.6, airframe="px4")
+    home = run(flown)
     assert max(comms_s(home)) < 5.0
     assert min(comms_s(ours)) >= SMALL.timers.communicate_s
-    assert [state for _, _, state in home.states][-3:] == ["HOME", "LAND", "DONE"]
-    (due_s,) = [time_s for _, time_s, state in home.states if state == "HOME"]
+    assert [state for _, _, state in states(home)][-3:] == ["HOME", "LAND", "DONE"]
+    (due_s,) = [time_s for _, time_s, state in states(home) if state == "HOME"]
     assert due_s == pytest.approx(0.75 * 2.6 * 60.0, abs=1.0)  # the mission's reserve is 25 %
-    assert "HOME" not in {state for _, _, state in ours.states}
+    assert "HOME" not in {state for _, _, state in states(ours)}
 
 
 def test_the_same_seed_gives_the_same_log_in_another_process(original):
     program = (
-        "import pickle, sys; from sitl.experiment.engine.engine import run;"
-        "print(run(pickle.loads(bytes.fromhex(sys.argv[1])), int(sys.argv[2])).digest)"
+        "import pickle, sys; from sitl.experiment.engine.engine import Run;"
+        "run = Run(pickle.loads(bytes.fromhex(sys.argv[1])), int(sys.argv[2]));"
+        "run.finish(); print(run.log.digest)"
     )
     answer = subprocess.run(
         [sys.executable, "-c", program, pickle.dumps(SMALL).hex(), str(SEED)],
@@ -201,7 +225,7 @@ def test_the_same_seed_gives_the_same_log_in_another_process(original):
         text=True,
         check=True,
     )
-    assert answer.stdout.strip() == original.digest
+    assert answer.stdout.strip() == original.log.digest
 
 
 class OtherLibrary:
@@ -229,21 +253,21 @@ def test_the_last_digits_of_another_machine_change_nothing(original, monkeypatch
 
     monkeypatch.setattr(LocalFrame, "to_local", other_to_local)
     monkeypatch.setattr(LocalFrame, "to_geodetic", other_to_geodetic)
-    assert run(SMALL, SEED).digest == original.digest
+    assert run(SMALL).log.digest == original.log.digest
 
 
 def test_what_no_run_can_be_made_of_is_refused():
-    alone = dataclasses.replace(SMALL, uavs=0, ugvs=0, duration_s=60.0)
-    assert run(alone, SEED).exchanges_complete == 0
+    alone = but(uavs=0, ugvs=0, duration_s=60.0)
+    assert run(alone).airtime.complete == 0
     with pytest.raises(ValueError, match="no robot takes part"):
-        run(dataclasses.replace(alone, base_station=False), SEED)
+        run(but(alone, base_station=False))
     with pytest.raises(ValueError, match="telemetry_s"):
-        run(dataclasses.replace(SMALL, telemetry_s=1.0), SEED)
+        run(but(telemetry_s=1.0))
 
 
 def test_places_are_the_town_s_or_the_seed_s():
-    brief = dataclasses.replace(SMALL, duration_s=1.0)
-    drawn = dataclasses.replace(brief, goals="seed", starts="seed")
+    brief = but(duration_s=1.0)
+    drawn = but(brief, goals="seed", starts="seed")
     first, again, other = (Run(drawn, seed) for seed in (1, 1, 2))
     fixed = Run(brief, 1), Run(brief, 2)
 

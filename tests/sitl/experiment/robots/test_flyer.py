@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,26 +10,24 @@ from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
+from sitl.experiment.settings import RunSettings
 
-MISSION = load_mission(Path(__file__).parents[4] / "missions" / "urban" / "mission.yaml")
+MISSION = replace(
+    load_mission(Path(__file__).parents[4] / "missions" / "urban" / "mission.yaml"),
+    home=Point(0.0, 0.0),
+    speed_m_s=5.0,
+    altitude_above_home_m=60.0,
+)
+PLAN = FlightPlan.of(MISSION)
 
 
 @pytest.fixture
 def flyer():
-    plan = FlightPlan.of(MISSION)
-    return vehicle(plan)
+    return vehicle()
 
 
-def vehicle(plan, kind=Flyer, **more):
-    return kind(
-        plan,
-        Point(0.0, 0.0),
-        cruise_m=60.0,
-        climb_m_s=1.5,
-        speed_m_s=5.0,
-        acceleration_m_s2=2.0,
-        **more,
-    )
+def vehicle(kind=Flyer, **settings):
+    return kind(PLAN, MISSION, RunSettings(**settings))
 
 
 def flown(flyer, until_s, step_s=0.5):
@@ -79,7 +78,7 @@ def test_a_turn_takes_no_more_than_the_acceleration(flyer):
 
 
 def test_it_flies_the_same_however_often_it_is_asked(flyer):
-    other = vehicle(FlightPlan.of(MISSION))
+    other = vehicle()
     for each in (flyer, other):
         each.command(FlyToPoint(Point(33.3, -12.1), 60.0))
     flown(flyer, 9.0, 0.1)
@@ -97,7 +96,7 @@ def test_it_takes_off_straight_up(flyer):
 
 
 def test_with_the_autopilot_s_airframe_legs_take_as_long_as_in_the_simulation_in_processes():
-    flyer, now_s, took_s = vehicle(FlightPlan.of(MISSION), AirframeFlyer), 40.0, []
+    flyer, now_s, took_s = vehicle(AirframeFlyer), 40.0, []
     flyer.fly(now_s)
     assert flyer.at_rest
     for node in (1, 2, 3, 4):
@@ -113,7 +112,7 @@ def test_with_the_autopilot_s_airframe_legs_take_as_long_as_in_the_simulation_in
 
 
 def test_the_autopilot_s_airframe_holds_a_braking_distance_ahead():
-    flyer = vehicle(FlightPlan.of(MISSION), AirframeFlyer)
+    flyer = vehicle(AirframeFlyer)
     flyer.command(FlyToPoint(Point(100.0, 0.0), 60.0))
     flyer.fly(12.0)
     there_m = flyer.position.east_m
@@ -124,7 +123,7 @@ def test_the_autopilot_s_airframe_holds_a_braking_distance_ahead():
 
 
 def test_it_lands_as_the_simulated_autopilot_and_drains_its_battery_until_then():
-    flyer = vehicle(FlightPlan.of(MISSION), battery_s=200.0)
+    flyer = vehicle(battery=200.0 / 60.0)
     flyer.fly(50.0)
     assert flyer.telemetry().battery == pytest.approx(0.75)
     flyer.command(LandHere())
@@ -133,4 +132,4 @@ def test_it_lands_as_the_simulated_autopilot_and_drains_its_battery_until_then()
     assert landed_s - 50 == pytest.approx(50 / 1.5 + 5 / 1.1 + 5 / 0.7, abs=2.0)
     telemetry = flyer.telemetry()
     assert (telemetry.armed, telemetry.in_air, telemetry.mode) == (False, False, FlightMode.LAND)
-    assert vehicle(FlightPlan.of(MISSION)).telemetry().battery is None
+    assert vehicle().telemetry().battery is None
