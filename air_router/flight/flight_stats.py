@@ -20,34 +20,13 @@ from air_router.controller.model.actions import (
 from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode
+from air_router.flight.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
-from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-
-
-@dataclass(slots=True)
-class RobotStats:
-    """What passed between the UAV and one robot.
-
-    Attributes:
-        found: How often a search for it ended with its being heard.
-        syncs_in: Completed pulls of ours from it; `bytes_in` their payload.
-        syncs_out: Completed pulls of its from us; `bytes_out` their payload.
-        map_share: Share (0..1) of the cells painted before the last completed contact that the
-            map version it pulled then has; None without a contact.
-    """
-
-    found: int = 0
-    syncs_in: int = 0
-    syncs_out: int = 0
-    bytes_in: int = 0
-    bytes_out: int = 0
-    map_share: float | None = None
-    pull_began_s: float | None = None  # its pull under way, vehicle's clock
-
+from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded
 
 OFF_GROUND_M: Final = 2.0
 """A vehicle that never was higher above home has not flown."""
@@ -64,39 +43,32 @@ class FlightStats:
 
     flown: FlownTrack
     mapper: Mapper
-    robots: dict[str, RobotStats]
+    found: dict[str, int]  # how often a search for a robot ended with its being heard
+    map_shares: dict[str, float] = field(default_factory=dict)  # at the last meeting, 0 to 1
+    interactions: Interactions = field(default_factory=Interactions)
     states: list[State] = field(default_factory=list)  # in the order of their first time
     # robot, and where the vehicle was
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=16))
     changed: int = 0
-    started: int = 0  # syncs, as are the next
-    completed: int = 0  # everything that was new came
-    partial: int = 0  # ended well, and something is left
-    timed_out: int = 0  # broken off
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
     @classmethod
     def of(cls, mission: Mission, mapper: Mapper, robots: Iterable[str]) -> FlightStats:
         """Of a flight that begins; syncs with other robots count as interactions only."""
-        return cls(FlownTrack(mission), mapper, {name: RobotStats() for name in robots})
+        return cls(FlownTrack(mission), mapper, dict.fromkeys(robots, 0))
 
     def step(self, event: Event, actions: Iterable[Action], now_s: float) -> None:
         """Take in what happened, and what was decided on it."""
         self._now_s = max(self._now_s, now_s)
         self.flown.event(event, now_s)
+        if isinstance(event, LinkEvent):
+            self.interactions.take(self._now_s, event)
         match event:
-            case SyncStarted(peer=peer, direction=direction):
-                self.started += 1
-                if direction is Direction.OUT and peer in self.robots:
-                    self.robots[peer].pull_began_s = self._now_s
-            case SyncEnded(complete=complete):
-                self.completed += complete
-                self.partial += not complete
-                self._synced(event)
-            case SyncTimedOut():
-                self.timed_out += 1
+            case SyncEnded(peer=peer, direction=Direction.OUT) if self.mapper.known_cells:
+                held = self.mapper.published_before(self.interactions.syncs[-1].from_s)
+                self.map_shares[peer] = held / self.mapper.known_cells
             case Telemetry(altitude_m=altitude_m):
                 self._highest_m = max(self._highest_m, altitude_m)
         for action in actions:
@@ -126,22 +98,14 @@ class FlightStats:
             "closest_approach_to": None if closest is None else closest[1],
             "robots": {
                 name: {
-                    "found": robot.found,
-                    "syncs_in": robot.syncs_in,
-                    "syncs_out": robot.syncs_out,
-                    "bytes_in": robot.bytes_in,
-                    "bytes_out": robot.bytes_out,
+                    "found": found,
+                    **self.interactions.totals(name),
                     "newest_age_s": _rounded(_age_s(stamps_s.get(name), unix_s), 1),
-                    "map_share": _rounded(robot.map_share, 3),
+                    "map_share": _rounded(self.map_shares.get(name), 3),
                 }
-                for name, robot in self.robots.items()
+                for name, found in self.found.items()
             },
-            "interactions": {
-                "started": self.started,
-                "completed": self.completed,
-                "partial": self.partial,
-                "timed_out": self.timed_out,
-            },
+            "interactions": self.interactions.counts(),
         }
 
     @property
@@ -154,24 +118,10 @@ class FlightStats:
         self.changed += 1
         if change.target not in self.states:
             self.states.append(change.target)
-        if change.target is State.COMM and change.robot in self.robots:
-            self.robots[change.robot].found += 1
+        if change.target is State.COMM and change.robot in self.found:
+            self.found[change.robot] += 1
             if self.flown.points:
                 self.meetings.append((change.robot, self.flown.points[-1]))
-
-    def _synced(self, event: SyncEnded) -> None:
-        robot = self.robots.get(event.peer)
-        if robot is None:
-            return
-        if event.direction is Direction.IN:
-            robot.syncs_in += 1
-            robot.bytes_in += event.bytes
-            return
-        robot.syncs_out += 1
-        robot.bytes_out += event.bytes
-        if self.mapper.known_cells and robot.pull_began_s is not None:
-            held = self.mapper.published_before(robot.pull_began_s)
-            robot.map_share = held / self.mapper.known_cells
 
 
 def _age_s(stamp_s: float | None, unix_s: float) -> float | None:

@@ -66,7 +66,7 @@ class Graph(NamedTuple):
 def figures(summary: FlightSummary) -> list[Figure]:
     """Everything that can be drawn of a flight over time."""
     drawn = [_timeline(summary)]
-    if summary.exchanges.syncs:
+    if summary.exchanges.links.syncs:
         drawn.append(_bandwidth(summary))
     graphs = (_ages(summary), _map(summary), _distance(summary), _battery(summary))
     return drawn + [_figure(summary, graph) for graph in graphs if graph is not None]
@@ -222,12 +222,12 @@ def _lane(summary: FlightSummary, plot: Plot, name: str, top: float) -> None:
     """When one robot was in reach, and its syncs."""
     plot.text(LEFT - 6, top + 14.0, name[:8], "end")
     plot.across(top + _LANE, "grid")
-    for contact in summary.exchanges.contacts:
+    for contact in summary.exchanges.links.contacts:
         if contact.robot == name:
             title = f"{name} in reach for {clock(contact.to_s - contact.from_s)}"
             plot.bar(contact.from_s, contact.to_s, (top, _LANE), "contact", title)
     drawn: dict[tuple[str, str], float] = {}
-    for sync in summary.exchanges.syncs:
+    for sync in summary.exchanges.links.syncs:
         kind, end = (sync.direction, sync.outcome), plot.x(sync.to_s)
         if sync.robot != name or end - drawn.get(kind, 0.0) < _LEAST_PX:
             continue

@@ -5,46 +5,15 @@ from bisect import bisect_right
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
+from air_router.flight.interactions import Interactions
 from air_router.messages import MAP_TOPIC
-from mocha_link.links.link_events import (
-    ContactBegan,
-    ContactEnded,
-    Direction,
-    LinkEvent,
-    MessageStored,
-    RssiChanged,
-    SyncEnded,
-    SyncStarted,
-    SyncTimedOut,
-)
+from mocha_link.links.link_events import LinkEvent, MessageStored, RssiChanged
 
 STAMP_S: Final = 0.0005
 """Stamps are whole milliseconds."""
 
 BINS: Final = 240
 """Bandwidth is shown over so many spans of equal length."""
-
-
-@dataclass(frozen=True, slots=True)
-class ContactSpan:
-    """A time in which a robot was heard well enough."""
-
-    robot: str
-    from_s: float  # on the vehicle's clock
-    to_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Sync:
-    """One pull, ours ("in") or the robot's ("out"); `outcome`: complete, partial or broken off."""
-
-    robot: str
-    direction: str  # "in" or "out"
-    from_s: float  # on the vehicle's clock
-    to_s: float
-    bytes: int  # of replies
-    messages: int
-    outcome: str
 
 
 @dataclass(slots=True)
@@ -54,19 +23,15 @@ class Exchanges:
     Attributes:
         own: The UAV's own name: how old its own news are is no question.
         sought: Robots that the mission seeks, though nothing may be heard of them.
+        links: Contacts and syncs.
         published: (t, known cells) of the versions of the map that were given out.
     """
 
     own: str = ""
     sought: tuple[str, ...] = ()
-    contacts: list[ContactSpan] = field(default_factory=list)
-    syncs: list[Sync] = field(default_factory=list)  # in the order of their ends
+    links: Interactions = field(default_factory=Interactions)
     published: list[tuple[float, int]] = field(default_factory=list)
     signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)  # RSSI in dBm
-    started: int = 0  # syncs, also those that never ended
-    _near: dict[str, float] = field(default_factory=dict)  # when each contact began
-    _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
-    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
     _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
     _maps: list[float] = field(default_factory=list)  # stamps of our own maps
     _names: list[str] | None = None  # made once, at the end
@@ -79,19 +44,8 @@ class Exchanges:
         if not math.isfinite(event.at_s):
             return
         self._end = (t, event.at_s)
+        self.links.take(t, event)
         match event:
-            case ContactBegan(peer=peer):
-                self._near.setdefault(peer, t)
-            case ContactEnded(peer=peer):
-                self._part(peer, t)
-            case SyncStarted(peer=peer, direction=direction):
-                self.started += 1
-                self._open[peer, direction] = t
-            case SyncEnded(peer=peer, direction=direction):
-                outcome = "complete" if event.complete else "partial"
-                self._done(peer, direction, t, (event.bytes, event.messages, outcome))
-            case SyncTimedOut(peer=peer, direction=direction):
-                self._done(peer, direction, t, (0, 0, "broken off"))
             case MessageStored():
                 self._stored(t, event)
             case RssiChanged(peer=peer, rssi_dbm=rssi_dbm):
@@ -105,8 +59,7 @@ class Exchanges:
 
     def end(self, t: float) -> None:
         """The record ends here."""
-        for peer in list(self._near):
-            self._part(peer, t)
+        self.links.end(t)
         if self._end is not None:
             told_s, unix_s = self._end
             for robot, newest_s in self._newest_s.items():
@@ -119,28 +72,25 @@ class Exchanges:
         return self._names
 
     def _heard(self) -> list[str]:
-        heard = {contact.robot for contact in self.contacts} | {sync.robot for sync in self.syncs}
+        heard = {contact.robot for contact in self.links.contacts}
+        heard |= {sync.robot for sync in self.links.syncs}
         return sorted(heard | self._ages.keys() | self.signal.keys() | {*self.sought})
 
     def interactions(self) -> dict[str, Any]:
         """How many syncs, and the share of them that was completed (null without any)."""
-        over = len(self.syncs)
-        completed = sum(sync.outcome == "complete" for sync in self.syncs)
+        counts, totals, over = self.links.counts(), self.links.totals(), len(self.links.syncs)
         return {
-            "started": self.started,
-            "completed": completed,
-            "partial": sum(sync.outcome == "partial" for sync in self.syncs),
-            "timed_out": sum(sync.outcome == "broken off" for sync in self.syncs),
-            "share_completed": completed / over if over else None,
-            "bytes_in": sum(sync.bytes for sync in self.syncs if sync.direction == "in"),
-            "bytes_out": sum(sync.bytes for sync in self.syncs if sync.direction == "out"),
+            **counts,
+            "share_completed": counts["completed"] / over if over else None,
+            "bytes_in": totals["bytes_in"],
+            "bytes_out": totals["bytes_out"],
         }
 
     def of(self, robot: str, painted: list[tuple[float, int]]) -> dict[str, Any]:
         """What is known of one robot."""
         return {
-            "contacts": [asdict(c) for c in self.contacts if c.robot == robot],
-            "syncs": [asdict(s) for s in self.syncs if s.robot == robot],
+            "contacts": [asdict(c) for c in self.links.contacts if c.robot == robot],
+            "syncs": [asdict(s) for s in self.links.syncs if s.robot == robot],
             "age_s": [[round(t, 3), round(age, 2)] for t, age in self.ages(robot)],
             "map_share": [[round(t, 3), round(s, 4)] for t, s in self.shares(robot, painted)],
             "rssi_dbm": [[round(t, 3), rssi] for t, rssi in self.signal.get(robot, [])],
@@ -158,7 +108,7 @@ class Exchanges:
         """
         fetches = [
             (sync.to_s, self._published_before(sync.from_s))
-            for sync in self.syncs
+            for sync in self.links.syncs
             if sync.robot == robot and sync.direction == "out" and sync.outcome == "complete"
         ]
         fetches += [(t, self._version(stamp_s)) for t, stamp_s in self._held.get(robot, [])]
@@ -177,7 +127,7 @@ class Exchanges:
         span_s = max(1.0, (to_s - from_s) / BINS)
         count = int((to_s - from_s) / span_s) + 1
         rates = {"in": [0.0] * count, "out": [0.0] * count}
-        for sync in self.syncs:
+        for sync in self.links.syncs:
             length_s = sync.to_s - sync.from_s
             first = max(0, int((sync.from_s - from_s) / span_s))
             last = min(count - 1, int((sync.to_s - from_s) / span_s))
@@ -187,19 +137,6 @@ class Exchanges:
                 share = part_s / length_s if length_s > 0 else 1.0
                 rates[sync.direction][i] += share * sync.bytes / span_s
         return span_s, rates["in"], rates["out"]
-
-    def _part(self, peer: str, t: float) -> None:
-        began_s = self._near.pop(peer, None)
-        self._parted[peer] = t
-        if began_s is not None:
-            self.contacts.append(ContactSpan(peer, began_s, t))
-
-    def _done(self, peer: str, direction: Direction, t: float, what: tuple[int, int, str]) -> None:
-        began_s = self._open.pop((peer, direction), t)
-        if what[-1] == "broken off":  # found out long after the robot was out of reach, perhaps
-            parted_s = self._parted.get(peer, t)
-            t = parted_s if began_s <= parted_s < t else t
-        self.syncs.append(Sync(peer, direction.value, began_s, t, *what))
 
     def _stored(self, t: float, event: MessageStored) -> None:
         stamp_s = event.header.stamp_s(event.at_s)

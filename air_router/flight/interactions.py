@@ -1,0 +1,96 @@
+"""Contacts and syncs of a flight: what counts as an interaction, live and out of a record."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from mocha_link.links.link_events import (
+    ContactBegan,
+    ContactEnded,
+    Direction,
+    LinkEvent,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ContactSpan:
+    """A time in which a robot was heard well enough."""
+
+    robot: str
+    from_s: float  # on the vehicle's clock
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """One pull, ours ("in") or the robot's ("out"); `outcome`: complete, partial or broken off."""
+
+    robot: str
+    direction: str  # "in" or "out"
+    from_s: float  # on the vehicle's clock
+    to_s: float
+    bytes: int  # of replies
+    messages: int
+    outcome: str
+
+
+@dataclass(slots=True)
+class Interactions:
+    """Adds up contacts, and syncs by how they ended."""
+
+    contacts: list[ContactSpan] = field(default_factory=list)  # in the order of their ends
+    syncs: list[Sync] = field(default_factory=list)  # likewise
+    started: int = 0  # syncs, also those that never ended
+    _near: dict[str, float] = field(default_factory=dict)  # when each contact began
+    _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
+    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
+
+    def take(self, t: float, event: LinkEvent) -> None:
+        """Take in what happened; `t` is the vehicle's clock."""
+        match event:
+            case ContactBegan(peer=peer):
+                self._near.setdefault(peer, t)
+            case ContactEnded(peer=peer):
+                self._part(peer, t)
+            case SyncStarted(peer=peer, direction=direction):
+                self.started += 1
+                self._open[peer, direction] = t
+            case SyncEnded(peer=peer, direction=direction):
+                began_s = self._open.pop((peer, direction), t)
+                size, outcome = event.bytes, "complete" if event.complete else "partial"
+                ended = Sync(peer, direction.value, began_s, t, size, event.messages, outcome)
+                self.syncs.append(ended)
+            case SyncTimedOut(peer=peer, direction=direction):
+                began_s = self._open.pop((peer, direction), t)
+                parted_s = self._parted.get(peer, t)
+                # Found out long after the robot was out of reach, perhaps.
+                t = parted_s if began_s <= parted_s < t else t
+                self.syncs.append(Sync(peer, direction.value, began_s, t, 0, 0, "broken off"))
+
+    def end(self, t: float) -> None:
+        """There is no more: contacts that still last end here."""
+        for peer in list(self._near):
+            self._part(peer, t)
+
+    def counts(self) -> dict[str, int]:
+        """How many syncs began, and how they ended."""
+        outcomes = Counter(sync.outcome for sync in self.syncs)
+        words = {"completed": "complete", "partial": "partial", "timed_out": "broken off"}
+        return {"started": self.started, **{key: outcomes[word] for key, word in words.items()}}
+
+    def totals(self, robot: str | None = None) -> dict[str, int]:
+        """Syncs that were not broken off and their bytes, of one robot or of all."""
+        totals = dict.fromkeys(("syncs_in", "syncs_out", "bytes_in", "bytes_out"), 0)
+        for sync in self.syncs:
+            if robot in (None, sync.robot) and sync.outcome != "broken off":
+                totals[f"syncs_{sync.direction}"] += 1
+                totals[f"bytes_{sync.direction}"] += sync.bytes
+        return totals
+
+    def _part(self, peer: str, t: float) -> None:
+        began_s = self._near.pop(peer, None)
+        self._parted[peer] = t
+        if began_s is not None:
+            self.contacts.append(ContactSpan(peer, began_s, t))
