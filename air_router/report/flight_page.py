@@ -10,8 +10,7 @@ from typing import Any
 from air_router.report.charts import Figure, figures, robot_css
 from air_router.report.flight_summary import FlightSummary
 from air_router.report.flight_table import size_words
-from air_router.report.palette import style_sheet
-from air_router.report.svg import clock
+from air_router.report.svg import clock, style_sheet
 from air_router.report.track import track_figure
 
 

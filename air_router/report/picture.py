@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from air_router.counted import counted
 from air_router.coverage.cover_area import Field
-from air_router.mission.faults import Faults, far
 from air_router.mission.mission import Mission
+from air_router.mission.validation import Faults, far
 from air_router.report.map_sheet import (
     AROUND,
     BEYOND,

@@ -1,9 +1,15 @@
-"""Drawing as SVG, in two widths: for a screen and for a phone. No script, no fonts."""
+"""Drawing as SVG, in two widths: for a screen and for a phone. No script, no fonts.
+
+The colours are those of the map pages, which pictures and reports share: one style sheet has them.
+"""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from html import escape
+from importlib import resources
 from typing import Final
 
 Series = Sequence[tuple[float, float]]
@@ -170,3 +176,30 @@ def clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+# Colours
+
+
+_COLOUR = re.compile(r"--([\w-]+):\s*(#\w+);")
+_LIGHT, _DARK = ":root {", ':root[data-theme="dark"] {'
+
+
+@cache
+def colours(*, dark: bool = False) -> dict[str, str]:
+    """Each colour by its name, such as "fence"."""
+    sheet = resources.files("air_router.web").joinpath("page", "theme.css").read_text("utf-8")
+    block = sheet.partition(_DARK if dark else _LIGHT)[2].partition("}")[0]
+    return dict(_COLOUR.findall(block))
+
+
+def style_sheet() -> str:
+    """All of them as CSS, light or dark as the system says."""
+    light, dark = (
+        " ".join(f"--{name}: {colour};" for name, colour in colours(dark=is_dark).items())
+        for is_dark in (False, True)
+    )
+    return (
+        f":root {{ color-scheme: light dark; {light} }}\n"
+        f"@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+    )

@@ -1,14 +1,18 @@
 """Pictures: what is drawn for missions of all shapes."""
 
 import json
+import re
 import struct
+from importlib import resources
 
 import matplotlib as mpl
 import pytest
 
 from air_router.mission.loading import load_mission
+from air_router.report import map_sheet
 from air_router.report.map_sheet import MapSheet
 from air_router.report.picture import draw_mission
+from air_router.report.svg import colours, style_sheet
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from geo.frame import Point
@@ -67,3 +71,16 @@ def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
     with mpl.rc_context({"svg.fonttype": "none"}):  # names stay text
         draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
     assert ">robot found<" in picture.read_text()
+
+
+# One set of colours: the pages', the pictures', the report's.
+
+
+def test_pictures_and_reports_have_the_pages_colours():
+    light, dark = colours(), colours(dark=True)
+    assert light.keys() == dark.keys() >= {"fence", "zone", "route", "leg", "r7"}
+    assert map_sheet.FENCE == light["fence"] != dark["fence"]
+    assert f"--zone: {light['zone']};" in style_sheet()
+    report = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
+    known = set(re.findall(r"--([\w-]+):", report)) | light.keys()
+    assert set(re.findall(r"var\(--([\w-]+)", report)) <= known
