@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
-    from air_router.mission.faults import faults_of  # noqa: PLC0415 - only for pictures
+    from air_router.mission.validation import faults_of  # noqa: PLC0415 - only for pictures
     from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
 
     graph = None if "planner" in draft.unread else WaypointGraph(mission)

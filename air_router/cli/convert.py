@@ -17,8 +17,8 @@ from air_router.files.maps.feature_set import (
     feature_set_of,
     feature_set_of_zones,
 )
-from air_router.files.maps.geojson_write import geojson_text
-from air_router.files.maps.kml_write import kml_text
+from air_router.files.maps.geojson import geojson_text
+from air_router.files.maps.kml import kml_text
 from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_write import mission_text

@@ -10,7 +10,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.maps.zone_files import add_zones, placed, read_zones
+from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
 from air_router.files.missions.mission_form import AreaForm
@@ -196,7 +196,7 @@ def _yaml_area(path: Path) -> MapArea:
 
 def _shape(zones: Sequence[MapArea], frame: LocalFrame) -> BaseGeometry:
     """The areas in the frame, as one."""
-    shapes = [placed(zone, frame, "") for zone in zones]
+    shapes = [zone.placed(frame, "") for zone in zones]
     problems = [shape for shape in shapes if isinstance(shape, Problem)]
     if problems:
         raise MissionFileError(problems)

@@ -15,7 +15,7 @@ from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
 from air_router.files.json_document import value_at
 from air_router.files.mission_document import Keys
-from air_router.files.text_values import Digits, degrees, metres
+from air_router.files.yaml_text import Digits, degrees, metres
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3

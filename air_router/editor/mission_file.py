@@ -6,9 +6,10 @@ from pathlib import Path
 
 from air_router.errors import AirRouterError, UsageError
 from air_router.files.missions.mission_write import first_mission_text
-from air_router.files.whole_file import bytes_of, text_in, write_whole
+from air_router.files.whole_file import bytes_within, write_whole
 from geo.frame import Geodetic, Point
 from mocha_link.team.document import MAX_BYTES, DocumentError
+from mocha_link.team.problem import text_in
 
 _FIRST_WAYPOINT = Point(0.0, 40.0)
 
@@ -35,7 +36,7 @@ class MissionFile:
         Raises:
             DocumentError: it cannot be read, is too large or not UTF-8.
         """
-        raw = bytes_of(self.path, MAX_BYTES)
+        raw = bytes_within(self.path, MAX_BYTES)
         text = text_in(raw, self.path)
         self._mark = raw.startswith(codecs.BOM_UTF8)
         self._digest = hashlib.sha256(raw).digest()
@@ -48,7 +49,7 @@ class MissionFile:
     def changed(self) -> bool:
         """Whether the file is another one than was read or written last."""
         try:
-            return hashlib.sha256(bytes_of(self.path, MAX_BYTES)).digest() != self._digest
+            return hashlib.sha256(bytes_within(self.path, MAX_BYTES)).digest() != self._digest
         except DocumentError:
             return True
 

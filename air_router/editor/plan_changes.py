@@ -20,7 +20,7 @@ from air_router.files.json_document import value_at
 from air_router.files.mission_document import Keys
 from air_router.files.missions.qgc_items import RELATIVE_FRAMES, MavCommand
 from air_router.files.missions.qgc_write import simple_item
-from air_router.files.text_values import metres
+from air_router.files.yaml_text import metres
 
 ITEMS: Keys = ("mission", "items")
 POLYGONS: Keys = ("geoFence", "polygons")

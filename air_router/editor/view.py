@@ -51,7 +51,7 @@ class Viewer:
     ) -> Iterable[dict[str, Any]]:
         document = analysis.document
         areas = {
-            area.keys: area for area in (*document.fences, *document.zones) if area.place is None
+            area.keys: area for area in (*document.fences, *document.zones) if area.source is None
         }
         for region in parts.features.regions:
             area = areas.get(region.keys)
@@ -62,7 +62,7 @@ class Viewer:
                 "crosses": area is not None and area.crosses_fence,
                 "buffers": self._kept(analysis, area, is_fence=region.is_fence),
             }
-        for area in (area for area in document.zones if area.place is not None):
+        for area in (area for area in document.zones if area.source is not None):
             if document.frame is not None:  # from another file: to be seen, not to be edited
                 yield area_beside(
                     area.name,

@@ -16,7 +16,7 @@ from air_router.editor.changes import (
 )
 from air_router.editor.edits import EditError
 from air_router.files.mission_document import Keys
-from air_router.files.text_values import metres
+from air_router.files.yaml_text import metres
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),

@@ -16,9 +16,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
-from air_router.files.whole_file import bytes_of, text_in
+from air_router.files.whole_file import bytes_within
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.error_text import Key
+from mocha_link.team.problem import text_in
 
 MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 60
@@ -45,7 +46,7 @@ def load_json(path: Path) -> JsonDocument:
         DocumentError: the file cannot be read, is too large, is not UTF-8 or not JSON, repeats a
             key, or is nested deeper than any file in use.
     """
-    return json_from_text(text_in(bytes_of(path, MAX_BYTES), path), path)
+    return json_from_text(text_in(bytes_within(path, MAX_BYTES), path), path)
 
 
 def json_from_text(text: str, path: Path) -> JsonDocument:

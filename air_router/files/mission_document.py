@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -71,14 +71,6 @@ class DocumentSource(Protocol):
         """A problem with the value at these keys."""
 
 
-class FilePlace(NamedTuple):
-    """A place in a file; line and column count from 1."""
-
-    path: Path
-    line: int
-    column: int
-
-
 @dataclass(frozen=True, slots=True)
 class MissionPoint:
     """A named place of a mission: home, a waypoint, a rally point."""
@@ -117,10 +109,10 @@ class Area:
     Attributes:
         name: What people call it.
         shape: Where it is, in the local frame.
-        keys: Where it stands in the draft's own document.
+        keys: Where it stands in its file.
         crosses_fence: It is meant to reach beyond the fence.
         terms: How far, how high and when it is kept away from.
-        place: Where it stands, if that is in another file than the draft's.
+        source: Its file, if that is another one than the draft's.
     """
 
     name: str
@@ -128,7 +120,7 @@ class Area:
     keys: Keys
     crosses_fence: bool = False
     terms: ZoneTerms = NO_TERMS
-    place: FilePlace | None = None
+    source: DocumentSource | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", sanitize(self.name))
@@ -194,17 +186,11 @@ class MissionDocument:
 
     def report_area(self, area: Area, message: str, code: str) -> None:
         """Note a problem with an area, in the file that it comes from."""
-        if area.place is None:
-            self.report(area.keys, message, code)
-        else:
-            self.problems.append(Problem(*area.place, message, code))
+        self.problems.append((area.source or self.source).problem(area.keys, message, code))
 
     def note_area(self, area: Area, message: str, code: str) -> None:
         """Note something about an area, in the file that it comes from."""
-        if area.place is None:
-            self.note(area.keys, message, code)
-        else:
-            self.notes.append(Problem(*area.place, message, code))
+        self.notes.append((area.source or self.source).problem(area.keys, message, code))
 
     def find_frame(self, what: str, origin: Sequence[float], keys: Keys, advice: str = "") -> bool:
         """Lay the frame around a place in degrees; False, with a problem noted, if it is none."""

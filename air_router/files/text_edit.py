@@ -15,8 +15,16 @@ import yaml
 
 from air_router.errors import AirRouterError
 from air_router.files.json_document import JsonDocument, json_text
-from air_router.files.text_values import Digits, block, like, quoted, word, yaml_flow
-from air_router.files.yaml_text import YamlText, YamlValue
+from air_router.files.yaml_text import (
+    Digits,
+    YamlText,
+    YamlValue,
+    block,
+    like,
+    quoted,
+    word,
+    yaml_flow,
+)
 from mocha_link.team.document import Document
 
 _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")

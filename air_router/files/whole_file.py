@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from air_router.errors import UsageError
-from mocha_link.team.problem import DocumentError, Problem
+from mocha_link.team.problem import Problem, bytes_of
 
 
 class FileThereError(UsageError):
@@ -27,31 +27,9 @@ class PlacedSource:
         return Problem(self.path, line, column, message, code)
 
 
-def bytes_of(path: Path, max_bytes: int) -> bytes:
+def bytes_within(path: Path, max_bytes: int) -> bytes:
     """A file's bytes. Raises DocumentError: it cannot be read or is too large."""
-    try:
-        with path.open("rb") as file:
-            raw = file.read(max_bytes + 1)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        message = f"cannot read the file: {reason}; check the path"
-        raise DocumentError.at(path, message, "unreadable") from None
-    if len(raw) > max_bytes:
-        message = f"larger than {max_bytes} bytes; cut out the part that the mission needs"
-        raise DocumentError.at(path, message, "too-large")
-    return raw
-
-
-def text_in(raw: bytes, path: Path) -> str:
-    """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = raw[: error.start]
-        line = before.count(b"\n") + 1
-        column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
-        message = "not UTF-8 text; save the file as UTF-8"
-        raise DocumentError.at(path, message, "not-utf8", line, column) from None
+    return bytes_of(path, max_bytes, "cut out the part that the mission needs")
 
 
 def write_whole(

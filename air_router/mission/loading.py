@@ -13,9 +13,8 @@ from air_router.files.json_document import MAX_BYTES
 from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.qgc_read import read_plan
-from air_router.files.missions.waypoint_file import read_waypoints
-from air_router.files.whole_file import bytes_of, text_in
+from air_router.files.missions.qgc_read import read_plan, read_waypoints
+from air_router.files.whole_file import bytes_within
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
@@ -24,6 +23,7 @@ from air_router.mission.team import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.problem import text_in
 
 DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
@@ -249,7 +249,7 @@ def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | 
     if altitude_m is not None and suffix != GPX:
         raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
     if altitude_m is not None:
-        return gpx_draft(read_gpx(bytes_of(path, MAX_BYTES), path), altitude_m)
+        return gpx_draft(read_gpx(bytes_within(path, MAX_BYTES), path), altitude_m)
     if suffix == WAYPOINTS:
-        return read_waypoints(text_in(bytes_of(path, MAX_BYTES), path), path)
+        return read_waypoints(text_in(bytes_within(path, MAX_BYTES), path), path)
     return None

@@ -1,21 +1,27 @@
-"""Whether a mission, as drafted, may be flown: every problem of its geometry."""
+"""Whether a mission, as drafted, may be flown: every problem of its geometry, and its picture."""
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
 from shapely import Polygon, STRtree
 
-from air_router.files.mission_document import Area, MissionDocument, MissionPoint
+from air_router.files.mission_document import Area, MissionDocument, MissionPoint, RefusedRing
 from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.airspaces import Airspaces, band_of
+from air_router.mission.mission import Mission
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
 from geo.frame import Point
 from geo.paths.regions import Regions
+from mocha_link.team.document import Problem
 
 _FAR_M = 50_000.0
+"""Places farther from home than this are typing errors; no sheet shows them."""
+
 _SAME_PLACE_M = 0.1
 _SLIVER_M2 = 0.01
 
@@ -107,7 +113,7 @@ def _check_distances(draft: MissionDocument) -> set[str]:
             far.add(spot.label)
     for area in (*draft.zones, *draft.fences):
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
-        if far_m > _FAR_M and area.place is None:  # zones of other files may be of any size
+        if far_m > _FAR_M and area.source is None:  # zones of other files may be of any size
             label = _label(draft, area)
             message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
             draft.report_area(area, message, "far-from-home")
@@ -246,3 +252,70 @@ def _walls(regions: Regions, home: Point, place: Point) -> str:
     if not words:
         return "what lies between leaves no room"
     return f"{' and '.join(words)} {'leaves' if len(words) == 1 else 'leave'} no room"
+
+
+# Where it is wrong, for pictures
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What is to be drawn in red.
+
+    Attributes:
+        count: how many problems there are.
+        spots: places that are wrong: home, waypoints, rally points.
+        legs: straight legs from one waypoint to the next that begin, end or lead where the vehicle
+            must not be.
+        shapes: fences and zones that are wrong, though they are areas.
+        refused: rings that are no areas.
+        off_sheet: labels of places too far away to be drawn.
+    """
+
+    count: int
+    spots: tuple[MissionPoint, ...]
+    legs: tuple[tuple[Point, Point], ...]
+    shapes: tuple[Shape, ...]
+    refused: tuple[RefusedRing, ...]
+    off_sheet: tuple[str, ...] = ()
+
+
+def faults_of(draft: MissionDocument, mission: Mission) -> Faults:
+    """The faults of a judged draft."""
+    spots = [*draft.waypoints, *draft.rally_points, *([draft.home] if draft.home else [])]
+    wrong = [spot for spot in spots if _blamed(draft.problems, spot.keys)]
+    ends = {spot.position for spot in wrong if spot not in draft.rally_points}
+    areas = [area for area in (*draft.fences, *draft.zones) if area.source is None]
+    return Faults(
+        count=len(set(draft.problems)),
+        spots=tuple(wrong),
+        legs=tuple(
+            (start, end)
+            for start, end in blocked_legs(mission)
+            if {start, end} & ends and not (far(start, mission) or far(end, mission))
+        ),
+        shapes=tuple(area.shape for area in areas if _blamed(draft.problems, area.keys)),
+        refused=tuple(draft.refused),
+        off_sheet=tuple(spot.label for spot in wrong if far(spot.position, mission)),
+    )
+
+
+def far(position: Point, mission: Mission) -> bool:
+    """Whether a place is too far from home for a sheet."""
+    return math.dist(position, mission.home) > _FAR_M
+
+
+def blocked_legs(mission: Mission) -> list[tuple[Point, Point]]:
+    """Straight legs from home over the waypoints in order, and home, that are not clear."""
+    stops = [mission.home, *(w.position for w in mission.waypoints), mission.home]
+    legs = [(a, b) for a, b in pairwise(stops) if a != b]
+    if not legs:
+        return []
+    ends = np.array(legs, dtype=float)
+    clear = mission.planning_airspace.legs_clear_between(ends[:, 0], ends[:, 1])
+    return [leg for leg, ok in zip(legs, clear, strict=True) if not ok]
+
+
+def _blamed(problems: Sequence[Problem], keys: Sequence[str | int]) -> bool:
+    """Whether a problem is about the value at these keys, or a part of it."""
+    length = len(keys)
+    return any(problem.keys[:length] == tuple(keys) for problem in problems if problem.keys)

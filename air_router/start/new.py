@@ -12,7 +12,7 @@ import yaml
 
 from air_router.cli.arguments import home, number
 from air_router.errors import ExitCode, UsageError
-from air_router.files.text_values import degrees_text
+from air_router.files.yaml_text import degrees_text
 from air_router.mission.loading import load_mission
 from air_router.start.texts import MOST_ROBOTS, ROVERS, first_places, texts_of
 from geo.frame import Geodetic, LocalFrame

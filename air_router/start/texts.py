@@ -7,7 +7,7 @@ from string import Template
 from typing import Final
 
 from air_router.files.missions.mission_write import first_mission_text
-from air_router.files.text_values import degrees_text
+from air_router.files.yaml_text import degrees_text
 from geo.frame import Geodetic, Point
 
 ROVERS: Final = {"json": "rover_json.py", "ros1": "rover_ros1.py", "ros2": "rover_ros2.py"}

@@ -19,7 +19,14 @@ import yaml
 from pydantic_core import ErrorDetails
 
 from mocha_link.team.error_text import Key, as_label, code_of, error_text
-from mocha_link.team.problem import DocumentError, Problem, ProblemList
+from mocha_link.team.problem import (
+    DocumentError,
+    Problem,
+    ProblemList,
+    bytes_of,
+    line_column,
+    text_in,
+)
 
 __all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
 
@@ -118,23 +125,8 @@ class Document:
                 YAML, repeats a key or uses a YAML feature that we do not read.
         """
         path = Path(path)
-        try:
-            with path.open("rb") as file:
-                raw = file.read(MAX_BYTES + 1)
-        except OSError as error:
-            reason = error.strerror or type(error).__name__
-            message = f"cannot read the file: {reason}; check the path"
-            raise DocumentError.at(path, message, "unreadable") from None
-        if len(raw) > MAX_BYTES:
-            message = f"larger than {MAX_BYTES} bytes; split the file or thin it out"
-            raise DocumentError.at(path, message, "too-large")
-        try:
-            text = raw.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            message = "not UTF-8 text; save the file as UTF-8"
-            place = _line_column(raw[: error.start])
-            raise DocumentError.at(path, message, "not-utf8", *place) from None
-        return cls.from_text(text, path)
+        raw = bytes_of(path, MAX_BYTES, "split the file or thin it out")
+        return cls.from_text(text_in(raw, path), path)
 
     @classmethod
     def from_text(cls, text: str, path: Path) -> Document:
@@ -151,7 +143,7 @@ class Document:
             raise DocumentError.at(path, message, "not-yaml", *place) from None
         except yaml.reader.ReaderError as error:
             message = "control character in the text; remove it"
-            place = _line_column(text[: error.position].encode())
+            place = line_column(text[: error.position].encode())
             raise DocumentError.at(path, message, "not-yaml", *place) from None
         except _TooDeepError as error:
             message = f"nested more than {MAX_DEPTH} deep; flatten it"
@@ -321,12 +313,6 @@ def _strange(node: yaml.Node) -> str:
 
 def _mark(node: yaml.Node | None) -> tuple[int, int]:
     return (node.start_mark.line + 1, node.start_mark.column + 1) if node else (1, 1)
-
-
-def _line_column(before: bytes) -> tuple[int, int]:
-    line = before.count(b"\n") + 1
-    column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
-    return line, column
 
 
 class _Dumper(yaml.SafeDumper):

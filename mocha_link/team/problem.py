@@ -1,4 +1,4 @@
-"""What is wrong with a file, and where; for those who only tell it, without what reads files."""
+"""What is wrong with a file, and where; its text, or why it has none. Nothing of YAML is here."""
 
 from __future__ import annotations
 
@@ -97,3 +97,34 @@ class ProblemList:
             if (left := self._numbers[path, code] - MOST_OF_A_KIND) > 0:
                 message = f"{left} more problems of the kind '{code}' in this file"
                 yield Problem(path, last.line, last.column + 1, message, "more")
+
+
+def bytes_of(path: Path, max_bytes: int, advice: str) -> bytes:
+    """A file's bytes. Raises DocumentError: it cannot be read, or is too large (with advice)."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(max_bytes + 1)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        message = f"cannot read the file: {reason}; check the path"
+        raise DocumentError.at(path, message, "unreadable") from None
+    if len(raw) > max_bytes:
+        raise DocumentError.at(path, f"larger than {max_bytes} bytes; {advice}", "too-large")
+    return raw
+
+
+def text_in(raw: bytes, path: Path) -> str:
+    """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        message = "not UTF-8 text; save the file as UTF-8"
+        place = line_column(raw[: error.start])
+        raise DocumentError.at(path, message, "not-utf8", *place) from None
+
+
+def line_column(before: bytes) -> tuple[int, int]:
+    """The line and column, from 1, behind these bytes of a text."""
+    line = before.count(b"\n") + 1
+    column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
+    return line, column

@@ -1,14 +1,20 @@
 """What map programs are shown of a mission or of a file of zones: everything in degrees."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
-from air_router.files.maps.zone_files import placed, unique_names
-from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline, MapRing, ZoneReading
+from air_router.files.maps.zone_reading import (
+    MapArea,
+    MapCircle,
+    MapOutline,
+    MapRing,
+    ZoneReading,
+    unique_names,
+)
 from air_router.files.mission_document import Area, MissionDocument
-from geo.airspace.zone import Circle, Ring, Shape
-from geo.frame import Geodetic, LocalFrame, Point
+from geo.airspace.zone import Circle, Ring
+from geo.frame import Geodetic, LocalFrame
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -47,26 +53,38 @@ class FeatureSet:
     waypoints: list[MapPoint] = field(default_factory=list)
     rally_points: list[MapPoint] = field(default_factory=list)
 
+    def areas(self) -> Iterator[tuple[str, MapArea]]:
+        """Fences and zones, each with its kind."""
+        yield from (("fence", area) for area in self.fences)
+        yield from (("zone", area) for area in self.zones)
+
+    def spots(self) -> Iterator[tuple[str, MapPoint]]:
+        """All places in order, each with its kind."""
+        yield from [("home", self.home)] if self.home is not None else []
+        yield from (("waypoint", spot) for spot in self.waypoints)
+        yield from (("rally_point", spot) for spot in self.rally_points)
+
 
 def feature_set_of(draft: MissionDocument) -> FeatureSet:
     """The feature set of a mission. The draft has a frame."""
     frame = draft.frame
     if frame is None:
         raise ValueError("a mission without a frame has no feature set")
-    feature_set = FeatureSet(sanitize(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
-    if draft.home is not None:
-        feature_set.home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
-    feature_set.fences = [_area(area, frame) for area in draft.fences]
-    feature_set.zones = [_area(area, frame) for area in draft.zones]
-    for number, spot in enumerate(draft.waypoints, start=1):
-        place = frame.to_geodetic(spot.position)
-        feature_set.waypoints.append(
-            MapPoint(str(number), place, spot.altitude_m or draft.altitude_m)
-        )
-    for number, spot in enumerate(draft.rally_points, start=1):
-        place = frame.to_geodetic(spot.position)
-        feature_set.rally_points.append(MapPoint(f"rally point {number}", place))
-    return feature_set
+    return FeatureSet(
+        sanitize(draft.name),
+        MapPoint("home", frame.to_geodetic(draft.home.position), 0.0) if draft.home else None,
+        draft.home_altitude_amsl_m,
+        [_area(area, frame) for area in draft.fences],
+        [_area(area, frame) for area in draft.zones],
+        [
+            MapPoint(str(n), frame.to_geodetic(spot.position), spot.altitude_m or draft.altitude_m)
+            for n, spot in enumerate(draft.waypoints, start=1)
+        ],
+        [
+            MapPoint(f"rally point {n}", frame.to_geodetic(spot.position))
+            for n, spot in enumerate(draft.rally_points, start=1)
+        ],
+    )
 
 
 def feature_set_of_zones(
@@ -74,20 +92,11 @@ def feature_set_of_zones(
 ) -> tuple[FeatureSet, list[Problem]]:
     """The feature set of files of zones, and the problems of zones that are no areas."""
     zones = [zone for reading in readings for zone in reading.zones]
-    problems: list[Problem] = []
+    shapes = [zone.placed(_frame_near(zone)) for zone in zones]
     names = unique_names(zone.name for zone in zones)
-    areas: list[MapArea] = []
-    for unique, zone in zip(names, zones, strict=True):
-        shape = placed(zone, _frame_near(zone))
-        problems += [shape] if isinstance(shape, Problem) else []
-        areas.append(MapArea(unique, zone.shape, zone.terms))
-    return FeatureSet(name, zones=areas), problems
-
-
-def outline_of(polygon_rings: list[Ring], frame: LocalFrame) -> MapOutline:
-    """A polygon's rings in degrees, the outer one first."""
-    ring, *holes = (corners_of(ring, frame) for ring in polygon_rings)
-    return MapOutline(ring, tuple(holes))
+    named = [replace(zone, name=name) for zone, name in zip(zones, names, strict=True)]
+    problems = [shape for shape in shapes if isinstance(shape, Problem)]
+    return FeatureSet(name, zones=named), problems
 
 
 def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
@@ -95,7 +104,7 @@ def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
 
     Long sides have such corners, because what is straight on the map is bent on the ground.
     """
-    places = degrees(ring, frame)
+    places = tuple(Geodetic(*place) for place in frame.to_geodetic_many(list(ring)).tolist())
     kept: list[Geodetic] = []
     for index, place in enumerate(places):
         before = kept[-1] if kept else places[-1]
@@ -111,11 +120,6 @@ def counterclockwise(ring: MapRing) -> MapRing:
         lon_deg = (end.longitude_deg - start.longitude_deg + 180) % 360 - 180
         twice += lon_deg * (start.latitude_deg + end.latitude_deg)
     return ring if twice <= 0 else ring[::-1]
-
-
-def degrees(points: Iterable[Point], frame: LocalFrame) -> MapRing:
-    """Places of a local frame in degrees."""
-    return tuple(Geodetic(*place) for place in frame.to_geodetic_many(list(points)).tolist())
 
 
 def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
@@ -135,13 +139,11 @@ def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
 
 
 def _area(area: Area, frame: LocalFrame) -> MapArea:
-    return MapArea(area.name, _shape(area.shape, frame), area.terms)
-
-
-def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
-    if isinstance(shape, Circle):
-        return MapCircle(frame.to_geodetic(shape.centre), shape.radius_m)
-    return outline_of([shape.ring, *shape.holes], frame)
+    if isinstance(area.shape, Circle):
+        centre = frame.to_geodetic(area.shape.centre)
+        return MapArea(area.name, MapCircle(centre, area.shape.radius_m), area.terms)
+    ring, *holes = (corners_of(ring, frame) for ring in (area.shape.ring, *area.shape.holes))
+    return MapArea(area.name, MapOutline(ring, tuple(holes)), area.terms)
 
 
 def _frame_near(zone: MapArea) -> LocalFrame:

@@ -1,17 +1,28 @@
-"""No-fly zones from GeoJSON (RFC 7946): polygons, and points with a radius.
+"""GeoJSON (RFC 7946): no-fly zones read from it, and everything that can be drawn written as it.
 
-Every area is a zone, unless its property `kind` says that it is something else: the files that
-`air-router convert` writes hold waypoints and fences too.
+Polygons and points with a radius are read. Every area is a zone, unless its property `kind` says
+that it is something else: what we write has a `kind` each, and what is read back are its zones.
+Longitude comes first, rings follow the right-hand rule, shapes are cut at the antimeridian.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument, JsonValues, is_number
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon, box
+from shapely.affinity import translate
+from shapely.geometry import mapping
+from shapely.geometry.polygon import orient
+
+from air_router.files.json_document import JsonDocument, JsonValues, is_number, json_text
+from air_router.files.maps.feature_set import FeatureSet, MapPoint
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_RADIUS_M,
-    ZONE_KIND,
+    MapArea,
     MapCircle,
     MapOutline,
     MapRing,
@@ -21,13 +32,14 @@ from air_router.files.maps.zone_reading import (
     place_of,
 )
 from air_router.files.mission_document import Keys
+from air_router.files.zone_terms import NO_TERMS, terms_data
+from geo.airspace.zone import polygons_of
 from geo.frame import Geodetic
 
-_GEOMETRIES: Final = frozenset(
-    {"Polygon", "MultiPolygon", "Point", "MultiPoint", "LineString", "MultiLineString"}
-)
-_WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
+_WITHOUT_AREA: Final = frozenset({"MultiPoint", "LineString", "MultiLineString"})
+_WGS84_NAMES: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
+_RADIUS_KEYS: Final = ("radius_m", "radius")
 
 
 def read_geojson(document: JsonDocument) -> ZoneReading:
@@ -75,31 +87,56 @@ class GeometryReader(JsonValues):
             return place
         if not isinstance(value, list) or len(value) < 2:
             self.wrong(keys, "a place must be [longitude, latitude]")
-            return None
-        if not (is_number(value[0]) and is_number(value[1])):
+        elif not (is_number(value[0]) and is_number(value[1])):
             self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
-            return None
-        message = f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}"
-        self.reading.report_place(keys, message, float(value[0]), float(value[1]))
+        else:
+            message = f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}"
+            self.reading.report_place(keys, message, float(value[0]), float(value[1]))
         return None
-
-    def outline(self, keys: Keys) -> MapOutline | None:
-        """A polygon's rings, the first around it, the others around its holes."""
-        rings = [
-            self._ring((*keys, index))
-            for index in range(len(self.entries(keys, "a polygon's coordinates")))
-        ]
-        if not rings and self.at(*keys) == []:
-            self.reading.report(
-                keys, "a polygon without a ring; draw it again", "zone-too-few-corners"
-            )
-        return outline_of_rings(rings)
 
     def circle(self, keys: Keys, radius_keys: Keys) -> MapCircle | None:
         """A place and a radius in metres."""
         centre = self.position(keys)
         radius_m = self.number_within(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
         return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
+
+    def shapes(self, keys: Keys) -> Shapes:
+        """The areas of a geometry; what is no area is a problem."""
+        kind = self.at(*keys, "type")
+        places: Keys = (*keys, "coordinates")
+        shape: MapOutline | MapCircle | None = None
+        if kind == "MultiPolygon":
+            parts = [(*places, i) for i in range(len(self.entries(places, "the coordinates")))]
+            outlines = [(part, self._outline(part)) for part in parts]
+            return [(part, outline) for part, outline in outlines if outline is not None]
+        if kind == "GeometryCollection":
+            inner: Keys = (*keys, "geometries")
+            count = len(self.entries(inner, "the geometries"))
+            return [shape for index in range(count) for shape in self.shapes((*inner, index))]
+        if kind == "Polygon":
+            shape = self._outline(places)
+        elif kind == "Point":
+            shape = self.point(keys)
+        elif kind in _WITHOUT_AREA:
+            message = f"a {kind} has no area; draw a polygon, or give a point a radius"
+            self.reading.report((*keys, "type"), message, "no-area")
+        else:
+            self.wrong((*keys, "type"), "the type of a geometry is Polygon, MultiPolygon or Point")
+        return [] if shape is None else [(keys, shape)]
+
+    def point(self, keys: Keys) -> MapCircle | None:
+        """A point as a circle, if it has a radius."""
+        message = "a point without a radius; add the property radius_m, or draw a polygon"
+        self.reading.report(keys, message, "no-area")
+        return None
+
+    def _outline(self, keys: Keys) -> MapOutline | None:
+        """A polygon's rings, the first around it, the others around its holes."""
+        count = len(self.entries(keys, "a polygon's coordinates"))
+        if not count and self.at(*keys) == []:
+            message = "a polygon without a ring; draw it again"
+            self.reading.report(keys, message, "zone-too-few-corners")
+        return outline_of_rings([self._ring((*keys, index)) for index in range(count)])
 
     def _ring(self, keys: Keys) -> MapRing | None:
         values = self.entries(keys, "a polygon's ring")
@@ -110,58 +147,22 @@ class GeometryReader(JsonValues):
             return None
         return self.reading.ring(ring, keys)
 
-    def shapes(self, keys: Keys) -> Shapes:
-        """The areas of a geometry; what is no area is a problem."""
-        kind = self.at(*keys, "type")
-        if kind == "Polygon":
-            return self._kept(keys, self.outline((*keys, "coordinates")))
-        if kind == "MultiPolygon":
-            shapes: Shapes = []
-            places: Keys = (*keys, "coordinates")
-            for index in range(len(self.entries(places, "the coordinates"))):
-                shapes += self._kept((*places, index), self.outline((*places, index)))
-            return shapes
-        if kind == "GeometryCollection":
-            inner: Keys = (*keys, "geometries")
-            count = len(self.entries(inner, "the geometries"))
-            return [shape for index in range(count) for shape in self.shapes((*inner, index))]
-        if kind == "Point":
-            return self._kept(keys, self.point(keys))
-        if kind in _GEOMETRIES:
-            self.reading.report(
-                (*keys, "type"),
-                f"a {kind} has no area; draw a polygon, or give a point a radius",
-                "no-area",
-            )
-        else:
-            self.wrong((*keys, "type"), "the type of a geometry is Polygon, MultiPolygon or Point")
-        return []
-
-    def point(self, keys: Keys) -> MapCircle | None:
-        """A point as a circle, if it has a radius."""
-        message = "a point without a radius; add the property radius_m, or draw a polygon"
-        self.reading.report(keys, message, "no-area")
-        return None
-
-    def _kept(self, keys: Keys, shape: MapOutline | MapCircle | None) -> Shapes:
-        return [] if shape is None else [(keys, shape)]
-
 
 def _place(value: Any) -> Geodetic | None:
     """[longitude, latitude] as a place; None if it is none."""
-    if not isinstance(value, list) or len(value) < 2:
+    if not isinstance(value, list) or len(value) < 2 or not all(map(is_number, value[:2])):
         return None
-    longitude_deg, latitude_deg = value[0], value[1]
-    if not (is_number(longitude_deg) and is_number(latitude_deg)):
-        return None
-    return place_of(latitude_deg, longitude_deg)
+    return place_of(value[1], value[0])
 
 
 class _Reader(GeometryReader):
+    _properties: Keys = ()  # of the feature that is read
+
     def read(self) -> None:
-        self._properties: Keys = ()
-        self._others = 0
-        self._check_crs()
+        crs = self.at("crs", "properties", "name")
+        if crs is not None and not str(crs).endswith(_WGS84_NAMES):
+            message = f"coordinates are in {str(crs)[:60]!r}, not in WGS-84 degrees; export again"
+            self.reading.report(("crs",), message, "other-coordinates")
         kind = self.at("type")
         if kind == "FeatureCollection":
             for index in range(len(self.entries(("features",), "the features"))):
@@ -169,40 +170,112 @@ class _Reader(GeometryReader):
         elif kind == "Feature":
             self._feature((), 1)
         else:
-            self._add((), (), f"{self.reading.path.stem} 1", {})
-        if self._others:
-            message = f"{self._others} features are no zones, by their property 'kind': left out"
-            self.reading.note((), message, "not-a-zone")
-
-    def _check_crs(self) -> None:
-        name = self.at("crs", "properties", "name")
-        if name is not None and not str(name).endswith(_WGS84_NAMES):
-            message = f"coordinates are in {str(name)[:60]!r}, not in WGS-84 degrees; export again"
-            self.reading.report(("crs",), message, "other-coordinates")
+            self.reading.add(self.reading.name_of("", 1), self.shapes(()), NO_TERMS)
+        self.reading.tell_others("features", "property")
 
     def _feature(self, keys: Keys, number: int) -> None:
-        properties = self.at(*keys, "properties") or {}
+        self._properties = (*keys, "properties")
+        properties = self.at(*self._properties) or {}
         if self.at(*keys, "type") != "Feature":
             self.wrong((*keys, "type"), 'an entry of "features" has the type Feature')
         elif not isinstance(properties, dict):
-            self.wrong((*keys, "properties"), "the properties must be an object")
-        elif properties.get("kind", ZONE_KIND) != ZONE_KIND:
-            self._others += 1
+            self.wrong(self._properties, "the properties must be an object")
+        elif not self.reading.takes(properties):
+            return
         elif self.at(*keys, "geometry") is None:
             self.reading.note(keys, "a feature without a geometry: left out", "no-area")
         else:
             names = (*(properties.get(key) for key in _NAME_KEYS), self.at(*keys, "id"))
-            fallback = f"{self.reading.path.stem} {number}"
-            name = next((str(name) for name in names if name not in (None, "")), fallback)
-            self._add((*keys, "geometry"), (*keys, "properties"), name[:80], properties)
-
-    def _add(self, keys: Keys, properties_keys: Keys, name: str, properties: Any) -> None:
-        self._properties = properties_keys
-        terms = terms_of(properties, self.reading, lambda name: (*properties_keys, name))
-        self.reading.add(name, self.shapes(keys), terms)
+            name = next((str(name) for name in names if name not in (None, "")), "")
+            terms = terms_of(properties, self.reading, lambda key: (*self._properties, key))
+            shapes = self.shapes((*keys, "geometry"))
+            self.reading.add(self.reading.name_of(name, number), shapes, terms)
 
     def point(self, keys: Keys) -> MapCircle | None:
-        for name in ("radius_m", "radius"):
+        for name in _RADIUS_KEYS:
             if self._properties and self.at(*self._properties, name) is not None:
                 return self.circle((*keys, "coordinates"), (*self._properties, name))
         return super().point(keys)
+
+
+# Writing
+
+
+_DIGITS: Final = 9  # of degrees
+_COLOURS: Final = {"fence": "#2a7f2a", "zone": "#c00000"}
+
+
+def geojson_text(feature_set: FeatureSet) -> str:
+    """The feature set as text."""
+    return json_text(geojson_of(feature_set))
+
+
+def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
+    """The feature set as a feature collection."""
+    features = [_area_feature(kind, area) for kind, area in feature_set.areas()]
+    features += [_spot_feature(kind, spot) for kind, spot in feature_set.spots()]
+    return {"type": "FeatureCollection", "name": feature_set.name, "features": features}
+
+
+def _area_feature(kind: str, area: MapArea) -> dict[str, Any]:
+    properties = {"kind": kind, "name": area.name, **terms_data(area.terms)}
+    if isinstance(area.shape, MapCircle):
+        properties["radius_m"] = area.shape.radius_m
+        geometry = _point(area.shape.centre)
+    else:
+        geometry = _polygons(area.shape)
+    colour = _COLOURS[kind]
+    fill = {"fill": colour, "fill-opacity": 0.0 if kind == "fence" else 0.2}
+    return _feature({**properties, "stroke": colour, **fill}, geometry)
+
+
+def _spot_feature(kind: str, spot: MapPoint) -> dict[str, Any]:
+    properties: dict[str, Any] = {"kind": kind, "name": spot.name}
+    if spot.altitude_above_home_m is not None:
+        properties["altitude_above_home_m"] = spot.altitude_above_home_m
+    return _feature(properties, _point(spot.place))
+
+
+def _feature(properties: dict[str, Any], geometry: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _point(place: Geodetic) -> dict[str, Any]:
+    pair = (place.longitude_deg, place.latitude_deg)
+    return {"type": "Point", "coordinates": [round(degrees, _DIGITS) for degrees in pair]}
+
+
+def _polygons(outline: MapOutline) -> dict[str, Any]:
+    """A Polygon, or the pieces on both sides of the antimeridian as a MultiPolygon."""
+    ring = _unwrapped((*outline.ring, outline.ring[0]))
+    west_deg, east_deg = ring[0, 0], ring[-1, 0]
+    holes = [_unwrapped(hole) for hole in outline.holes]
+    for hole in holes:  # on the same turn around the Earth as its ring
+        hole[:, 0] += 360.0 * np.round((west_deg - hole[0, 0]) / 360.0)
+    if round((east_deg - west_deg) / 360.0):  # around a pole: it goes on along the map's edge
+        pole_deg = math.copysign(90.0, ring[0, 1])
+        ring = np.vstack([ring, (east_deg, pole_deg), (west_deg, pole_deg)])
+    pieces = [
+        shapely.transform(orient(piece), lambda places: places.round(_DIGITS))
+        for piece in _cut(Polygon(ring, holes))
+    ]
+    return mapping(pieces[0] if len(pieces) == 1 else MultiPolygon(pieces))
+
+
+def _unwrapped(ring: MapRing) -> NDArray[np.float64]:
+    """Longitudes and latitudes without a jump: each step is the short way around the Earth."""
+    places = np.array([(place.longitude_deg, place.latitude_deg) for place in ring], float)
+    places[1:, 0] -= 360.0 * np.cumsum(np.round(np.diff(places[:, 0]) / 360.0))
+    return places
+
+
+def _cut(polygon: Polygon) -> list[Polygon]:
+    """The pieces of a polygon with unwrapped longitudes, each moved onto the map."""
+    west, _, east, _ = polygon.bounds
+    if west >= -180 and east <= 180:
+        return [polygon]
+    pieces = []
+    for turn in range(-2, 3):
+        piece = polygon.intersection(box(360.0 * turn - 180, -90, 360.0 * turn + 180, 90))
+        pieces.append(translate(piece, xoff=-360.0 * turn))
+    return polygons_of(shapely.union_all(pieces))

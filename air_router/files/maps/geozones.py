@@ -4,15 +4,16 @@ Both say the same under other names: a table has these. Geozones are published f
 and not always well. Where one is in doubt it is read as the larger zone, and the operator is told.
 """
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from datetime import time
 from typing import Any, ClassVar, Final, NamedTuple
 
 from air_router.counted import counted
 from air_router.files.json_document import JsonDocument
 from air_router.files.maps.geojson import GeometryReader
 from air_router.files.maps.limits import METRES_PER_UNIT
-from air_router.files.maps.schedule import validity_of
 from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     AllowedZones,
@@ -22,7 +23,7 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.mission_document import Keys
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
-from geo.validity import Validity
+from geo.validity import DAY_NUMBERS, DAYS, Hours, Period, Validity, moment_of
 
 NO_RESTRICTION: Final = "NO_RESTRICTION"
 RESTRICTIONS: Final = (
@@ -34,6 +35,10 @@ RESTRICTIONS: Final = (
     NO_RESTRICTION,
 )
 """Each of them but the last one is a no-fly zone, unless the operator allows it by name."""
+
+_OF_PROPERTIES: Final = frozenset({"zoneAuthority", "variant"})
+_OF_GEOMETRY: Final = frozenset({"layer", "extent"})
+"""What only features of ED-318 have."""
 
 _REFERENCES: Final = {"AGL": Reference.GROUND, "AMSL": Reference.AMSL, "WGS84": None}
 
@@ -50,42 +55,39 @@ class _Names(NamedTuple):
     upper: tuple[str, str]  # value and reference
 
 
-def read_ed269(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading:
-    """The no-fly zones of an ED-269 file: an object with `features`, or the bare list of them.
+def read_geozones(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading | None:
+    """The no-fly zones of an ED-269 or ED-318 file; None: it is neither.
 
-    Older files call it `UASZoneList`, and the `schedule` in it `dailyPeriod`.
+    ED-269 is an object with `features`, or the bare list of them; older files call it
+    `UASZoneList`, and the `schedule` in it `dailyPeriod`. Its geometries are lists of volumes.
 
     Args:
         document: The file.
         allow: Restrictions and identifiers of zones that the operator may fly in.
     """
-    bare = isinstance(document.data, list)
-    return _Ed269(document, allow).read(() if bare else (zones_key(document.data),))
+    data = document.data
+    if isinstance(data, list):
+        return _Ed269(document, allow).read(())
+    key = "UASZoneList" if isinstance(data, dict) and "UASZoneList" in data else "features"
+    features = data.get(key) if isinstance(data, dict) else None
+    if not isinstance(features, list):
+        return None
+    zones = [feature for feature in features if isinstance(feature, dict)]
+    volumes = bool(zones) and isinstance(zones[0].get("geometry"), list)
+    if volumes or data.get("type") != "FeatureCollection":
+        return _Ed269(document, allow).read((key,))
+    if any(map(_is_ed318, zones[:20])):
+        return _Ed318(document, allow).read((key,))
+    return None
 
 
-def read_ed318(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading:
-    """The no-fly zones of an ED-318 file; see `read_ed269`."""
-    return _Ed318(document, allow).read(("features",))
-
-
-def zones_key(data: dict[str, Any]) -> str:
-    """The key of the list of zones in ED-269."""
-    return "UASZoneList" if "UASZoneList" in data else "features"
-
-
-def is_ed318(data: Any) -> bool:
-    """Whether GeoJSON is that of geozones: one of its first features has what only they have."""
-    features = data.get("features") if isinstance(data, dict) else None
-    for feature in features[:20] if isinstance(features, list) else ():
-        if not isinstance(feature, dict):
-            continue
-        properties = feature.get("properties")
-        if isinstance(properties, dict) and properties.keys() & {"zoneAuthority", "variant"}:
-            return True
-        geometry = feature.get("geometry")
-        if isinstance(geometry, dict) and ("layer" in geometry or "extent" in geometry):
-            return True
-    return False
+def _is_ed318(feature: dict[str, Any]) -> bool:
+    """Whether a feature of GeoJSON has what only those of geozones have."""
+    properties, geometry = feature.get("properties"), feature.get("geometry")
+    return any(
+        isinstance(part, dict) and not names.isdisjoint(part)
+        for part, names in ((properties, _OF_PROPERTIES), (geometry, _OF_GEOMETRY))
+    )
 
 
 class _GeozoneReader(GeometryReader, ABC):
@@ -103,7 +105,10 @@ class _GeozoneReader(GeometryReader, ABC):
         """All zones of the list at these keys."""
         for index in range(len(self.entries(features, "the zones"))):
             self._zone((*features, index), index + 1)
-        self._tell_what_was_left_out()
+        if self._unrestricted:
+            message = f"{counted(self._unrestricted, 'zones')} of type {NO_RESTRICTION}: left out"
+            self.reading.note((), message, "no-restriction")
+        self._allowed.tell(self.reading, "restriction or identifier")
         return self.reading
 
     @abstractmethod
@@ -111,18 +116,16 @@ class _GeozoneReader(GeometryReader, ABC):
         """The volumes of a zone: where their limits stand, and their shapes."""
 
     def _zone(self, keys: Keys, number: int) -> None:
-        names = self.names
-        properties: Keys = (*keys, *names.properties)
+        properties: Keys = (*keys, *self.names.properties)
         if not isinstance(self.at(*properties), dict):
             self.wrong(properties, "what a zone says of itself must be an object")
             return
         identifier = self._text((*properties, "identifier")) or f"zone {number}"
-        restriction: Keys = (*properties, names.restriction)
-        if not self._restricted(restriction, self.at(*restriction), identifier):
+        if not self._restricted((*properties, self.names.restriction), identifier):
             return
         words = (self._text((*properties, key)) for key in ("identifier", "name"))
         name = " ".join(filter(None, words)) or identifier
-        validity = self._validity((*properties, names.periods))
+        validity = self._validity((*properties, self.names.periods))
         volumes = list(self.volumes(keys))
         for index, (layer, shapes) in enumerate(volumes):
             suffix = f", volume {index + 1}" if len(volumes) > 1 else ""
@@ -138,8 +141,9 @@ class _GeozoneReader(GeometryReader, ABC):
             value = value.get("text")
         return value.strip() if isinstance(value, str) else ""
 
-    def _restricted(self, keys: Keys, restriction: Any, identifier: str) -> bool:
+    def _restricted(self, keys: Keys, identifier: str) -> bool:
         """Whether a zone is a no-fly zone; one of an unknown kind is, too."""
+        restriction = self.at(*keys)
         word = restriction.upper() if isinstance(restriction, str) else ""
         if word == NO_RESTRICTION:
             self._unrestricted += 1
@@ -148,12 +152,6 @@ class _GeozoneReader(GeometryReader, ABC):
             message = f"unknown restriction {str(restriction)[:30]!r}: read as a no-fly zone"
             self.reading.note(keys, message, "unknown-restriction")
         return not self._allowed.takes(identifier, word, identifier)
-
-    def _tell_what_was_left_out(self) -> None:
-        if self._unrestricted:
-            message = f"{counted(self._unrestricted, 'zones')} of type {NO_RESTRICTION}: left out"
-            self.reading.note((), message, "no-restriction")
-        self._allowed.tell(self.reading, "restriction or identifier")
 
     def _altitudes(self, layer: Keys) -> Altitudes | None:
         """The altitudes between the limits of a layer; None: without limits."""
@@ -257,3 +255,96 @@ class _Ed318(_GeozoneReader):
 
     def point(self, keys: Keys) -> MapCircle | None:
         return self.circle((*keys, "coordinates"), (*keys, "extent", "radius"))
+
+
+# When they apply: periods, days, hours with an offset. What is not certain makes it longer.
+
+
+Doubt = Callable[[Keys, ValueError], None]
+"""Takes which entry is not clear, and why."""
+
+_DAY_MIN = 24 * 60
+_CLOCK = re.compile(
+    r"(?P<hour>[01][0-9]|2[0-4]):(?P<minute>[0-5][0-9])(?::(?P<second>[0-5][0-9])(?:[.,][0-9]+)?)?"
+    r"(?:Z|(?P<sign>[-+])(?P<hours>[0-9]{2}):?(?P<minutes>[0-9]{2}))?"
+)
+_ALL_DAYS = frozenset(range(len(DAYS)))
+_DAY_WORDS: dict[str, frozenset[int]] = {
+    **{word.upper(): frozenset({number}) for word, number in DAY_NUMBERS.items()},
+    "ANY": _ALL_DAYS,
+}
+
+
+def validity_of(periods: Any, doubt: Doubt) -> Validity | None:
+    """When a zone with this list of periods applies; None: always."""
+    if not isinstance(periods, list) or not periods:
+        return None
+    found = [_period(entry, (index,), doubt) for index, entry in enumerate(periods)]
+    return None if Period() in found else Validity(tuple(found))
+
+
+def _period(entry: Any, keys: Keys, doubt: Doubt) -> Period:
+    if not isinstance(entry, dict):
+        return Period()
+    daily: list[Hours] = []
+    schedule = entry.get("schedule") or entry.get("dailyPeriod")
+    try:
+        daily = [_hours(day) for day in schedule] if isinstance(schedule, list) else []
+    except ValueError as error:
+        doubt((*keys, "schedule"), error)
+    bounds = [entry.get(name) or None for name in ("startDateTime", "endDateTime")]
+    if str(entry.get("permanent")).upper() == "YES":
+        bounds = [None, None]
+    try:
+        start, end = (None if text is None else moment_of(text) for text in bounds)
+        return Period(start, end, tuple(daily))
+    except ValueError as error:
+        doubt(keys, error)
+        return Period()
+
+
+def _hours(entry: Any) -> Hours:
+    """A day's entry in UTC. 23:59 as an end is midnight: no zone has a gap of a minute there."""
+    if not isinstance(entry, dict):
+        raise ValueError("a day's entry is no object")  # noqa: TRY004 - told, not a fault of ours
+    for event in ("startEvent", "endEvent"):
+        if entry.get(event) is not None:
+            raise ValueError(f"it depends on the sun ({entry[event]!s:.10})")
+    start, end = entry.get("startTime"), entry.get("endTime")
+    if start is None and end is None:
+        start = end = "00:00Z"  # the whole day
+    start_min, end_min = _minutes(start, up=False), _minutes(end, up=True)
+    if end_min % _DAY_MIN == _DAY_MIN - 1:
+        end_min += 1
+    shift, start_min = divmod(start_min, _DAY_MIN)
+    days = frozenset((day + shift) % len(DAYS) for day in _days(entry.get("day")))
+    return Hours(days, time(*divmod(start_min, 60)), time(*divmod(end_min % _DAY_MIN, 60)))
+
+
+def _days(words: Any) -> frozenset[int]:
+    """The numbers of the days in a list of words like MON, monday or ANY; none means all."""
+    days: set[int] = set()
+    for word in words if isinstance(words, list) else [words]:
+        if word is None:
+            return _ALL_DAYS
+        if not isinstance(word, str) or word.upper() not in _DAY_WORDS:
+            raise ValueError(f"'{str(word)[:20]}' is no day")
+        days |= _DAY_WORDS[word.upper()]
+    return frozenset(days) or _ALL_DAYS
+
+
+def _minutes(text: Any, *, up: bool) -> int:
+    """Minutes of the day in UTC, perhaps of the day before or after; seconds widen.
+
+    Without an offset they are UTC.
+    """
+    match = _CLOCK.fullmatch(text) if isinstance(text, str) else None
+    minutes = _DAY_MIN + 1 if match is None else int(match["hour"]) * 60 + int(match["minute"])
+    if match is None or minutes > _DAY_MIN:
+        raise ValueError(f"'{str(text)[:20]}' is no time of day like 08:00Z")
+    if up and int(match["second"] or 0) > 0:
+        minutes += 1
+    if match["sign"]:
+        offset_min = int(match["hours"]) * 60 + int(match["minutes"])
+        minutes += offset_min if match["sign"] == "-" else -offset_min
+    return minutes

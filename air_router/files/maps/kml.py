@@ -1,22 +1,27 @@
-"""No-fly zones from KML: polygons with holes, in folders and multi-geometries; round ones.
+"""KML of Google Earth and others: no-fly zones read from it, and everything that can be drawn.
 
-A polygon that is extruded down to the ground ends at its altitude; any other has no altitude
-limit. `ExtendedData` may say more, with the names of the mission file (`clearance_m`, `upper_m`).
+Zones are polygons with holes, in folders and multi-geometries, and points with a radius. A polygon
+that is extruded down to the ground ends at its altitude; any other has no altitude limit. What KML
+cannot say (clearances, lower limits, schedules) is in `ExtendedData`, with the names of the mission
+file, and is read back from there; circles that we write are polygons around them.
 """
 
 import json
 import math
+import re
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from air_router.files.json_document import is_number
+from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
 from air_router.files.maps.limits import terms_of
 from air_router.files.maps.zone_reading import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
-    ZONE_KIND,
+    MapArea,
     MapCircle,
     MapOutline,
     MapRing,
@@ -27,15 +32,18 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
-from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, terms_data
 from geo.frame import Geodetic
+from geo.geodesic import circle_around
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(
     {"NetworkLink", "GroundOverlay", "ScreenOverlay", "PhotoOverlay", "Tour"}
 )
 _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
-_REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
+_GROUND, _SEA = "relativeToGround", "absolute"  # KML's altitude modes
+_REFERENCES: Final = {_GROUND: Reference.GROUND, _SEA: Reference.AMSL}
+_LONGEST_JSON: Final = 10_000
 
 
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
@@ -53,16 +61,11 @@ def read_kml(raw: bytes, path: Path) -> ZoneReading:
 class _Reader:
     def __init__(self, reading: ZoneReading) -> None:
         self.reading = reading
-        self._number = 0  # of the placemark
-        self._others = 0  # placemarks that are no zones
 
     def read(self, root: Element) -> None:
-        for element in self._placemarks(root):
-            self._number += 1
-            self._placemark(element)
-        if self._others:
-            message = f"{self._others} placemarks are no zones, by their data 'kind': left out"
-            self.reading.note((), message, "not-a-zone")
+        for number, element in enumerate(self._placemarks(root), start=1):
+            self._placemark(element, number)
+        self.reading.tell_others("placemarks", "data")
 
     def _placemarks(self, folder: Element) -> Iterator[Element]:
         for child in folder.children:
@@ -74,32 +77,22 @@ class _Reader:
                 message = f"<{child.name}> is not followed: left out"
                 self.reading.note(child.keys, message, "not-a-zone")
 
-    def _placemark(self, element: Element) -> None:
-        data = dict(_data(element))
-        if data.get("kind", ZONE_KIND) != ZONE_KIND:
-            self._others += 1
+    def _placemark(self, element: Element, number: int) -> None:
+        places = {data.attributes["name"]: data for data in _data_elements(element)}
+        data = {name: _value(place) for name, place in places.items()}
+        if not self.reading.takes(data):
             return
-        name = element.text_of("name")[:80] or f"{self.reading.path.stem} {self._number}"
-
-        def place(key: str) -> tuple[int, int]:
-            named = (e for e in _data_elements(element) if e.attributes["name"] == key)
-            return next(named, element).keys
-
-        terms = terms_of(data, self.reading, place)
+        terms = terms_of(data, self.reading, lambda name: places.get(name, element).keys)
         circle = self._circle(element, data)
-        shapes: Shapes = []
-        heights: list[AltitudeLimit | None] = []
-        if circle is not None:
-            shapes = [(element.keys, circle)]
-        else:
-            for polygon in self._polygons(element):
-                outline = self._outline(polygon)
-                shapes += [(polygon.keys, outline)] if outline else []
-                heights.append(self._height(polygon))
-        upper = _highest(heights)
+        polygons = [] if circle is not None else list(self._polygons(element))
+        shapes: Shapes = [] if circle is None else [(element.keys, circle)]
+        for polygon in polygons:
+            outline = self._outline(polygon)
+            shapes += [(polygon.keys, outline)] if outline else []
+        upper = _highest([self._height(polygon) for polygon in polygons])
         if upper is not None and terms.altitudes is None:
             terms = replace(terms, altitudes=Altitudes(upper=upper))
-        self.reading.add(name, shapes, terms)
+        self.reading.add(self.reading.name_of(element.text_of("name"), number), shapes, terms)
 
     def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
         """A point with a radius."""
@@ -116,20 +109,17 @@ class _Reader:
     def _polygons(self, element: Element) -> Iterator[Element]:
         found = False
         for child in element.children:
+            found = found or child.name in {"Polygon", "MultiGeometry", *_NO_AREAS}
             if child.name == "Polygon":
-                found = True
                 yield child
             elif child.name == "MultiGeometry":
-                found = True
                 yield from self._polygons(child)
             elif child.name in _NO_AREAS:
-                found = True
-                self.reading.report(
-                    child.keys,
+                message = (
                     f"a {child.name} has no area; draw a polygon, or give a point the data "
-                    "'radius_m'",
-                    "no-area",
+                    "'radius_m'"
                 )
+                self.reading.report(child.keys, message, "no-area")
         if not found and element.name == "Placemark":
             message = "a placemark without a geometry: left out"
             self.reading.note(element.keys, message, "no-area")
@@ -169,21 +159,19 @@ class _Reader:
                 return None
             places.append(place)
         if not places:
-            self.reading.report(
-                element.keys, "no coordinates; draw it again", "zone-too-few-corners"
-            )
-            return None
-        return places
+            message = "no coordinates; draw it again"
+            self.reading.report(element.keys, message, "zone-too-few-corners")
+        return places or None
 
     def _height(self, polygon: Element) -> AltitudeLimit | None:
         """Where an extruded polygon ends; None: it has no limit."""
         reference = _REFERENCES.get(polygon.text_of("altitudeMode"))
-        coordinates = polygon.child("outerBoundaryIs", "LinearRing", "coordinates")
-        if reference is None or coordinates is None:
-            return None
+        words = polygon.text_of("outerBoundaryIs", "LinearRing", "coordinates").split()
         try:
-            highest_m = max(_numbers(word)[2] for word in coordinates.text.split())
+            highest_m = max(_numbers(word)[2] for word in words)
         except ValueError:
+            return None
+        if reference is None:
             return None
         if polygon.text_of("extrude") not in ("1", "true") or highest_m <= 0:
             message = "an area that is not extruded from the ground: read as without altitude limit"
@@ -193,23 +181,21 @@ class _Reader:
 
 
 def _data_elements(placemark: Element) -> Iterator[Element]:
-    extended = placemark.child("ExtendedData")
-    if extended is None:
-        return
-    simple = [data for schema in extended.all("SchemaData") for data in schema.all("SimpleData")]
-    for element in [*extended.all("Data"), *simple]:
-        if "name" in element.attributes:
-            yield element
+    """The pieces of extended data that have a name."""
+    for extended in placemark.all("ExtendedData"):
+        simple = (
+            data for schema in extended.all("SchemaData") for data in schema.all("SimpleData")
+        )
+        yield from (data for data in [*extended.all("Data"), *simple] if "name" in data.attributes)
 
 
-def _data(placemark: Element) -> Iterator[tuple[str, Any]]:
-    for element in _data_elements(placemark):
-        text = element.text_of("value") if element.name == "Data" else element.text.strip()
-        try:
-            value = json.loads(text) if len(text) < 10_000 else text
-        except (ValueError, RecursionError):
-            value = text
-        yield element.attributes["name"], value
+def _value(data: Element) -> Any:
+    """What it says, as JSON if it is some."""
+    text = data.text_of("value") if data.name == "Data" else data.text.strip()
+    try:
+        return json.loads(text) if len(text) < _LONGEST_JSON else text
+    except (ValueError, RecursionError):
+        return text
 
 
 def _numbers(word: str) -> tuple[float, float, float]:
@@ -225,3 +211,115 @@ def _highest(limits: list[AltitudeLimit | None]) -> AltitudeLimit | None:
     if not known or len(known) < len(limits) or len({limit.reference for limit in known}) > 1:
         return None
     return max(known, key=lambda limit: limit.metres)
+
+
+# Writing
+
+
+_NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
+    "fence": ("ff2a7f2a", "00ffffff"),
+    "zone": ("ff0000c0", "600000c0"),
+}
+_TITLES: Final = {  # of the folders, by what is in them
+    "fence": "Fence",
+    "zone": "No-fly zones",
+    **dict.fromkeys(("home", "waypoint"), "Waypoints"),
+    "rally_point": "Rally points",
+}
+
+
+def kml_text(feature_set: FeatureSet) -> str:
+    """The feature set as text; zones with an upper limit stand as high."""
+    root = ET.Element("kml", xmlns=_NAMESPACE)
+    document = _add(root, "Document")
+    _add(document, "name", feature_set.name)
+    for kind, (line, fill) in _STYLES.items():
+        style = _add(document, "Style", id=kind)
+        _add(_add(style, "LineStyle"), "color", line)
+        _add(_add(style, "PolyStyle"), "color", fill)
+    folders: dict[str, ET.Element] = {}
+    for kind, area in feature_set.areas():
+        _add_area(_folder(document, kind, folders), kind, area, feature_set.home_altitude_amsl_m)
+    for kind, spot in feature_set.spots():
+        _add_spot(_folder(document, kind, folders), kind, spot, feature_set.home_altitude_amsl_m)
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _folder(document: ET.Element, kind: str, folders: dict[str, ET.Element]) -> ET.Element:
+    """The folder of a kind, made when it is first needed."""
+    title = _TITLES[kind]
+    if title not in folders:
+        folders[title] = _add(document, "Folder")
+        _add(folders[title], "name", title)
+    return folders[title]
+
+
+def _add_area(folder: ET.Element, kind: str, area: MapArea, home_amsl_m: float | None) -> None:
+    placemark = _add_placemark(folder, kind, area.name, terms_data(area.terms))
+    if isinstance(area.shape, MapCircle):
+        rings: tuple[MapRing, ...] = (circle_around(area.shape.centre, area.shape.radius_m),)
+    else:
+        rings = (area.shape.ring, *area.shape.holes)
+    polygon, altitude_m = _add(placemark, "Polygon"), None
+    if kind == "zone" and area.terms.altitudes is not None and area.terms.altitudes.upper:
+        mode, height_m = _height(area.terms.altitudes.upper, home_amsl_m)
+        if height_m > 0:  # it stands above the ground
+            altitude_m = height_m
+            _add(polygon, "extrude", "1")
+            _add(polygon, "altitudeMode", mode)
+    for index, ring in enumerate(map(counterclockwise, rings)):
+        boundary = _add(polygon, "innerBoundaryIs" if index else "outerBoundaryIs")
+        text = _coordinates((*ring, ring[0]), altitude_m)
+        _add(_add(boundary, "LinearRing"), "coordinates", text)
+
+
+def _height(upper: AltitudeLimit, home_amsl_m: float | None) -> tuple[str, float]:
+    """How high a zone is drawn: KML's altitude mode, and metres."""
+    if upper.reference is Reference.HOME and home_amsl_m is not None:
+        return _SEA, upper.metres + home_amsl_m
+    return _SEA if upper.reference is Reference.AMSL else _GROUND, upper.metres
+
+
+def _add_spot(folder: ET.Element, kind: str, spot: MapPoint, home_amsl_m: float | None) -> None:
+    altitude_m = spot.altitude_above_home_m
+    data = {} if altitude_m is None else {"altitude_above_home_m": altitude_m}
+    point = _add(_add_placemark(folder, kind, spot.name, data), "Point")
+    if altitude_m:
+        _add(point, "altitudeMode", _GROUND if home_amsl_m is None else _SEA)
+        altitude_m += home_amsl_m or 0.0
+    _add(point, "coordinates", _coordinates((spot.place,), altitude_m or None))
+
+
+def _add_placemark(folder: ET.Element, kind: str, name: str, data: dict[str, Any]) -> ET.Element:
+    placemark = _add(folder, "Placemark")
+    _add(placemark, "name", name)
+    if kind in _STYLES:
+        _add(placemark, "styleUrl", f"#{kind}")
+    extended = _add(placemark, "ExtendedData")
+    for key, value in {"kind": kind, **data}.items():
+        text = value if isinstance(value, str) else json.dumps(value)
+        _add(_add(extended, "Data", name=key), "value", text)
+    return placemark
+
+
+def _coordinates(places: MapRing, altitude_m: float | None) -> str:
+    height = "" if altitude_m is None else f",{_decimal(altitude_m, 3)}"
+    return " ".join(
+        f"{_decimal(place.longitude_deg, 9)},{_decimal(place.latitude_deg, 9)}{height}"
+        for place in places
+    )
+
+
+def _decimal(value: float, digits: int) -> str:
+    """A number without zeros at its end."""
+    return f"{value:.{digits}f}".rstrip("0").rstrip(".")
+
+
+def _add(parent: ET.Element, tag: str, text: str | None = None, /, **attributes: str) -> ET.Element:
+    """Add an element; characters that XML has not become question marks."""
+    element = ET.SubElement(parent, tag, attributes)
+    element.text = None if text is None else _NOT_XML.sub("?", text)
+    return element

@@ -123,25 +123,26 @@ class _Reader:
             return  # terrain, or what stands before the first airspace
         elif command == "DP":
             zone.corners += self._places(value, 1, at) or []
-        elif command == "DC":
-            numbers = self._numbers(value, 1, at)
-            if numbers and self._centre is not None:
-                zone.circles.append(MapCircle(self._centre, numbers[0] * _NAUTICAL_MILE_M))
-        elif command == "DA":
-            numbers = self._numbers(value, 3, at)
-            if numbers and self._centre is not None:
-                radius_m = numbers[0] * _NAUTICAL_MILE_M
-                self._arc(zone, (numbers[1], radius_m), (numbers[2], radius_m))
-        elif command == "DB":
-            places = self._places(value, 2, at)
-            if places and self._centred(at) and self._centre is not None:
-                self._arc(zone, *(polar(self._centre, place) for place in places))
+        elif command in ("DA", "DB", "DC"):
+            self._round(zone, command, value, at)
         else:
             self._wrong(at, f"'{command}' is not read: draw the airspace with DP, DA, DB or DC")
 
-    def _arc(self, zone: _Airspace, start: tuple[float, float], end: tuple[float, float]) -> None:
-        if self._centre is not None:
-            zone.corners += arc_around(self._centre, start, end, clockwise=zone.clockwise)
+    def _round(self, zone: _Airspace, command: str, value: str, at: Place) -> None:
+        """A circle or an arc around the centre: an arc's ends are directions, or places."""
+        ends = self._places(value, 2, at) if command == "DB" else []
+        numbers = [] if command == "DB" else self._numbers(value, 3 if command == "DA" else 1, at)
+        centre = self._centre
+        if ends is None or numbers is None:
+            return
+        if centre is None:
+            self._wrong(at, "no centre: a line 'V X=' with a place has to stand before it")
+        elif command == "DC":
+            zone.circles.append(MapCircle(centre, numbers[0]))
+        else:
+            arc = [polar(centre, place) for place in ends]
+            arc += [(direction_deg, numbers[0]) for direction_deg in numbers[1:]]
+            zone.corners += arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)
 
     def _variable(self, value: str, at: Place) -> None:
         name, _, text = (part.strip() for part in value.partition("="))
@@ -169,22 +170,17 @@ class _Reader:
         return known if len(known) == count else None
 
     def _numbers(self, text: str, count: int, at: Place) -> list[float] | None:
-        """The radius in nautical miles, and for an arc its two directions."""
+        """The radius, told in nautical miles, in metres; for an arc its two directions as well."""
         words = re.split(r"[\s,]+", text)
         if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
             what = "a radius in nautical miles" if count == 1 else "radius, first, last direction"
             self._wrong(at, f"'{text[:40]}' is not {what}")
             return None
-        numbers = [float(word) for word in words]
-        if not 0 < numbers[0] * _NAUTICAL_MILE_M <= MAX_RADIUS_M:
-            self._wrong(at, f"a radius of {numbers[0]:g} nautical miles", "out-of-range")
+        radius, *directions_deg = map(float, words)
+        if not 0 < radius * _NAUTICAL_MILE_M <= MAX_RADIUS_M:
+            self._wrong(at, f"a radius of {radius:g} nautical miles", "out-of-range")
             return None
-        return numbers if self._centred(at) else None
-
-    def _centred(self, at: Place) -> bool:
-        if self._centre is None:
-            self._wrong(at, "no centre: a line 'V X=' with a place has to stand before it")
-        return self._centre is not None
+        return [radius * _NAUTICAL_MILE_M, *directions_deg]
 
     def _wrong(self, at: Place, message: str, code: str = "wrong-form") -> None:
         if self._zone is not None:

@@ -1,13 +1,15 @@
 """What zones in files have in common: where they lie in degrees, their terms and their place."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from air_router.counted import counted
-from air_router.files.mission_document import DocumentSource, Keys
+from air_router.files.mission_document import DocumentSource, Keys, local_ring
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
-from geo.frame import Geodetic
+from geo.airspace.zone import Circle, Outline, Shape, ZoneError
+from geo.frame import FrameError, Geodetic, LocalFrame
 from mocha_link.sanitize import sanitize
 from mocha_link.team.problem import Problem, ProblemList
 
@@ -79,6 +81,32 @@ class MapArea:
             return Problem(Path(), 1, 1, message, code)
         return self.source.problem(self.keys, message, code)
 
+    def placed(self, frame: LocalFrame, what: str = "no-fly zone ") -> Shape | Problem:
+        """Its shape in a local frame, or why it has none there."""
+        try:
+            if isinstance(self.shape, MapCircle):
+                return Circle(frame.to_local(*self.shape.centre), self.shape.radius_m)
+            rings = (self.shape.ring, *self.shape.holes)
+            ring, *holes = (local_ring(ring, frame) for ring in rings)
+            return Outline(ring, tuple(holes))
+        except (ZoneError, FrameError) as error:
+            code = error.code if isinstance(error, ZoneError) else "not-on-earth"
+            message = f"{what}'{self.name}' cannot be an area: {error}; draw it again"
+            return self.problem(message, code)
+
+
+def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """The names, with a number behind those that are taken: two zones are never called the same."""
+    used, answer = set(taken), []
+    for name in names:
+        unique, number = name, 1
+        while unique in used:
+            number += 1
+            unique = f"{name} ({number})"
+        used.add(unique)
+        answer.append(unique)
+    return answer
+
 
 @dataclass(slots=True)
 class ZoneReading:
@@ -93,6 +121,7 @@ class ZoneReading:
     source: DocumentSource
     kind: str
     zones: list[MapArea] = field(default_factory=list)
+    _others: int = 0  # areas that are no zones
     _problems: ProblemList = field(default_factory=ProblemList)  # the first of each kind
     _notes: ProblemList = field(default_factory=ProblemList)  # the first of each kind
 
@@ -118,6 +147,22 @@ class ZoneReading:
     def note(self, keys: Keys, message: str, code: str) -> None:
         """Note what the operator should know."""
         self._notes.add(self.path, code, lambda: self.source.problem(keys, message, code))
+
+    def takes(self, properties: Mapping[str, Any]) -> bool:
+        """Whether these are the properties of a zone; what is something else is counted."""
+        is_zone: bool = properties.get("kind", ZONE_KIND) == ZONE_KIND
+        self._others += not is_zone
+        return is_zone
+
+    def tell_others(self, what: str, where: str) -> None:
+        """Note how many were none: features or placemarks, by their property or their data."""
+        if self._others:
+            message = f"{self._others} {what} are no zones, by their {where} 'kind': left out"
+            self.note((), message, "not-a-zone")
+
+    def name_of(self, name: str, number: int) -> str:
+        """The name of a zone, or else that of the file with the zone's number in it."""
+        return name[:80] or f"{self.path.stem} {number}"
 
     def report_place(
         self, keys: Keys, message: str, longitude_deg: float, latitude_deg: float

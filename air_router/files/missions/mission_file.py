@@ -1,17 +1,19 @@
 """Reads mission files in YAML. The format is described in docs/mission-file.md."""
 
-import copy
 import json
 import math
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, field_validator
 
 from air_router.files.maps.zone_files import add_zones
-from air_router.files.mission_document import Area, Keys, MissionDocument, Uav
+from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint, Uav
 from air_router.files.missions.mission_form import (
     AreaForm,
     MissionForm,
+    SpotForm,
+    WaypointForm,
 )
 from air_router.files.settings import PlannerSettings, Timers
 from geo.airspace.airspace import FENCE
@@ -41,6 +43,8 @@ _STAND_INS: dict[str, Any] = {
 }
 """For mandatory sections that are missing or unreadable, so that the others are still checked."""
 
+Entry = TypeVar("Entry")
+
 
 def read_mission(document: Document) -> MissionDocument:
     """A draft of the mission that a YAML document describes.
@@ -58,16 +62,40 @@ def read_mission(document: Document) -> MissionDocument:
         draft.report((), message, "no-mission")
         return draft
     data = _written_out(document.data)
-    places = {name: list(range(_length(data, name))) for name in _LISTS}
     try:
-        written_out = Document(document.path, document.node(), data)
-        model: MissionForm | None = written_out.parse(MissionForm)
+        form = Document(document.path, document.node(), data).parse(MissionForm)
     except DocumentError as error:
         draft.problems.extend(error.problems)
-        model = _salvaged(data, draft, places)
-    if model is not None:
-        _fill(draft, model, places)
+        missing = _STAND_INS.keys() - data.keys()
+        draft.unread |= missing
+        text = json.dumps({**_STAND_INS, **data})
+        form = _RightParts.model_validate_json(
+            text, strict=True, extra="ignore", context=draft.unread
+        )
+    _fill(draft, form)
     return draft
+
+
+class _RightParts(MissionForm):
+    """A mission without the parts that are wrong; the context takes the names of such sections.
+
+    An entry of a list that is wrong is None.
+    """
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _right(cls, value: Any, read: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        try:
+            return read(value)
+        except ValidationError as error:
+            wrong = {detail["loc"][0] if detail["loc"] else None for detail in error.errors()}
+        name = str(info.field_name)
+        if name in _LISTS and None not in wrong:
+            right = iter(read([entry for i, entry in enumerate(value) if i not in wrong]))
+            return [None if i in wrong else next(right) for i in range(len(value))]
+        if info.context is not None:
+            info.context.add(name)
+        return read(_STAND_INS.get(name, cls.model_fields[name].get_default()))
 
 
 def _written_out(short: dict[Any, Any]) -> dict[Any, Any]:
@@ -94,98 +122,67 @@ def _uav_written_out(uav: Any) -> Any:
     return {} if uav is None else uav
 
 
-def _length(data: dict[Any, Any], name: str) -> int:
-    value = data.get(name)
-    return len(value) if isinstance(value, list) else 0
-
-
-def _salvaged(
-    original: dict[Any, Any], draft: MissionDocument, places: dict[str, list[int]]
-) -> MissionForm | None:
-    """What is left of a mission when the parts that are wrong are taken out of it."""
-    data = copy.deepcopy(original)
-    for _ in range(3):  # taking a part out may uncover a problem of what it was in
-        try:
-            return MissionForm.model_validate_json(json.dumps(data), strict=True, extra="forbid")
-        except ValidationError as error:
-            details = error.errors(include_url=False)
-        entries: set[tuple[str, int]] = set()
-        for detail in details:
-            section, *rest = detail["loc"]
-            if detail["type"] == "extra_forbidden":
-                _drop(data, detail["loc"])
-            elif section in _LISTS and rest and isinstance(rest[0], int):
-                entries.add((str(section), rest[0]))
-            else:
-                draft.unread.add(str(section))
-                data.pop(section, None)
-                if section in _STAND_INS:
-                    data[section] = copy.deepcopy(_STAND_INS[str(section)])
-        for name, index in sorted(entries, reverse=True):
-            del data[name][index], places[name][index]
-    return None
-
-
-def _drop(data: Any, keys: tuple[str | int, ...]) -> None:
-    for key in keys[:-1]:
-        if key not in (data if isinstance(data, dict) else range(len(data))):
-            return  # it went with the section that it is in
-        data = data[key]
-    data.pop(next((key for key in data if str(key) == keys[-1]), None), None)
-
-
-def _fill(draft: MissionDocument, model: MissionForm, places: dict[str, list[int]]) -> None:
-    draft.name = model.name or draft.source.path.resolve().parent.name
-    draft.altitude_m, draft.speed_m_s = model.altitude_m, model.speed_m_s
-    draft.timers = Timers(**model.timers.model_dump())
-    draft.planner = PlannerSettings(**model.planner.model_dump())
-    draft.uav = model.uav
-    draft.seek, draft.seek_policy = tuple(model.seek.robots), model.seek.policy
-    draft.goals_from = tuple(model.goals_from)
+def _fill(draft: MissionDocument, form: MissionForm) -> None:
+    draft.name = form.name or draft.source.path.resolve().parent.name
+    draft.altitude_m, draft.speed_m_s = form.altitude_m, form.speed_m_s
+    draft.timers = Timers(**form.timers.model_dump())
+    draft.planner = PlannerSettings(**form.planner.model_dump())
+    draft.uav = form.uav
+    draft.seek, draft.seek_policy = tuple(form.seek.robots), form.seek.policy
+    draft.goals_from = tuple(form.goals_from)
     folder = draft.source.path.parent
-    draft.team = None if model.team is None else folder / model.team
-    draft.world = None if model.world is None else folder / model.world
-    draft.duration_s, draft.endurance_s = model.duration_s, model.endurance_s
-    draft.battery_reserve = model.battery_reserve
-    draft.accepts = tuple(model.accepts)
-    draft.home_altitude_amsl_m = model.home.altitude_amsl_m
-    draft.in_metres = model.coordinates == "local"
-    _fill_frame(draft, model)
+    draft.team = None if form.team is None else folder / form.team
+    draft.world = None if form.world is None else folder / form.world
+    draft.duration_s, draft.endurance_s = form.duration_s, form.endurance_s
+    draft.battery_reserve = form.battery_reserve
+    draft.accepts = tuple(form.accepts)
+    draft.home_altitude_amsl_m = form.home.altitude_amsl_m
+    draft.in_metres = form.coordinates == "local"
+    _fill_frame(draft, form)
     if draft.frame is None:
         return
     if "home" not in draft.unread:
-        draft.home = draft.spot("home", model.home.position, ("home", "position"))
+        draft.home = draft.spot("home", form.home.position, ("home", "position"))
         _check_origin(draft)
-        _fill_uavs(draft, model)
-    keys: Keys
-    for index, waypoint in zip(places["waypoints"], model.waypoints, strict=True):
-        keys = ("waypoints", index, "position")
-        altitude_m = waypoint.altitude_m
-        spot = draft.spot(f"waypoint {index + 1}", waypoint.position, keys, altitude_m)
-        draft.waypoints += [spot] if spot else []
-    for index, rally_point in zip(places["rally_points"], model.rally_points, strict=True):
-        keys = ("rally_points", index, "position")
-        spot = draft.spot(f"rally point {index + 1}", rally_point.position, keys)
-        draft.rally_points += [spot] if spot else []
-    _fill_fences(draft, model, places["fences"])
-    for index, zone in zip(places["no_fly_zones"], model.no_fly_zones, strict=True):
-        keys = ("no_fly_zones", index)
-        name = zone.name or f"zone {index + 1}"
+        _fill_uavs(draft, form)
+    draft.waypoints = _spots(draft, "waypoint", "waypoints", form.waypoints)
+    draft.rally_points = _spots(draft, "rally point", "rally_points", form.rally_points)
+    _fill_fences(draft, form)
+    for keys, zone in _right("no_fly_zones", form.no_fly_zones):
+        name = zone.name or f"zone {keys[1] + 1}"
         shape = _shape(draft, zone, f"no-fly zone '{name}'", keys)
         if shape:
             crosses = zone.crosses_fence
             draft.zones.append(Area(name, shape, keys, crosses_fence=crosses, terms=zone.terms()))
-    for index, listed in zip(places["no_fly_files"], model.no_fly_files, strict=True):
-        add_zones(draft, folder / listed.file, ("no_fly_files", index, "file"), listed.allow)
+    for keys, listed in _right("no_fly_files", form.no_fly_files):
+        add_zones(draft, folder / listed.file, (*keys, "file"), listed.allow)
 
 
-def _fill_uavs(draft: MissionDocument, model: MissionForm) -> None:
-    if model.uav is not None and model.uavs:
+def _right(
+    section: str, entries: Iterable[Entry | None]
+) -> Iterator[tuple[tuple[str, int], Entry]]:
+    """The entries of a list that are right, with their keys."""
+    return (((section, i), entry) for i, entry in enumerate(entries) if entry is not None)
+
+
+def _spots(
+    draft: MissionDocument, label: str, section: str, forms: Iterable[SpotForm | None]
+) -> list[MissionPoint]:
+    spots = []
+    for keys, form in _right(section, forms):
+        altitude_m = form.altitude_m if isinstance(form, WaypointForm) else None
+        named = f"{label} {keys[1] + 1}"
+        spots.append(draft.spot(named, form.position, (*keys, "position"), altitude_m))
+    return [spot for spot in spots if spot is not None]
+
+
+def _fill_uavs(draft: MissionDocument, form: MissionForm) -> None:
+    if form.uav is not None and form.uavs:
         message = "'uav' and 'uavs' are given; keep one of them"
         draft.report(("uavs",), message, "one-uav-key")
         return
     uavs = []
-    for name, uav in model.uavs.items():
+    for name, uav in form.uavs.items():
         keys: Keys = ("uavs", name)
         home = None
         if uav.home is not None:
@@ -195,8 +192,8 @@ def _fill_uavs(draft: MissionDocument, model: MissionForm) -> None:
     draft.uavs = tuple(uavs)
 
 
-def _fill_fences(draft: MissionDocument, model: MissionForm, places: list[int]) -> None:
-    given = {"fence", "fences"} & (model.model_fields_set | draft.unread)
+def _fill_fences(draft: MissionDocument, form: MissionForm) -> None:
+    given = {"fence", "fences"} & (form.model_fields_set | draft.unread)
     if not given:
         message = (
             "missing key 'fence' (the area to stay in; 'fence: null' if there is none); add it"
@@ -206,8 +203,8 @@ def _fill_fences(draft: MissionDocument, model: MissionForm, places: list[int]) 
         draft.report(
             ("fences",), "'fence' and 'fences' are given; list all in 'fences'", "one-fence-key"
         )
-    areas: list[tuple[AreaForm, Keys]] = [] if model.fence is None else [(model.fence, ("fence",))]
-    areas += [(area, ("fences", i)) for i, area in zip(places, model.fences, strict=True)]
+    areas: list[tuple[AreaForm, Keys]] = [] if form.fence is None else [(form.fence, ("fence",))]
+    areas += [(area, keys) for keys, area in _right("fences", form.fences)]
     for area, keys in areas:
         shape = _shape(draft, area, "the fence", keys)
         if shape is None:
@@ -216,12 +213,12 @@ def _fill_fences(draft: MissionDocument, model: MissionForm, places: list[int]) 
             draft.fences.append(Area(FENCE, shape, keys))
 
 
-def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
+def _fill_frame(draft: MissionDocument, form: MissionForm) -> None:
     keys: Keys
     if draft.unread & {"frame", "coordinates"}:
         return
-    if model.frame is not None:
-        origin, keys = model.frame.origin, ("frame", "origin")
+    if form.frame is not None:
+        origin, keys = form.frame.origin, ("frame", "origin")
     elif draft.in_metres:
         draft.report(
             ("coordinates",),
@@ -230,9 +227,9 @@ def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
         )
         return
     elif "home" not in draft.unread:
-        origin, keys = model.home.position, ("home", "position")
-    elif model.waypoints:  # only to look at the rest of a file whose home is wrong
-        origin, keys = model.waypoints[0].position, ("waypoints", 0)
+        origin, keys = form.home.position, ("home", "position")
+    elif form.waypoints:  # only to look at the rest of a file whose home is wrong
+        origin, keys = form.waypoints[0].position, ("waypoints", 0)
     else:
         return
     draft.find_frame(str(keys[0]), origin, keys, " (latitude comes first)")

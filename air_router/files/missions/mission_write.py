@@ -14,7 +14,7 @@ from air_router.files.settings import (
     PlannerSettings,
     Timers,
 )
-from air_router.files.text_values import degrees_text
+from air_router.files.yaml_text import degrees_text
 from air_router.files.zone_terms import terms_data
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point
@@ -29,69 +29,63 @@ def mission_text(draft: MissionDocument, folder: Path) -> str:
     frame = draft.frame
     if frame is None or draft.home is None:
         raise ValueError("a mission without a home is no mission file")
-    home: dict[str, Any] = {"position": _pair(draft.home.position, frame)}
-    if draft.home_altitude_amsl_m is not None:
-        home["altitude_amsl_m"] = draft.home_altitude_amsl_m
-    data: dict[str, Any] = {"name": draft.name, "home": home, "altitude_m": draft.altitude_m}
-    data["speed_m_s"] = draft.speed_m_s
-    data |= {
-        key: Path(os.path.relpath(path, folder)).as_posix()
-        for key, path in (("team", draft.team), ("world", draft.world))
-        if path is not None
+    reserve = draft.battery_reserve
+    data = {
+        "name": draft.name,
+        "home": _home(draft.home, draft.home_altitude_amsl_m, frame),
+        "altitude_m": draft.altitude_m,
+        "speed_m_s": draft.speed_m_s,
+        "team": _relative(draft.team, folder),
+        "world": _relative(draft.world, folder),
+        "uavs": {uav.name: _uav(uav, frame) for uav in draft.uavs},
+        "uav": None if draft.uavs else draft.uav,
+        "seek": _seek(draft),
+        "goals_from": list(draft.goals_from),
+        "timers": _changed(asdict(draft.timers), asdict(Timers())),
+        "planner": _changed(asdict(draft.planner), asdict(PlannerSettings())),
+        "duration_s": draft.duration_s,
+        "endurance_s": draft.endurance_s,
+        "battery_reserve": None if reserve == DEFAULT_BATTERY_RESERVE else reserve,
+        "accepts": list(draft.accepts),
     }
-    if draft.uavs:
-        data["uavs"] = {uav.name: _uav(uav, frame) for uav in draft.uavs}
-    elif draft.uav is not None:
-        data["uav"] = draft.uav
-    data |= _seek(draft)
-    data |= {"goals_from": list(draft.goals_from)} if draft.goals_from else {}
-    data |= _settings(draft)
-    data["waypoints"] = [_waypoint(spot, draft, frame) for spot in draft.waypoints]
-    data |= _fences(draft, frame)
-    data["no_fly_zones"] = [_zone(area, frame) for area in draft.zones]
+    data = _given(data) | {
+        "waypoints": [_waypoint(spot, draft, frame) for spot in draft.waypoints],
+        **_fences([_shape(area, frame) for area in draft.fences]),
+        "no_fly_zones": [_zone(area, frame) for area in draft.zones],
+    }
     rally_points = [_pair(spot.position, frame) for spot in draft.rally_points]
-    data |= {"rally_points": rally_points} if rally_points else {}
-    return as_yaml(data, short_in_line=True)
+    return as_yaml(data | _given({"rally_points": rally_points}), short_in_line=True)
 
 
-def _seek(draft: MissionDocument) -> dict[str, Any]:
+def _given(data: dict[str, Any]) -> dict[str, Any]:
+    """The data without what says nothing: null, and empty lists and mappings."""
+    return {key: value for key, value in data.items() if value not in (None, [], {})}
+
+
+def _changed(data: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in data.items() if value != defaults[key]}
+
+
+def _relative(path: Path | None, folder: Path) -> str | None:
+    return None if path is None else Path(os.path.relpath(path, folder)).as_posix()
+
+
+def _seek(draft: MissionDocument) -> Any:
     """Names alone, the policy alone, or both."""
-    robots = {"robots": list(draft.seek)} if draft.seek else {}
+    robots = list(draft.seek)
     if draft.seek_policy == DEFAULT_SEEK_POLICY:
-        return {"seek": robots["robots"]} if robots else {}
-    return {"seek": {**robots, "policy": draft.seek_policy} if robots else draft.seek_policy}
+        return robots
+    return {"robots": robots, "policy": draft.seek_policy} if robots else draft.seek_policy
+
+
+def _home(home: MissionPoint, altitude_amsl_m: float | None, frame: LocalFrame) -> dict[str, Any]:
+    return _given({"position": _pair(home.position, frame), "altitude_amsl_m": altitude_amsl_m})
 
 
 def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
-    data: dict[str, Any] = {}
-    if uav.altitude_m is not None:
-        data["altitude_m"] = uav.altitude_m
-    if not uav.explore:
-        data["explore"] = False
-    if uav.home is not None:
-        data["home"] = {"position": _pair(uav.home.position, frame)}
-        if uav.home_altitude_amsl_m is not None:
-            data["home"]["altitude_amsl_m"] = uav.home_altitude_amsl_m
-    return data
-
-
-def _settings(draft: MissionDocument) -> dict[str, Any]:
-    """What is not as it would be without saying so."""
-    data: dict[str, Any] = {}
-    for key, given, defaults in (
-        ("timers", asdict(draft.timers), asdict(Timers())),
-        ("planner", asdict(draft.planner), asdict(PlannerSettings())),
-    ):
-        changed = {name: value for name, value in given.items() if value != defaults[name]}
-        data |= {key: changed} if changed else {}
-    for key, value, default in (
-        ("duration_s", draft.duration_s, None),
-        ("endurance_s", draft.endurance_s, None),
-        ("battery_reserve", draft.battery_reserve, DEFAULT_BATTERY_RESERVE),
-        ("accepts", list(draft.accepts), []),
-    ):
-        data |= {key: value} if value != default else {}
-    return data
+    home = None if uav.home is None else _home(uav.home, uav.home_altitude_amsl_m, frame)
+    explore = None if uav.explore else False
+    return _given({"altitude_m": uav.altitude_m, "explore": explore, "home": home})
 
 
 def _waypoint(spot: MissionPoint, draft: MissionDocument, frame: LocalFrame) -> Any:
@@ -101,29 +95,22 @@ def _waypoint(spot: MissionPoint, draft: MissionDocument, frame: LocalFrame) -> 
     return {"position": pair, "altitude_m": spot.altitude_m}
 
 
-def _fences(draft: MissionDocument, frame: LocalFrame) -> dict[str, Any]:
-    fences = [_shape(area, frame) for area in draft.fences]
-    if len(fences) > 1:
-        return {"fences": fences}
-    return {"fence": fences[0] if fences else None}
+def _fences(shapes: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"fences": shapes} if len(shapes) > 1 else {"fence": next(iter(shapes), None)}
 
 
 def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
-    return {
-        "name": area.name,
-        **_shape(area, frame),
-        **terms_data(area.terms, altitude_key="altitude"),
-        **({"crosses_fence": True} if area.crosses_fence else {}),
-    }
+    crosses = {"crosses_fence": True} if area.crosses_fence else {}
+    terms = terms_data(area.terms, altitude_key="altitude")
+    return {"name": area.name, **_shape(area, frame), **terms, **crosses}
 
 
 def _shape(area: Area, frame: LocalFrame) -> dict[str, Any]:
     if isinstance(area.shape, Circle):
         centre = _pair(area.shape.centre, frame)
         return {"circle": {"centre": centre, "radius_m": area.shape.radius_m}}
-    data: dict[str, Any] = {"polygon": _ring(area.shape.ring, frame)}
     holes = [_ring(hole, frame) for hole in area.shape.holes]
-    return {**data, "holes": holes} if holes else data
+    return _given({"polygon": _ring(area.shape.ring, frame), "holes": holes})
 
 
 def _ring(ring: Ring, frame: LocalFrame) -> list[list[float]]:

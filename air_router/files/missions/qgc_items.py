@@ -5,13 +5,11 @@ not do (cameras, loitering, splines, landing elsewhere) is told, and stays in th
 """
 
 import math
-from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, Final
 
 from air_router.files.json_document import JsonValues, named, shown
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
-from geo.airspace.zone import Outline
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0
@@ -55,6 +53,7 @@ _USER_WAYPOINTS: Final = range(31000, 31005)
 
 
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
+_DROPPED: Final = "QGroundControl itself drops the whole section without a word; it is read here"
 
 
 class PlanValues(JsonValues):
@@ -64,39 +63,30 @@ class PlanValues(JsonValues):
         super().__init__(data, draft.report)
         self.draft = draft
 
-    def pair(self, *keys: str | int) -> tuple[float, float] | None:
-        """Latitude and longitude at the begin of a list."""
-        latitude_deg, longitude_deg = self.number((*keys, 0)), self.number((*keys, 1))
+    def pair(self, *keys: str | int, first: int = 0) -> tuple[float, float] | None:
+        """Latitude and longitude in a list, mostly at its begin."""
+        latitude_deg, longitude_deg = self.number((*keys, first)), self.number((*keys, first + 1))
         if latitude_deg is None or longitude_deg is None:
             return None
         return latitude_deg, longitude_deg
 
-    def outline(self, label: str, keys: Keys) -> Outline | None:
-        """A list of pairs as an area; None, with a problem noted, if it bounds none."""
-        count = len(self.entries(keys))
-        pairs = [self.pair(*keys, index) for index in range(count)]
-        corners = [pair for pair in pairs if pair is not None]
-        if len(corners) < count or not isinstance(self.at(*keys), list):
-            return None
-        return self.draft.polygon(label, corners, keys)
-
-    def version(self, keys: Keys, known: int) -> None:
-        """Report unless the part of the plan at `keys` has this version."""
-        self._version(keys, known, self.draft.report, EXPORT_AGAIN)
-
-    def note_version(self, keys: Keys, known: int) -> None:
-        """Note that QGroundControl drops the part at `keys`, unless it has this version."""
-        advice = "QGroundControl itself drops the whole section without a word; it is read here"
-        self._version(keys, known, self.draft.note, advice)
-
-    def _version(
-        self, keys: Keys, known: int, tell: Callable[[Keys, str, str], None], advice: str
-    ) -> None:
+    def has_version(self, keys: Keys, known: int) -> bool:
+        """Whether the part of the plan at `keys` has this version."""
         version = self.at(*keys, "version")
-        if version != known or isinstance(version, bool):
-            what = named(keys) if keys else "the plan"
-            message = f"{what} has version {shown(version)}, read is {known}; {advice}"
-            tell((*keys, "version"), message, "plan-version")
+        return bool(version == known) and not isinstance(version, bool)
+
+    def version(self, keys: Keys, known: int, *, dropped: bool = False) -> None:
+        """Report unless the part of the plan at `keys` has this version.
+
+        QGroundControl drops some parts of another version: those are read, and it is noted.
+        """
+        if self.has_version(keys, known):
+            return
+        found, what = shown(self.at(*keys, "version")), named(keys) if keys else "the plan"
+        advice = _DROPPED if dropped else EXPORT_AGAIN
+        message = f"{what} has version {found}, read is {known}; {advice}"
+        tell = self.draft.note if dropped else self.draft.report
+        tell((*keys, "version"), message, "plan-version")
 
 
 class ItemsReader(PlanValues):
@@ -117,7 +107,7 @@ class ItemsReader(PlanValues):
         for command, places in self._others.items():
             times = "" if len(places) == 1 else f" ({len(places)} times)"
             message = f"command {command}{times} stays in the plan's file and is not flown"
-            self.draft.note((*places[0], "command"), message, "not-flown")
+            self.draft.note((*places[0], "command"), message, NOT_FLOWN)
         self._settle()
 
     def _read_item(self, keys: Keys) -> None:
@@ -141,7 +131,7 @@ class ItemsReader(PlanValues):
                 f"{shown(kind)} stays in the plan's file and is not flown: the file does not say "
                 "on which way"
             )
-            self.draft.note((*keys, "complexItemType"), message, "not-flown")
+            self.draft.note((*keys, "complexItemType"), message, NOT_FLOWN)
             return
         before = len(self.draft.waypoints)
         for index in range(len(items)):
@@ -171,17 +161,15 @@ class ItemsReader(PlanValues):
 
     def _read_waypoint(self, keys: Keys, command: int) -> None:
         draft = self.draft
-        latitude_deg = self.number((*keys, "params", 4))
-        longitude_deg = self.number((*keys, "params", 5))
+        pair = self.pair(*keys, "params", first=4)
         altitude_m = self._altitude(keys)
         if self._end is not None:
             message = "the plan returns or lands before this waypoint; put that item last"
             draft.report((*self._end, "command"), message, "end-before-waypoint")
             self._end = None
-        if latitude_deg is None or longitude_deg is None or altitude_m is None:
+        if pair is None or altitude_m is None:
             return
         label = f"waypoint {len(draft.waypoints) + 1}"
-        pair = (latitude_deg, longitude_deg)
         spot = draft.spot(label, pair, (*keys, "params", 4), altitude_m)
         if spot is None:
             return
@@ -219,20 +207,20 @@ class ItemsReader(PlanValues):
         if frame in _AMSL_FRAMES and altitude_m is not None:
             altitude_m = self._above_home(altitude_m, keys)
         elif frame in _TERRAIN_FRAMES:
-            message = "the height of the terrain here is not in the plan; "
-            message += "choose altitudes relative to launch in QGroundControl"
-            self.draft.report((*keys, "frame"), message, "altitude-frame")
+            self._refuse_frame(keys, "the height of the terrain here is not in the plan")
             return None
         elif frame not in RELATIVE_FRAMES:
-            message = f"altitude frame {shown(frame)} is not read; "
-            message += "choose altitudes relative to launch in QGroundControl"
-            self.draft.report((*keys, "frame"), message, "altitude-frame")
+            self._refuse_frame(keys, f"altitude frame {shown(frame)} is not read")
             return None
         if altitude_m is not None and not altitude_m > 0:
             message = f"the altitude is {altitude_m:g} m above home; it must be more than 0"
             self.draft.report((*keys, "params", 6), message, "out-of-range")
             return None
         return altitude_m
+
+    def _refuse_frame(self, keys: Keys, why: str) -> None:
+        message = f"{why}; choose altitudes relative to launch in QGroundControl"
+        self.draft.report((*keys, "frame"), message, "altitude-frame")
 
     def _above_home(self, altitude_amsl_m: float, keys: Keys) -> float | None:
         home_amsl_m = self.draft.home_altitude_amsl_m

@@ -17,9 +17,8 @@ from air_router.errors import ExitCode
 from air_router.files.json_document import json_from_text, json_text
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_document import MissionDocument
-from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.missions.qgc_read import plan_draft, read_waypoints
 from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
-from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_draft
 from geo.airspace.zone import Circle

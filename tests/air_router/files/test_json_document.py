@@ -16,6 +16,7 @@ from air_router.files.json_document import (
     load_json,
 )
 from mocha_link.team.document import DocumentError
+from tests.air_router.files.values import values_in
 
 PATH = Path("town.plan")
 VALUES = st.recursive(
@@ -31,20 +32,13 @@ VALUES = st.recursive(
 )
 
 
-def places(data, keys=()):
-    yield keys, data
-    items = data.items() if isinstance(data, dict) else ()
-    for key, value in enumerate(data) if isinstance(data, list) else items:
-        yield from places(value, (*keys, key))
-
-
 @given(data=VALUES, indent=st.sampled_from([None, 0, 3, "\t"]), ascii_only=st.booleans())
 def test_every_value_is_found_where_it_stands(data, indent, ascii_only):
     text = json.dumps(data, indent=indent, ensure_ascii=ascii_only)
     document = json_from_text(text, PATH)
     assert document.data == data
     lines = text.split("\n")
-    for keys, value in places(data):
+    for keys, value in values_in(data):
         line, column = document.place(*keys)
         found, _ = json.JSONDecoder().raw_decode("\n".join(lines[line - 1 :]), column - 1)
         assert found == value

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from air_router.files.json_document import json_from_text
+from air_router.files.json_document import json_from_text, value_at
 from air_router.files.text_edit import SourceError, rewritten
-from air_router.files.text_values import Digits, degrees, like, word
+from air_router.files.yaml_text import Digits, degrees, like, word
 from mocha_link.team.document import Document
+from tests.air_router.files.values import values_in
 
 PATH = Path("mission.yaml")
 NEW = [degrees(1.2345678), degrees(-2.5)]
@@ -120,30 +121,18 @@ def remarks_of(text):
     return re.findall(r"# remark \d+", text)
 
 
-def paths(data, keys=()):
-    """The key paths of all lists and mappings, and of all numbers."""
-    yield keys, data
-    items = data.items() if isinstance(data, dict) else ()
-    for key, value in enumerate(data) if isinstance(data, list) else items:
-        yield from paths(value, (*keys, key))
-
-
-def at(data, keys):
-    for key in keys:
-        data = data[key]
-    return data
-
-
 def changed(data, pick, way):
     """Other data: a number replaced, an item inserted or removed, a key added."""
     data = copy.deepcopy(data)
     if way == "number":
-        keys = pick.choice([keys for keys, value in paths(data) if isinstance(value, float | int)])
-        at(data, keys[:-1])[keys[-1]] = Digits(5.25, 7)
+        keys = pick.choice(
+            [keys for keys, value in values_in(data) if isinstance(value, float | int)]
+        )
+        value_at(data, keys[:-1])[keys[-1]] = Digits(5.25, 7)
     elif way == "key":
         data["rally_points"] = [NEW]
     else:
-        lists = [value for _, value in paths(data) if isinstance(value, list)]
+        lists = [value for _, value in values_in(data) if isinstance(value, list)]
         lists = [v for v in lists if not (v and isinstance(v[0], float | int))]
         values = pick.choice([v for v in lists if v or way == "insert"])
         if way == "insert":

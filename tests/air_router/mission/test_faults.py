@@ -5,8 +5,8 @@ import json
 import pytest
 
 from air_router.cli.cli import main
-from air_router.mission.faults import blocked_legs, faults_of
 from air_router.mission.loading import read_draft, validate
+from air_router.mission.validation import blocked_legs, faults_of
 from geo.frame import Point
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -1,11 +1,25 @@
-"""Every way that we know to write a mission wrong: one problem, at its place, with its code."""
+"""Every way that we know to write a mission wrong: one problem, at its place, with its code.
 
+And whatever stands in a file: a mission, or problems with places and codes; no crash.
+"""
+
+import contextlib
+import copy
+import json
+import re
+import tempfile
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
+from air_router.files.json_document import value_at
 from air_router.mission.loading import load_mission
+from mocha_link.team.document import Document
+from tests.air_router.files.values import values_in
 
 MONDAY = datetime(2026, 11, 23, 10, tzinfo=UTC)
 FILE = """\
@@ -185,3 +199,48 @@ def test_while_the_planner_cannot_be_read_no_distance_is_made_up(tmp_path):
     inside, unread = problems(tmp_path, text)
     assert (inside.code, unread.code) == ("waypoint-in-zone", "wrong-type")
     assert inside.message.endswith("; move it out")
+
+
+GOOD = Document.from_text(FILE, Path("mission.yaml")).data
+
+numbers = st.sampled_from([0, -1, 1e-9, 89.9999, 181, 1e7, 1e18, 1e308, -1e308, 5e-324])
+words = st.sampled_from(
+    ["", "x", "fence", "home", "null", "2026-11-20T08:00:00Z", "08:00", "é\n#: [", "ground"]
+)
+junk = st.recursive(
+    st.none() | st.booleans() | numbers | words,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=2),
+    max_leaves=6,
+)
+
+
+SPOTS = [keys for keys, _ in values_in(GOOD) if keys]
+
+
+@given(st.lists(st.tuples(st.sampled_from(SPOTS), st.booleans(), junk), min_size=1, max_size=3))
+def test_any_value_in_any_place_is_read_or_refused(changes):
+    data = copy.deepcopy(GOOD)
+    for keys, drop, value in changes:
+        with contextlib.suppress(TypeError, LookupError):  # an earlier change took it away
+            parent = value_at(data, keys[:-1])
+            parent[keys[-1]] = value
+            if drop:
+                del parent[keys[-1]]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mission.yaml"
+        path.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
+        mission, problems = None, ()
+        try:
+            mission = load_mission(path, start=MONDAY)
+        except MissionFileError as error:
+            problems = error.problems
+    for problem in problems:
+        assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", problem.code)
+        assert (problem.line, problem.column) >= (1, 1)
+    if mission is None:
+        assert problems
+        return
+    margin_m = mission.planner.tracking_margin_m
+    for waypoint in mission.waypoints:
+        assert mission.planning_airspace.point_clear(waypoint.position)
+    assert mission.climb_airspace.with_margin(margin_m).point_clear(mission.home)

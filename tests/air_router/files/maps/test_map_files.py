@@ -19,10 +19,8 @@ from air_router.files.maps.feature_set import (
     corners_of,
     feature_set_of,
 )
-from air_router.files.maps.geojson import read_geojson
-from air_router.files.maps.geojson_write import geojson_of, geojson_text
-from air_router.files.maps.kml import read_kml
-from air_router.files.maps.kml_write import kml_text
+from air_router.files.maps.geojson import geojson_of, geojson_text, read_geojson
+from air_router.files.maps.kml import kml_text, read_kml
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft

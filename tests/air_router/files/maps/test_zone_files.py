@@ -14,9 +14,9 @@ from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
 from air_router.errors import MissionFileError
-from air_router.files.maps.schedule import validity_of
-from air_router.files.maps.zone_files import add_zones, read_zones, unique_names
-from air_router.files.maps.zone_reading import MapCircle, MapOutline
+from air_router.files.maps.geozones import validity_of
+from air_router.files.maps.zone_files import add_zones, read_zones
+from air_router.files.maps.zone_reading import MapCircle, MapOutline, unique_names
 from air_router.files.mission_document import MissionDocument, MissionPoint
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission

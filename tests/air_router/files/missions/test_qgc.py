@@ -1,5 +1,6 @@
 """QGroundControl plans: what is read, and what is refused with its place in the file."""
 
+import contextlib
 import copy
 import json
 from pathlib import Path
@@ -9,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.files.json_document import json_from_text
+from air_router.files.json_document import json_from_text, value_at
 from air_router.files.missions.qgc_read import plan_draft, read_plan
 from air_router.mission.loading import load_mission, validate
+from tests.air_router.files.values import values_in
 
 DATA = Path(__file__).parents[3] / "data"
 MISSIONS = Path(__file__).parents[4] / "missions"
@@ -317,15 +319,8 @@ def test_what_is_no_plan_at_all(tmp_path, text, expected):
     assert any(problem.startswith(expected) for problem in problems(tmp_path, text))
 
 
-def places_in(data, keys=()):
-    yield keys
-    items = data.items() if isinstance(data, dict) else ()
-    for key, value in enumerate(data) if isinstance(data, list) else items:
-        yield from places_in(value, (*keys, key))
-
-
 SURVEY = json.loads((DATA / "files" / "survey.plan").read_text(encoding="utf-8"))
-PLACES = list(places_in(SURVEY))[1:]
+PLACES = [keys for keys, _ in values_in(SURVEY) if keys]
 JUNK = st.one_of(
     st.none(),
     st.booleans(),
@@ -340,13 +335,8 @@ JUNK = st.one_of(
 def test_no_plan_crashes_the_reader(changes):
     data = copy.deepcopy(SURVEY)
     for keys, junk in changes:
-        parent = data
-        try:
-            for key in keys[:-1]:
-                parent = parent[key]
-            parent[keys[-1]] = junk
-        except (TypeError, LookupError):
-            continue  # an earlier change took the place away
+        with contextlib.suppress(TypeError, LookupError):  # an earlier change took it away
+            value_at(data, keys[:-1])[keys[-1]] = junk
     draft = plan_draft(json_from_text(json.dumps(data), Path("any.plan")))
     validate(draft)
     for problem in (*draft.problems, *draft.notes):
