@@ -266,25 +266,10 @@ class FlightPlan:
     @classmethod
     def of(cls, mission: Mission) -> FlightPlan:
         """The plan of a mission: speed, take-off, the point above home, every waypoint."""
-        x, y = degrees_e7(mission.frame, mission.home)
         altitude_m = mission.altitude_above_home_m
-        radius_m = mission.planner.acceptance_radius_m
-        speed = PlanItem(
-            Command.CHANGE_SPEED,
-            Frame.MISSION,
-            (1.0, mission.speed_m_s, -1.0, 0.0),
-            autocontinue=True,
-        )
-        # Frame, position and NaN yaw as PX4 gives them back: what was sent can be compared.
-        takeoff = PlanItem(
-            Command.TAKEOFF,
-            Frame.RELATIVE_ALT_INT,
-            (0.0, 0.0, 0.0, math.nan),
-            x,
-            y,
-            altitude_m,
-            autocontinue=True,
-        )
+        speed_params = (1.0, mission.speed_m_s, -1.0, 0.0)
+        speed = PlanItem(Command.CHANGE_SPEED, Frame.MISSION, speed_params, autocontinue=True)
+        takeoff = _place_item(mission, Command.TAKEOFF, mission.home, altitude_m, autocontinue=True)
         nodes = [(mission.home, altitude_m)]
         # A waypoint that a zone was drawn over is not flown to; with it in there PX4 flies nothing.
         out = mission.skipped
@@ -292,25 +277,31 @@ class FlightPlan:
             (mission.home if w.number in out else w.position, w.altitude_above_home_m)
             for w in mission.waypoints
         ]
-        items = [speed, takeoff]
-        for position, node_altitude_m in nodes:
-            node_x, node_y = degrees_e7(mission.frame, position)
-            items.append(
-                PlanItem(
-                    Command.WAYPOINT,
-                    Frame.RELATIVE_ALT_INT,
-                    (0.0, radius_m, 0.0, math.nan),
-                    node_x,
-                    node_y,
-                    node_altitude_m,
-                )
-            )
+        hovers = [_place_item(mission, Command.WAYPOINT, *node) for node in nodes]
         return cls(
-            items=tuple(items),
+            items=(speed, takeoff, *hovers),
             fence=fence_plan(mission).items,
             rally=tuple(_rally_point(mission, place) for place in mission.landings),
             first_node_item=2,
         )
+
+
+def _place_item(
+    mission: Mission,
+    command: Command,
+    place: Point,
+    altitude_m: float,
+    *,
+    autocontinue: bool = False,
+) -> PlanItem:
+    """An item at a place, with frame, position and NaN yaw as PX4 gives them back.
+
+    What was sent can be compared with that. Only a waypoint has a radius.
+    """
+    radius_m = mission.planner.acceptance_radius_m if command is Command.WAYPOINT else 0.0
+    params = (0.0, radius_m, 0.0, math.nan)
+    x, y = degrees_e7(mission.frame, place)
+    return PlanItem(command, Frame.RELATIVE_ALT_INT, params, x, y, altitude_m, autocontinue)
 
 
 def _rally_point(mission: Mission, place: Point) -> PlanItem:

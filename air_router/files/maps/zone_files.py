@@ -147,10 +147,9 @@ def _exchanged(
     for kind in (MapCircle, MapOutline):
         if any(isinstance(zone.shape, kind) for zone in near):
             continue
-        for zone in reading.zones:
+        for zone in (zone for zone in reading.zones if isinstance(zone.shape, kind)):
             turned = _corners(zone)[:, ::-1]
-            on_earth = np.abs(turned[:, 0]).max() <= 90
-            if isinstance(zone.shape, kind) and on_earth and around.may_reach(turned):
+            if np.abs(turned[:, 0]).max() <= 90 and around.may_reach(turned):
                 message = (
                     f"no-fly zone '{zone.name}' is far from the mission, and near with latitude "
                     "and longitude exchanged; put the longitude first in this file"
