@@ -20,12 +20,8 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
-from air_router.controller.model.events import RobotPose
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome
-from air_router.controller.model.states import Signal, State
-from air_router.gossip.mapper import Mapper
 from air_router.record import record_file
 from air_router.record.log import Log, LogError
 from air_router.record.recorder import Recorder
@@ -33,10 +29,9 @@ from air_router.record.recording import default_folder
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
-from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
+from tests.air_router.record.conftest import LINK, UNIX_S
 
 ROOT = Path(__file__).parents[3]
-UNIX_S = 1.7e9
 
 
 def telemetry(t, east_m=1.0):
@@ -44,58 +39,33 @@ def telemetry(t, east_m=1.0):
 
 
 @pytest.fixture
-def flown(tmp_path, pennovation):
-    """A short record with something of everything."""
-    mapper = Mapper(pennovation)
-    patch = GridPatch(mapper.grid.west_m, mapper.grid.south_m, 1.0, mapper.grid.cells[:2, :3] + 1)
-    stamps = {("titan", "/map"): 8.5}
-
-    def held():
-        return {"io": dict(stamps)}
-
-    with Recorder(tmp_path / "logs", "mission.yaml", unix_s=lambda: UNIX_S, name="ti/tan") as rec:
-        rec.begin(FlightSetup(pennovation, ("io",), name="titan"), arm=True)
-        rec.file(pennovation.path)
-        rec.event(telemetry(0.1 + 0.2), 0.1 + 0.2)
-        rec.actions((StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None),), 0.3)
-        rec.actions((FlyToNode(3, Point(math.nan, 2.0)),), 0.3)
-        rec.event(SyncStarted("io", 9.0, Direction.OUT), 0.4)
-        rec.event(RobotPose("io", Point(5.0, 6.0), 8.0, "io"), 0.5)
-        rec.event(ComeHome(), 0.6)
-        rec.actions((Announce("coming home"),), 0.6)
-        rec.links(
-            lambda: {"io": LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)}, held, 0.7
-        )
-        link = LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)
-        rec.links(lambda: {"io": link}, held, 0.7)
-        rec.links(lambda: {"io": dataclasses.replace(link, newest_age_s=3.0)}, held, 9.7)
-        assert mapper.paint(patch.encode())
-        rec.patch(patch.encode(), 9.8)
-        mapper.publish(9.8)
-        rec.map(mapper, 9.9)
-        rec.note("Report", 10.0, {"outcome": "done", "distance_m": math.nan})
-    return rec.path
+def flown(record, tmp_path):
+    """A record of its own for each test."""
+    path = tmp_path / record.name
+    path.write_bytes(record.read_bytes())
+    return path
 
 
 def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation):
     entries = list(Log(flown))
-    assert [entry.kind for entry in entries] == [
-        *("about", "setup", "note", "file", "event", "note", "action", "action"),
-        *("event", "event", "event", "action", "link", "note", "patch", "note", "note", "note"),
-    ]
-    about, setup, options, file, first, clock, _, fly = entries[:8]
+    clocks = [entry for entry in entries if entry.value == ("Clock", {"unix_s": UNIX_S})]
+    assert [entry.t for entry in clocks] == [1.0, 11.0, 21.0]
+    told = [entry for entry in entries if entry not in clocks]
+    assert [entry.kind for entry in told] == [
+        *("about", "setup", "note", "file"), *["event"] * 22, *("action", "action", "event"),
+        *("action", "link", "note", "patch", "note", "note", "note"),
+    ]  # fmt: skip
+    about, setup, options, file, first = told[:5]
     assert about.value["mission"] == "mission.yaml"
     assert about.value["numpy"]
     assert setup.value.mission.waypoints == pennovation.waypoints
     assert (setup.value.seek, setup.value.name) == (("io",), "titan")
     assert options.value == ("Options", {"arm": True})
     assert file.value == (pennovation.path.name, pennovation.path.read_bytes())
-    assert (first.t, first.value) == (0.1 + 0.2, telemetry(0.1 + 0.2))
-    assert clock.value == ("Clock", {"unix_s": UNIX_S})
-    assert math.isnan(fly.value.position.east_m)
-    assert entries[10].value == ComeHome()
-    link, held, patch, published, grown, report = entries[12:]
-    assert link.value == LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)
+    assert first.value == dataclasses.replace(telemetry(1.0), battery=0.75)
+    home, _, link, held, patch, published, grown, report = told[28:]
+    assert (home.t, home.value) == (22.1 + 0.2, ComeHome())
+    assert link.value == LINK
     assert held.value.fields == {"peer": "io", "held": [("titan", "/map", 8.5)]}
     assert GridPatch.decode(patch.value).cells.shape == (2, 3)
     assert published.value == ("MapPublished", {"known_cells": 6})
@@ -106,7 +76,9 @@ def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation)
 def test_the_public_reader_opens_it_and_viewers_understand_its_schemas(flown):
     with flown.open("rb") as file:
         reader = make_reader(file)
-        messages = {channel.topic: (schema, m) for schema, channel, m in reader.iter_messages()}
+        messages = {}
+        for schema, channel, message in reader.iter_messages():
+            messages.setdefault(channel.topic, (schema, message))
         names = [attachment.name for attachment in reader.iter_attachments()]
     assert names == ["mission.yaml"]
     for topic, (schema, message) in messages.items():
