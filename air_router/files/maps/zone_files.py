@@ -29,7 +29,7 @@ from air_router.files.maps.zone_reading import (
     unique_names,
 )
 from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.files.whole_file import bytes_within
+from air_router.files.whole_file import PlacedSource, bytes_within
 from air_router.files.xml_document import kml_in
 from geo.airspace.zone import Shape
 from geo.frame import LocalFrame, Point
@@ -133,7 +133,9 @@ def _add_near(draft: MissionDocument, near: Sequence[MapArea], around: _Surround
             kept.append((zone, shape))
     names = unique_names((zone.name for zone, _ in kept), (area.name for area in draft.zones))
     for name, (zone, shape) in zip(names, kept, strict=True):
-        draft.zones.append(Area(name, shape, zone.keys, True, zone.terms, zone.source))
+        here = zone.problem("", "")  # without the whole document that it was read from
+        keys, source = (here.line, here.column), PlacedSource(here.path)
+        draft.zones.append(Area(name, shape, keys, True, zone.terms, source))
     return len(kept)
 
 
