@@ -47,8 +47,8 @@ _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "GOTO", "HOLD"})
 _ANNOUNCED: Final = re.compile(
     r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
 )
-_SENT, _SENT_S = 24, 1.0
-"""So many letters of it are looked for, and so far from the line in time."""
+_SENT_S: Final = 1.0
+"""It is sent so long before or after the line, at most."""
 
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 
@@ -197,7 +197,7 @@ def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
         if announced is None or not case.answers(at_s, at_s + _SENT_S, ours=False):
             continue
         sent = "".join(text for sent_s, text in texts if abs(sent_s - at_s) <= _SENT_S)
-        if announced[1][:_SENT] not in sent:
+        if announced[1] not in sent:
             text = f"'{announced[1]}' was not sent to the ground station"
             yield Violation(at_s, "told", text)
             return

@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
 from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
@@ -31,6 +32,12 @@ _SILENT_S: Final = 4.0
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
+_AGAIN_S: Final = 10.0
+"""What goes on is told again so long after."""
+
+_CLIMB_S: Final = 60.0
+"""Within that time of leaving the ground the mission has begun."""
+
 _FLICKERS_S: Final = 2.5
 """A fix that is back for no longer is not back: 3 s are, and what stood may go on."""
 
@@ -119,13 +126,17 @@ class Gap(NamedTuple):
 
 
 def silence_is_told(case: Case) -> Iterator[Violation]:
-    """When nothing at all is heard any more, that is said."""
+    """When nothing at all is heard any more, that is said, and again while it goes on."""
     times_s = [message.time_s for message in case.evidence.heard]
     for before_s, after_s in itertools.pairwise([*times_s, *map(float, case.time_s[-1:])]):
         due_s = before_s + _SILENT_S * case.evidence.speed + case.reacts_s
         if after_s > due_s and case.answers(before_s, due_s, ours=False):
             news = News(before_s, "nothing was heard any more")
             yield from says(case, news, "nothing heard|silent", due_s)
+            again_s = due_s + _AGAIN_S * case.evidence.speed + case.reacts_s
+            if after_s > again_s and case.answers(before_s, again_s, ours=False):
+                more = News(due_s + 0.1, "nothing was heard for long")
+                yield from says(case, more, "nothing heard|silent", again_s, 0.0)
 
 
 def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
@@ -231,6 +242,19 @@ def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
         if case.state(begin_s) not in _GIVEN | {"HOME"}:
             yield from says(case, news, "battery", due_s)
         yield from comes_home(case, news, begin_s, lost)
+
+
+def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
+    """The mission's duration counts from the take-off, whoever has had the vehicle since."""
+    if End.NOT in case.row.ends or not case.flying.any():
+        return
+    begin_s = float(case.time_s[int(case.flying.argmax())])
+    over_s = begin_s + _CLIMB_S + case.mission.duration_s
+    held_s = [given.end_s + _LOW_S for given in case.given if given.begin_s < over_s < given.end_s]
+    since_s = max([over_s, *held_s])
+    if since_s < case.time_s[-1]:
+        news = News(over_s, "the time of the mission was over")
+        yield from comes_home(case, news, since_s, _blind(_gaps(case)))
 
 
 def a_failsafe_is_told(case: Case) -> Iterator[Violation]:

@@ -121,6 +121,7 @@ class RawMission:
         acceptance_m: So near to a place counts as there.
         speed_m_s: To cruise at.
         battery_reserve: Come home at this share of a full battery.
+        duration_s: Come home so long after the take-off; infinite: when all is explored.
     """
 
     frame: Frame
@@ -136,6 +137,7 @@ class RawMission:
     acceptance_m: float = _ACCEPTANCE_M
     speed_m_s: float = _SPEED_M_S
     battery_reserve: float = _RESERVE
+    duration_s: float = math.inf
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -237,6 +239,7 @@ class _YamlReader:
             acceptance_m=float(planner.get("acceptance_radius_m", _ACCEPTANCE_M)),
             speed_m_s=float(data.get("speed_m_s", _SPEED_M_S)),
             battery_reserve=float(data.get("battery_reserve", _RESERVE)),
+            duration_s=float(data.get("duration_s", math.inf)),
         )
 
     def _area(

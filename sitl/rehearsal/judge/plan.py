@@ -19,6 +19,7 @@ from sitl.rehearsal.judge.evidence import (
     RALLY,
     TAKEOFF,
     WAYPOINT,
+    SceneEventKind,
     Upload,
     WireMessage,
     number,
@@ -31,6 +32,9 @@ _RELATIVE: Final = frozenset({3, 6})
 _PLACE_M, _HEIGHT_M, _AREA_M = 0.5, 1.0, 0.6
 _SETTLES_S: Final = 45.0
 """Within this a changed file is on board, or its flight is no longer ours."""
+
+_COMPARED_S: Final = 20.0
+"""Within this what another station has put on board is known to be another."""
 
 _FAR_M: Final = 2000.0
 
@@ -130,6 +134,22 @@ def fence_is_the_files(case: Case) -> Iterator[Violation]:
         wrong = _differs(items, case.mission.frame, version.mission, case.ground_m)
         if wrong:
             yield Violation(time_s, "plan", f"the fence on board: {wrong}")
+
+
+def no_leg_begins_beside_anothers_fence(case: Case) -> Iterator[Violation]:
+    """While the fence on board is a station's, only an operator's "home" is flown: by points."""
+    for changed in case.evidence.told(SceneEventKind.FENCE_CHANGED):
+        begin_s = changed.time_s
+        uploads_s = (u.time_s for u in case.uploads if u.kind in {FENCE, EVERYTHING})
+        requests = case.evidence.told(SceneEventKind.REQUEST)
+        home_s = (h.time_s for h in requests if str(h.value).startswith("home"))
+        ends_s = [at_s for at_s in (*uploads_s, *home_s) if at_s > begin_s]
+        from_s, until_s = begin_s + _COMPARED_S + case.row.notice_s, min(ends_s, default=math.inf)
+        for message, _ in case.legs:
+            if from_s < message.time_s < until_s:
+                text = f"a leg, though the fence on board is another since {begin_s:.1f} s"
+                yield Violation(message.time_s, "plan", text)
+                break
 
 
 def _has_to_settle(case: Case, version: MissionVersion) -> bool:
