@@ -52,6 +52,8 @@ class PeerLinks:
     ) -> None:
         self.by_peer = _links(context, me, link_table, datagrams=datagrams)
         self.touched: set[str] = set()
+        self._followed = context.followed  # robots that push to us
+        self._seen_followed: set[int] = set()  # of these, when it was looked last which peers push
         self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
 
     def __iter__(self) -> Iterator[PeerLink]:
@@ -70,13 +72,18 @@ class PeerLinks:
         self.touched.update(p for p, link in self.by_peer.items() if link.server.heeds(robot_ids))
 
     def push_otherwise(self) -> bool:
-        """Look which peers push if one of them does now, or does not any more; whether so."""
-        touched = map(self.by_peer.__getitem__, self.touched)
-        if all(link.pushes == link.puller.has_all for link in touched):
-            return False
-        for each in self:
-            each.pushes = each.puller.has_all
-        return True
+        """Look anew which peers push; whether one of them does now, or does not any more.
+
+        What comes unasked from a peer depends on the others that we follow, too.
+        """
+        looked = self.touched if self._followed == self._seen_followed else self.by_peer.keys()
+        self._seen_followed = set(self._followed)
+        changed = False
+        for link in map(self.by_peer.__getitem__, looked):
+            pushes = link.puller.has_all
+            changed |= pushes != link.pushes
+            link.pushes = pushes
+        return changed
 
     def busy(self, now_s: float) -> list[PeerLink]:
         """Those on which something came since `settle`, or the time brings something."""

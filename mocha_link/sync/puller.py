@@ -102,10 +102,11 @@ class Puller:
         if pull and pull.standing:
             self._begin_afresh(pull, now)
             return
-        self.unfollow()
         if pull:
             pull.disconnected(reason, now)
             self._finish(pull, now)
+        else:
+            self.unfollow()
 
     def on_contact(self, now: Instant) -> None:
         """A contact begins: do not wait for the timers of a pull that stalls."""
@@ -160,13 +161,16 @@ class Puller:
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
         self.pull = pull
         if not pull.standing:
-            self._follow(None)
+            # What is pushed would not get here now, but the pull brings it: the peer counts as
+            # followed until that fails, or all others would be pulled from each time.
+            self.followed = None
             self._peer.node.actions.append(Connect(self._peer.name))
         pull.start(now, again=again)
 
     def _begin_afresh(self, pull: Pull, now: Instant) -> None:
         """Go on over a new connection where the one that stood is gone; the same pull to all."""
         pull.abandon()
+        self._follow(None)
         budget = self._peer.budget_bytes
         left = budget and max(budget - self._spent_bytes, LEAST_BUDGET)
         self._begin(Pull(self._peer, budget=left), now, again=True)

@@ -1,5 +1,6 @@
 """What is stored after a pull leaves at once, and costs nothing when it does not get there."""
 
+import itertools
 import math
 import random
 
@@ -288,3 +289,41 @@ def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
     assert net.nodes["titan"].take_served() == {"io"}
     net.wait(FOLLOW_S + 1)
     assert "callisto" not in looked
+
+
+# --- several peers
+
+
+def linked(net, *names):
+    """All of them hear each other from now on."""
+    contact(net, *itertools.permutations(names, 2))
+
+
+def test_what_a_lost_peer_stores_comes_by_another_at_once(team):
+    """A peer that is asked rarely leaves out what is followed elsewhere; that is over now."""
+    net = NetworkSim(team, by_timer=True, delay_s=0.01)
+    net.wait(50)
+    callisto = net.nodes["callisto"]._links.by_peer["titan"].puller
+    publish(net, "titan", "/map", random.Random(1).randbytes(PUSH_BYTES + 1))
+    while callisto.has_all:
+        net.wait(0.001)
+    net.blocked = {("zmq", "callisto", "titan"), ("zmq", "titan", "callisto")}
+    while callisto.followed:
+        net.wait(0.1)
+    publish(net, "titan", "/slow", b"after")
+    net.wait(3)
+    assert net.held("callisto")["titan", "/slow"] == b"after"
+
+
+@pytest.mark.parametrize("datagrams", [True, False], ids=["datagrams", "connection"])
+def test_a_pull_from_one_does_not_have_the_others_pulled_from(team, datagrams):
+    net = NetworkSim(team, datagrams=datagrams, delay_s=2 * FAR_S)
+    for number, pair in enumerate(itertools.combinations(net.nodes, 2)):
+        linked(net, *pair)
+        net.wait(4 + number)
+    net.wait(45)
+    before = {name: len(net.told(name, SyncStarted)) for name in net.nodes}
+    net.wait(60)
+    for name, seen in before.items():
+        pulls = net.told(name, SyncStarted)[seen:]
+        assert sum(pull.direction is Direction.IN for pull in pulls) <= 10
