@@ -96,6 +96,11 @@ class Flow:
         return self._outbox.in_flight_bytes
 
     @property
+    def arrived(self) -> int:
+        """How many numbered packets of the peer have come; copies of them count for nothing."""
+        return self._arrivals.count
+
+    @property
     def settled(self) -> bool:
         """Whether everything that was sent has arrived."""
         return self._outbox.settled

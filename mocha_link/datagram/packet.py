@@ -138,6 +138,7 @@ class Arrivals:
         self.due_s: float | None = None  # when an acknowledgement has to leave
         self.waiting = 0  # packets that the peer has not been told of
         self.any = False  # something has arrived
+        self.count = 0  # different packets that arrived
         self._floor = 0  # the sender needs no more said of those below
         self._seen = 0  # bit n: floor + n has arrived
         self._next = 0  # after the highest that arrived
@@ -160,6 +161,7 @@ class Arrivals:
             return False
         self._seen |= bit
         self.any = True
+        self.count += 1
         self.waiting += 1
         if number != self._next or not packet.frames or self.waiting >= LATE_PACKETS:
             self._tell(now_s)

@@ -173,11 +173,11 @@ class Gossip:
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
-        """Take in a datagram that came to the port for a peer; says whether it made sense."""
+        """Take in a datagram that came to the port for a peer; says whether to answer there."""
         link = self._link(peer)
-        known = link.server.packet(packet, now)
+        is_there = link.server.packet(packet, now)
         self._serve(link, now)
-        return known
+        return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""

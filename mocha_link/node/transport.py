@@ -244,8 +244,8 @@ class Transport:
             if opened is None or strange:
                 continue
             with self._lock:
-                known = self._gossip.packet_in(port.peer, opened, self._now())
-            if known:
+                is_there = self._gossip.packet_in(port.peer, opened, self._now())
+            if is_there:
                 port.caller = source
             self._act()
 

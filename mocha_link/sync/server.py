@@ -83,19 +83,19 @@ class Server:
         return self._session.answer(parts, now)
 
     def packet(self, packet: bytes, now: Instant) -> bool:
-        """Take in a datagram; says whether it was one of a sync."""
+        """Take in a datagram; says whether the peer is where it came from: it is no copy."""
         flow = self._flow
         token = packet[1 : 1 + ID_BYTES]
         if len(token) != ID_BYTES:
             return False
         if flow is None or flow.token != token:
             return self._packet_of_new(token, packet, now)
-        refused = flow.refused
+        refused, arrived = flow.refused, flow.arrived
         for frame in flow.receive(packet, now.steady_s):
             self._feed_frame(frame, now)
         if self._sync and flow.refused == refused:
             self._sync.heard_s = now.steady_s
-        return flow.refused == refused
+        return flow.arrived > arrived
 
     def transmit(self, now: Instant) -> list[bytes]:
         """The datagrams to send now."""
@@ -143,13 +143,13 @@ class Server:
     def _datagrams_carry(self, sync: ServedSync) -> bool:
         """Whether they carry what there is; to a near or fast peer its connection does from now on.
 
-        One that follows by datagrams has closed its connection.
+        One that got all by datagrams follows by them, and closes its connection.
         """
         flow = self._flow
         if not sync.by_datagram or flow is None:
             return False
         near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
-        if sync.follows or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
+        if sync.sender.done or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
             return True
         sync.by_datagram = sync.all_cast = False
         return False
@@ -228,13 +228,12 @@ class Server:
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
-        sync = self._sync
         if token in self._past or now.steady_s < self._deaf_until_s:
             return False
-        if sync and sync.id == token and not sync.by_datagram:
-            return True  # the connection was first, so it serves
-        heeds = sync and not sync.follows and now.steady_s - sync.heard_s < REPLACED_S
-        if sync and sync.id != token and heeds:
+        before = self._sync
+        if before and before.id == token:
+            return False  # the connection was first, so it serves
+        if before and not before.follows and now.steady_s - before.heard_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
         sync = ServedSync(token, self._peer, now)
         flow = Flow(
@@ -249,6 +248,9 @@ class Server:
         if not frames or not all(sync.open(frame) for frame in frames):
             return False
         flow.proven = sync.sender.admitted
+        reached = before and (before.route or (self._flow and self._flow.proven))
+        if reached and not flow.proven:
+            return False  # nor ever what the peer gets; it may always begin anew by a connection
         sync.by_datagram = sync.all_cast = True
         self._begin(sync, now)
         self._close_flow()
@@ -293,6 +295,8 @@ class Server:
 
     def _end(self, sync: ServedSync, now: Instant) -> None:
         sync.follows = sync.sender.follows
+        if self._flow is None:
+            self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
         if not sync.follows:
             self._sync = None
             self._past.append(sync.id)

@@ -8,7 +8,7 @@ import pytest
 
 from mocha_link.datagram import packet as wire
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.metrics import SyncEnded
+from mocha_link.links.metrics import SyncEnded, SyncTimedOut
 from mocha_link.store.database import Database
 from mocha_link.sync.server import Server
 from tests.mocha_link.network import peer_of
@@ -107,7 +107,7 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
     assert not server._peer.admits(address_token)
 
 
-# --- what it costs those who mean well
+# --- copies of what the peer sent earlier
 
 
 @pytest.fixture
@@ -115,6 +115,39 @@ def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
     net.nodes["io"]._links.by_peer["titan"].peer.rtt_s = 2 * FAR_S  # so that datagrams go at once
     return net
+
+
+@pytest.mark.parametrize("path", ["udp", "zmq"])
+def test_copies_neither_end_what_goes_on_nor_say_where_the_peer_is(net, path):
+    """Of any pull so far, while the peer follows and while it pulls over its connection."""
+    titan = net.nodes["titan"]
+    net.pull("io", "titan")
+    if path == "zmq":
+        net.blocked = {("udp", "titan", "io")}  # the connection serves, and stands from then on
+    for _ in range(25):
+        net.publish("titan", "/map", b"grid")
+        net.pull("io", "titan")
+    assert net.nodes["io"].links(net.now)["titan"].path == path
+    recorded = net.sent("udp", "io", "titan")
+    assert recorded
+    for pulls in (False, True):
+        if pulls:
+            net.publish("titan", "/map", random.Random(1).randbytes(500_000))
+            net.nodes["io"].sync("titan", net.now)
+            net.wait(3 * FAR_S)
+        before = len(net.told("titan", SyncTimedOut))
+        for packet in recorded:
+            assert not titan.packet_in("io", packet, net.now)
+            net.wait(0.02)
+        assert len(net.told("titan", SyncTimedOut)) == before
+        net.settle()
+        net.publish("titan", "/slow", b"pushed %d" % pulls)
+        titan.flush(net.team.topic("titan", "/slow"), net.now)
+        net.wait(1)
+        assert net.held("io")["titan", "/slow"] == b"pushed %d" % pulls
+
+
+# --- what it costs those who mean well
 
 
 def pulled_s(net: NetworkSim) -> float:

@@ -10,7 +10,7 @@ import pytest
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.gossip import TIMEOUT_S
 from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
-from mocha_link.sync.protocol import Connect
+from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of, pulling
 
@@ -190,7 +190,7 @@ def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
     for _ in range(MAX_MISSES + 2 * RETRY_EVERY):
         net.carried.clear()
         net.pull("io", "titan")
-        net.wait(1)
+        net.wait(PATIENCE_S)  # until then it takes what begins anew for a copy
         tried.append(bool(net.sent(*UP)))
     assert tried[:MAX_MISSES] == [True] * MAX_MISSES
     assert tried.count(True) == MAX_MISSES + 2

@@ -108,7 +108,7 @@ class Asker:
 
     def pass_on(self, now: Instant) -> None:
         for packet in self.flow.transmit(now.steady_s):
-            assert self.server.packet(packet, now)
+            self.server.packet(packet, now)
 
     def run(
         self, begin_s: float, delay_s: float, *, reading: bool = False, limit_s: float = 20
@@ -130,7 +130,7 @@ class Asker:
             while way and way[0][0] <= time_s:
                 _, up, packet = way.pop(0)
                 if up:
-                    assert self.server.packet(packet, at(time_s))
+                    self.server.packet(packet, at(time_s))
                 else:
                     for frame in self.flow.receive(packet, at(time_s).steady_s):
                         self.outbox += self.receiver.receive(frame, at(time_s))
