@@ -110,9 +110,14 @@ class _LinkRecord:
         )
 
     def close_if_quiet(self, now_s: float, quiet_s: float) -> None:
-        """End a contact that only syncs have shown when there are none any more."""
+        """End a contact that only exchanges have shown when there are none any more.
+
+        A clock that was set back ends none.
+        """
+        self.active_s = min(self.active_s, now_s)
+        self.began_s = None if self.began_s is None else min(self.began_s, self.active_s)
         idle = self.state is not LinkState.STARTED and not self.by_radio
-        if idle and not 0 <= now_s - self.active_s <= quiet_s:
+        if idle and now_s - self.active_s > quiet_s:
             self.end(self.active_s, "quiet")
 
     def metrics(self, peer: str, ages_s: Mapping[str, float]) -> LinkMetrics:
@@ -157,7 +162,7 @@ class LinkTable:
     """Keeps the metrics of all links from what is reported to it, and logs what goes wrong on them.
 
     Args:
-        quiet_s: a contact that only syncs have shown is over so long after the last one.
+        quiet_s: a contact that only exchanges have shown is over so long after the last one.
         protected: peers to which the links are encrypted.
     """
 
@@ -188,6 +193,7 @@ class LinkTable:
                 link.signal = event.signal or as_reading(event.rssi_dbm)
             case MessageStored():
                 link.totals.messages_in += 1
+                link.active_s = event.at_s  # pushed, perhaps, by a peer that is pulled from rarely
             case ContactBegan():
                 link.close_if_quiet(event.at_s, self._quiet_s)
                 link.begin(event.at_s, by_radio=True)

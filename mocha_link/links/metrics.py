@@ -94,7 +94,8 @@ class LinkMetrics:
         syncs_out: pulls of the peer that came to their end.
         timeouts: syncs of both directions that broke off.
         refused: headers, messages and replies of the peer that were not accepted.
-        newest_age_s: age of the newest message that the peer itself made and we hold.
+        newest_age_s: age of the newest message that the peer itself made and we hold; if its
+            stamp is from the future, since it came.
         signal: as the radio says, with unit and source; None if it does not hear the peer.
         topic_ages_s: age of the newest message of each topic of the peer that we hold.
         contacts: the last 32 contacts, oldest first; one that lasts has no end.

@@ -221,7 +221,7 @@ class Gossip:
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input."""
-        self._trigger.look(now.unix_s)
+        self._trigger.look(now)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
@@ -277,7 +277,7 @@ class Gossip:
         newest = self.database.newest
         return {
             peer: {
-                topic.name: now.unix_s - record.stamp_s
+                topic.name: now.unix_s - min(record.stamp_s, record.received_s)
                 for topic in self._team.topics_of(peer)
                 if (record := newest(self._team.robot(peer).robot_id, topic.topic_id))
             }

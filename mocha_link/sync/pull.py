@@ -72,6 +72,7 @@ class Pull:
         self._credit = Credit(peer.rate_bytes_s, peer.rtt_s)
         self._outbox: deque[bytes] = deque()  # frames for datagrams
         self._datagrams_at_s: float | None = None  # when the first leaves
+        self._hushed = False  # a later pull has begun on the same connection
         self._refused = False  # by SERRM: an original node
         self._began_s = self._first_s = self._last_s = 0.0  # first and last data, steady clock
 
@@ -125,11 +126,17 @@ class Pull:
             if first and len(self._peer.refusals) > refusals:
                 self.fail("what answers there is not a node", now)
                 return
+            if self._hushed:
+                return
             if frames:
                 self._send_frames(frames)
             size = sum(map(len, parts))
             if self._credit.take(size, now.steady_s, self._peer.rtt_s) and self.goes_on:
                 self._peer.send(request(self.id, SYNCC, self._credit.grant))
+
+    def hush(self) -> None:
+        """Say nothing more on the connection: the next pull has begun there, and the peer knows."""
+        self._hushed = True
 
     def packet(self, packet: bytes, now: Instant) -> None:
         """Take in a datagram of the peer."""

@@ -160,7 +160,9 @@ class Puller:
 
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
         self.pull = pull
-        if not pull.standing:
+        if pull.standing and self.followed:
+            self.followed.hush()
+        else:
             # What is pushed would not get here now, but the pull brings it: the peer counts as
             # followed until that fails, or all others would be pulled from each time.
             self.followed = None
@@ -181,7 +183,7 @@ class Puller:
             return
         self._link_table.measure(
             self._peer.name,
-            rtt_s=pull.rtt_s,
+            rtt_s=None if pull.broken else pull.rtt_s,  # as it was remembered, perhaps
             bandwidth_bytes_s=pull.throughput_bytes_s,
             path=pull.path,
         )

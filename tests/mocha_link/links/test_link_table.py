@@ -170,3 +170,23 @@ def test_a_contact_that_becomes_quiet():
     link_table.update(SyncEnded("io", 60, OUT, 0, 6, 1.0))
     assert link_table.links(61)["io"].contacts[1:] == (Contact(30, None, 0, 0, 0, 1, ""),)
     assert link_table.links(61)["io"].contacts_begun == 2
+
+
+def test_what_is_pushed_keeps_a_contact():
+    """Of many peers each is pulled from rarely."""
+    link_table = LinkTable(("io",), quiet_s=10.0)
+    link_table.update(SyncStarted("io", 10, IN))
+    link_table.update(SyncEnded("io", 10, IN, 0, 6, 1.0))
+    for at_s in range(11, 60):
+        link_table.update(stored(at_s))
+        (contact,) = link_table.links(at_s + 0.5)["io"].contacts
+        assert (contact.began_s, contact.ended_s) == (10, None)
+
+
+def test_a_clock_set_back_ends_no_contact():
+    link_table = LinkTable(("io",), quiet_s=10.0)
+    link_table.update(SyncStarted("io", 1000, IN))
+    link_table.update(stored(1000))
+    link_table.update(SyncEnded("io", 1001, IN, 1, 6, 1.0))
+    assert link_table.links(500)["io"].contacts == (Contact(500, None, 1, 0, 0, 0, ""),)
+    assert link_table.links(511)["io"].contacts == (Contact(500, 500, 1, 0, 0, 0, "quiet"),)

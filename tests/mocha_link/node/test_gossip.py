@@ -185,3 +185,31 @@ def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_asks_again(team):
     (ended,) = net.told("titan", SyncEnded)
     assert (ended.direction, ended.complete) == (Direction.OUT, True)
     assert net.told("titan", SyncTimedOut) == []
+
+
+# --- metrics that hold
+
+
+def test_pulls_that_fail_measure_no_round_trip(team):
+    net = NetworkSim(team, by_timer=True, delay_s=0.05)
+    io = net.nodes["io"]
+    for rtt_s in (0.02, 0.4):
+        net.pull("io", "titan")
+        io.sync("titan", net.now)
+        io.progress("titan", net.now, rtt_s)
+        net.settle()
+    before = io.links(net.now)["titan"]
+    net.silent = {"titan"}
+    net.wait(60)
+    after = io.links(net.now)["titan"]
+    assert after.timeouts > before.timeouts + 3
+    assert (after.rtt_s, after.rtt_smoothed_s) == (before.rtt_s, before.rtt_smoothed_s)
+
+
+def test_a_message_from_the_future_is_as_old_as_with_us(net):
+    net.offset_s["titan"] = 3600.0
+    net.publish("titan", "/map", b"grid")
+    net.pull("io", "titan")
+    net.time_s += 600
+    age_s = net.nodes["io"].links(net.now)["titan"].newest_age_s
+    assert age_s == pytest.approx(600, abs=1)

@@ -240,11 +240,14 @@ def test_a_pull_goes_on_over_the_connection_that_stands(net):
 
 @standing
 def test_what_was_pushed_before_the_next_pull_reached_the_peer_is_taken(net):
+    """Of a large one the credit that it takes would come too late."""
     net.nodes["io"].sync("titan", net.now)
-    publish(net, "titan", "/map", b"crossed")
+    crossed = random.Random(1).randbytes(50_000)
+    publish(net, "titan", "/map", crossed)
     net.wait(FAR_S + PROMPT_S)
-    assert net.held("io")["titan", "/map"] == b"crossed"
+    assert net.held("io")["titan", "/map"] == crossed
     net.settle()
+    net.wait(2 * FAR_S)
     assert net.nodes["io"].links(net.now)["titan"].refused == 0
 
 
