@@ -6,8 +6,10 @@ where one side has no key stay as they are in the original (NULL).
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import logging
+import socket
 from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -16,17 +18,21 @@ import zmq
 from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.node import kernel
 from mocha_link.team.keys import PublicKey, SecretKey
 
 BURST = 256  # requests or events answered in a row
+HANDSHAKE_S = 10.0  # who has shown no key by then is sent away; a slow radio takes seconds
+MAX_STRANGERS = 64  # connections to the ports of a node that are younger than that
 _ZAP = "inproc://zeromq.zap.01"  # where libzmq asks, https://rfc.zeromq.org/spec/27/
 _ZAP_VERSION = b"1.0"
 _ZAP_FRAMES = 6  # version, request id, domain, address, identity, mechanism; then the credentials
 
-_WRONG_KEY, _NO_KEY, _NO_ZMTP, _LEFT = (
+_WRONG_KEY, _NO_KEY, _NO_ZMTP, _TOO_OFTEN, _LEFT = (
     "with a wrong key",
     "without encryption",
     "not as a node of ours does",
+    "too often",
     "and left before it had shown a key, as one without a key does",
 )
 _PROTOCOL_FAILURES: dict[int, str] = {
@@ -58,6 +64,7 @@ def protect_port(port: zmq.Socket[bytes], own: SecretKey, peer: str) -> None:
     port.setsockopt(zmq.CURVE_SERVER, 1)
     port.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
     port.setsockopt(zmq.ZAP_DOMAIN, peer.encode())
+    port.setsockopt(zmq.HANDSHAKE_IVL, int(HANDSHAKE_S * 1000))
 
 
 def protect_contact(contact: zmq.Socket[bytes], own: SecretKey, peer: PublicKey) -> None:
@@ -72,8 +79,19 @@ def protect_contact(contact: zmq.Socket[bytes], own: SecretKey, peer: PublicKey)
     contact.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
 
 
+class _Watched(NamedTuple):
+    """A port of which the monitor tells who comes and goes."""
+
+    port: zmq.Socket[bytes]
+    monitor: zmq.Socket[bytes]
+    peer: str
+
+
 class ZapHandler:
     """Answers libzmq's question, whether a key may enter, for all protected ports of a context.
+
+    libzmq takes any number of connections, and descriptors for them, until they have shown a key:
+    of more than `MAX_STRANGERS` the oldest is closed.
 
     Make it before the ports are bound. Its `sockets` (`socket`, and a monitor of every watched
     port) go into the poller of the ports' thread; call `serve` when one of them is readable.
@@ -88,8 +106,9 @@ class ZapHandler:
     ) -> None:
         self.refused: Counter[str] = Counter()  # connections, by peer
         self._allowed = {peer.encode(): key.curve for peer, key in allowed.items()}
-        # port, its monitor, peer
-        self._watched: list[tuple[zmq.Socket[bytes], zmq.Socket[bytes], str]] = []
+        self._watched: list[_Watched] = []
+        # by peer and descriptor, the oldest first: when they came, steady seconds
+        self._strangers: dict[tuple[str, int], float] = {}
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)
         try:
@@ -101,20 +120,23 @@ class ZapHandler:
     @property
     def sockets(self) -> tuple[zmq.Socket[bytes], ...]:
         """What the poller has to watch."""
-        return (self.socket, *(monitor for _, monitor, _ in self._watched))
+        return (self.socket, *(each.monitor for each in self._watched))
 
     def watch(self, port: zmq.Socket[bytes], peer: str) -> None:
         """Count also who fails at a port before its key is known, e.g. because it has none."""
         monitor = port.get_monitor_socket(
-            zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL
+            zmq.Event.ACCEPTED
+            | zmq.Event.DISCONNECTED
+            | zmq.Event.HANDSHAKE_FAILED_PROTOCOL
+            | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL
         )
-        self._watched.append((port, monitor, peer))
+        self._watched.append(_Watched(port, monitor, peer))
 
-    def serve(self) -> list[Refusal]:
-        """Answer what is asked now, without waiting; who was refused since the last call."""
+    def serve(self, now_s: float) -> list[Refusal]:
+        """Answer what is asked at this steady time, without waiting; who was refused since."""
         refusals = self._answer()
-        for _, monitor, peer in self._watched:
-            refusals += [Refusal(peer, why) for why in _failures(monitor)]
+        for each in self._watched:
+            refusals += [Refusal(each.peer, why) for why in self._failures(each, now_s)]
         for refusal in refusals:
             if not self.refused[refusal.peer]:
                 LOG.warning("refused at the port for %s: it came %s", refusal.peer, refusal.why)
@@ -123,7 +145,7 @@ class ZapHandler:
 
     def close(self) -> None:
         """Close its sockets; before the ports that it watches are closed."""
-        for port, monitor, _ in self._watched:
+        for port, monitor, _peer in self._watched:
             if not port.closed:
                 port.disable_monitor()
             monitor.close(0)
@@ -149,21 +171,48 @@ class ZapHandler:
                 refusals.append(Refusal(domain.decode("utf-8", "replace"), _WRONG_KEY))
         return refusals
 
+    def _failures(self, watched: _Watched, now_s: float) -> list[str]:
+        """What its monitor tells of those who did not get in, and who is sent away now."""
+        failures: list[str] = []
+        for _ in range(BURST):
+            try:
+                event = parse_monitor_message(watched.monitor.recv_multipart(zmq.NOBLOCK))
+            except zmq.Again:
+                break
+            kind, value = event["event"], event["value"]
+            if kind == zmq.Event.ACCEPTED:
+                self._strangers[watched.peer, value] = now_s
+                failures += [_TOO_OFTEN] * self._send_away(now_s)
+            elif kind == zmq.Event.DISCONNECTED:
+                self._strangers.pop((watched.peer, value), None)
+            elif kind == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+                failures.append(_PROTOCOL_FAILURES.get(value, _NO_ZMTP))
+            # A client that sees from our greeting what we want may hang up before we have read its
+            # own. A link that breaks shows another error.
+            elif value == errno.EPIPE:
+                failures.append(_LEFT)
+        return failures
 
-def _failures(monitor: zmq.Socket[bytes]) -> list[str]:
-    failures: list[str] = []
-    for _ in range(BURST):
-        try:
-            event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
-        except zmq.Again:
-            break
-        if event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
-            failures.append(_PROTOCOL_FAILURES.get(event["value"], _NO_ZMTP))
-        # A client that sees from our greeting what we want may hang up before we have read its own.
-        # A link that breaks shows another error.
-        elif event["value"] == errno.EPIPE:
-            failures.append(_LEFT)
-    return failures
+    def _send_away(self, now_s: float) -> int:
+        """Close the oldest of too many that may have shown no key yet; how many there were.
+
+        libzmq does not say of which connection a key was right; of those it has not closed by
+        `HANDSHAKE_S` it was.
+        """
+        strangers, closed = self._strangers, 0
+        while strangers and next(iter(strangers.values())) < now_s - HANDSHAKE_S:
+            del strangers[next(iter(strangers))]
+        while len(strangers) > MAX_STRANGERS:
+            peer, descriptor = oldest = next(iter(strangers))
+            del strangers[oldest]
+            (port,) = (each.port for each in self._watched if each.peer == peer)
+            number = int(port.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0").rpartition(":")[2])
+            with kernel.borrowed(descriptor, local=number) as connection:
+                if connection:
+                    with contextlib.suppress(OSError):  # it has gone meanwhile
+                        connection.shutdown(socket.SHUT_RDWR)
+            closed += 1
+        return closed
 
 
 def _require() -> None:

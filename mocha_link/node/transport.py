@@ -16,7 +16,7 @@ from mocha_link.errors import ListenError
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
-from mocha_link.node.curve import ZapHandler
+from mocha_link.node.curve import MAX_STRANGERS, ZapHandler
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Poller, Ready
@@ -137,7 +137,7 @@ class Transport:
     def _provide_descriptors(self) -> None:
         """Without enough of them libzmq waits for ever, or ends the process."""
         peers = len(self._me.peers)
-        needed = OWN_DESCRIPTORS + peers * LINK_DESCRIPTORS
+        needed = OWN_DESCRIPTORS + peers * LINK_DESCRIPTORS + (MAX_STRANGERS if self._secret else 0)
         for peer in self._me.peers:
             kind = ProtectedPort if self._secret and peer in self._keys else OpenPort
             needed += kind.DESCRIPTORS
@@ -270,7 +270,7 @@ class Transport:
         return 0
 
     def _admit(self, gate: ZapHandler) -> None:
-        refusals = gate.serve()
+        refusals = gate.serve(self._now().steady_s)
         with self._lock:
             for refusal in refusals:
                 self._gossip.refused(refusal.peer, f"a client came {refusal.why}")

@@ -297,7 +297,7 @@ class Hall:
         self.port = self._door.bind_to_random_port(f"tcp://{self.host}")
 
     def serve(self) -> None:
-        self.refusals += self.gate.serve()
+        self.refusals += self.gate.serve(0.0)
         while self._door.poll(0):
             identity, _, body = self._door.recv_multipart()
             self._door.send_multipart([identity, b"", b"to " + body])
@@ -380,6 +380,45 @@ def test_a_port_whose_peer_has_no_key_stays_shut(context):
 
         turn_until(line, done)
         assert set(hall.refusals) == {Refusal("stranger", "with a wrong key")}
+
+
+def silent(hall: Hall) -> socket.socket:
+    """A connection that says nothing."""
+    return socket.create_connection((hall.host, hall.port), timeout=WAIT_S)
+
+
+def is_closed(connection: socket.socket) -> bool:
+    """Whether it is, or comes to be, after our greeting."""
+    with contextlib.suppress(ConnectionError):
+        while connection.recv(1024):
+            pass
+    return True
+
+
+def test_strangers_that_say_nothing_hold_few_descriptors(hall, context):
+    with contextlib.ExitStack() as stack:
+        early, *late = [stack.enter_context(silent(hall)) for _ in range(curve.MAX_STRANGERS + 3)]
+        while len(hall.refusals) < 3:
+            hall.serve()
+        assert set(hall.refusals) == {Refusal("io", "too often")}
+        assert is_closed(early)
+        late[-1].setblocking(False)
+        with pytest.raises(BlockingIOError):
+            is_closed(late[-1])
+        line = stack.enter_context(contextlib.closing(curve_line(hall, context, IO, TITAN)))
+        line.send(b"let me in")
+
+        def done() -> bool:
+            hall.serve()
+            return bool(list(line.replies()))
+
+        turn_until(line, done)
+
+
+def test_a_stranger_that_says_nothing_goes(context, monkeypatch):
+    monkeypatch.setattr(curve, "HANDSHAKE_S", 0.05)
+    with contextlib.closing(Hall(context)) as hall, silent(hall) as stranger:
+        assert is_closed(stranger)
 
 
 def test_a_libzmq_without_curve(context, monkeypatch):
