@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 
-from mocha_link.clock import Instant
 from mocha_link.links.link_events import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
@@ -66,7 +65,6 @@ class SyncTrigger:
         self._links = {peer: _Link() for peer in peers}  # by peer
         self._news: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
         self._followed: frozenset[str] = frozenset()  # peers that push what they store
-        self._looked: Instant | None = None  # the last one
         self._looked_s = inf  # when `_next_s` was found out
         self._next_s = -inf  # before that there is nothing to look for; -inf: not known
 
@@ -96,10 +94,8 @@ class SyncTrigger:
         """Whether the radio hears a peer well enough."""
         return self._links[peer].contact_began_s is not None
 
-    def look(self, now: Instant) -> None:
+    def look(self, now_s: float) -> None:
         """Note of which peers the radio has been silent for too long: not heard any more."""
-        now_s = now.unix_s
-        self._follow_clock(now)
         if not self._may_be_due(now_s):
             return
         limit_s = SILENT_INTERVALS * self._settings.interval_s
@@ -114,22 +110,6 @@ class SyncTrigger:
         for peer, link in heard:
             self._judge(peer, link, now_s, SILENT)
         self._next_s = -inf
-
-    def _follow_clock(self, now: Instant) -> None:
-        """A clock that is set forward makes no silence: reports and contacts are as old as before.
-
-        Of a clock that runs at another rate, as in a simulation, the time between two looks is
-        short.
-        """
-        if self._looked:
-            set_by_s = (now.unix_s - self._looked.unix_s) - (now.steady_s - self._looked.steady_s)
-            if set_by_s > self._settings.interval_s:
-                for link in self._links.values():
-                    if link.contact_began_s is not None:
-                        link.contact_began_s += set_by_s
-                    for signal in link.signals.values():
-                        signal.reported_s += set_by_s
-        self._looked = now
 
     def follow(self, peers: Iterable[str]) -> None:
         """These push what they store, and no others."""

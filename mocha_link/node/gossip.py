@@ -221,7 +221,7 @@ class Gossip:
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input."""
-        self._trigger.look(now)
+        self._trigger.look(now.unix_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
