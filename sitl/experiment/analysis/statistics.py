@@ -24,9 +24,6 @@ from air_router.errors import UsageError
 from mocha_link.errors import needs_extra
 from sitl.experiment.plan import Experiment, Record, Row
 
-with needs_extra("an experiment", "experiments", "air-router"):
-    from scipy import stats
-
 Numbers = npt.NDArray[np.float64]
 
 LEVEL: Final = 0.05
@@ -49,6 +46,13 @@ def _mean(values: Numbers, axis: int = -1) -> Any:
     return values.mean(axis=axis)
 
 
+def _stats() -> Any:
+    """SciPy's statistics, whose import takes as long as all other imports of an experiment."""
+    with needs_extra("an experiment", "experiments", "air-router"):
+        from scipy import stats  # noqa: PLC0415 - what takes its time
+    return stats
+
+
 def ratio(sums: Numbers, counts: Numbers, axis: int = -1) -> Any:
     """A mean over all that the runs counted, from their sums and counts."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -67,6 +71,7 @@ def interval(*columns: Numbers, statistic: Callable[..., Any] = _mean) -> Interv
     value = float(statistic(*columns)) if runs else math.nan
     if runs < 2 or math.isnan(value):
         return Interval(value, math.nan, math.nan)
+    stats = _stats()
     tail = NormalDist().cdf(-math.sqrt(runs / (runs - 1)) * float(stats.t.ppf(0.975, runs - 1)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # no goals in what was drawn
@@ -92,12 +97,12 @@ class Effect(NamedTuple):
 
     def interval(self, tests: int = 1) -> Interval:
         """95 % interval; together with those of so many `tests` (Bonferroni)."""
-        reach = float(stats.t.isf(LEVEL / 2 / tests, self.freedom)) * self.error
+        reach = float(_stats().t.isf(LEVEL / 2 / tests, self.freedom)) * self.error
         return Interval(self.value, self.value - reach, self.value + reach)
 
     def detectable(self, tests: int = 1) -> float:
         """How far from a bound an effect lies that is told from it with a power of 0.8."""
-        quantiles = stats.t.isf([LEVEL / 2 / tests, 1 - POWER], self.freedom)
+        quantiles = _stats().t.isf([LEVEL / 2 / tests, 1 - POWER], self.freedom)
         return float(quantiles.sum()) * self.error
 
 

@@ -21,9 +21,6 @@ from sitl.experiment.settings import ExplorerSettings
 from sitl.world.towns.town import GRAIN_M, Town
 from sitl.world.towns.ways import PASSABLE, Ways
 
-with needs_extra("an experiment", "experiments", "air-router"):
-    from scipy.optimize import linear_sum_assignment
-
 
 def goal_bound_share(
     town: Town, starts: Sequence[Point], explorer: ExplorerSettings, duration_s: float
@@ -61,4 +58,6 @@ def goal_bound_share(
     later_m[:, 0] = 0.0
     due_s = np.maximum(first_m[:, None], later_m) / (explorer.speed_m_s * explorer.progress)
     worth = np.maximum(1 - due_s / duration_s, 0.0).reshape(-1, len(goals))
+    with needs_extra("an experiment", "experiments", "air-router"):
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - what takes its time
     return float(worth[linear_sum_assignment(worth, maximize=True)].sum()) / len(goals)

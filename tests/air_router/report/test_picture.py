@@ -1,17 +1,14 @@
 """Pictures: what is drawn for missions of all shapes."""
 
+import importlib
 import json
 import re
 import struct
 from importlib import resources
 
-import matplotlib as mpl
 import pytest
 
 from air_router.mission.loading import load_mission
-from air_router.report import map_sheet
-from air_router.report.map_sheet import MapSheet
-from air_router.report.picture import draw_mission
 from air_router.report.svg import colours, style_sheet
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -47,7 +44,7 @@ def made(folder, **changes):
         {"rally_points": [[-50, -50]], "waypoints": [[5000, 0], [0, 40]], "fence": None},
     ],
 )
-def test_missions_of_all_shapes(tmp_path, changes):
+def test_missions_of_all_shapes(draw_mission, tmp_path, changes):
     mission = made(tmp_path, **changes)
     graph = WaypointGraph(mission)
     route = Router(graph).route(mission.home, 1)
@@ -58,17 +55,18 @@ def test_missions_of_all_shapes(tmp_path, changes):
     assert 400 < height < 2400
 
 
-def test_what_is_outside_of_the_fence_has_room_on_the_sheet():
-    axes = MapSheet([Point(0, 0), Point(50, 0), Point(0, 400)], "white").axes
+def test_what_is_outside_of_the_fence_has_room_on_the_sheet(map_sheet):
+    axes = map_sheet.MapSheet([Point(0, 0), Point(50, 0), Point(0, 400)], "white").axes
     assert axes.get_ylim() == (-16.0, 416.0)
     west, east = axes.get_xlim()
     assert east - west == pytest.approx(432.0 / 1.8)  # not too tall
 
 
-def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
+def test_where_robots_were_found_is_in_the_picture_of_the_track(draw_mission, tmp_path):
     picture = tmp_path / "track.svg"
     track = [Point(0, 0), Point(50, 0)]
-    with mpl.rc_context({"svg.fonttype": "none"}):  # names stay text
+    matplotlib = importlib.import_module("matplotlib")
+    with matplotlib.rc_context({"svg.fonttype": "none"}):  # names stay text
         draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
     assert ">robot found<" in picture.read_text()
 
@@ -76,7 +74,7 @@ def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
 # One set of colours: the pages', the pictures', the report's.
 
 
-def test_pictures_and_reports_have_the_pages_colours():
+def test_pictures_and_reports_have_the_pages_colours(map_sheet):
     light, dark = colours(), colours(dark=True)
     assert light.keys() == dark.keys() >= {"fence", "zone", "route", "leg", "r7"}
     assert map_sheet.FENCE == light["fence"] != dark["fence"]

@@ -10,10 +10,14 @@ from sitl.experiment.analysis import claims, comparison, statistics, tables
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.plan_file import load_experiment
 
-stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
+
+@pytest.fixture(scope="module")
+def stats():
+    """Not imported by every worker that collects this."""
+    return pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
 
 
-def test_effects_are_welchs_and_the_paired_t():
+def test_effects_are_welchs_and_the_paired_t(stats):
     chance = np.random.default_rng(4)
     a, b = chance.normal(1.0, 1.0, 9), chance.normal(0.0, 3.0, 14)
     ours = statistics.contrast([a, -b])
@@ -28,7 +32,7 @@ def test_effects_are_welchs_and_the_paired_t():
     assert math.isnan(statistics.contrast([a, b[:1]]).value)
 
 
-def test_what_is_detectable_is_found_four_times_in_five():
+def test_what_is_detectable_is_found_four_times_in_five(stats):
     effect = statistics.Effect(0.0, 1.5, 28.0)
     for tests in (1, 5):
         critical = stats.t.isf(0.025 / tests, 28.0)
