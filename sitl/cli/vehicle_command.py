@@ -149,8 +149,13 @@ def place_of(arguments: argparse.Namespace) -> Place:
     return home or _home_of(arguments.mission, arguments.uav)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Simulate until a signal comes; returns the exit code."""
+def process_of(arguments: argparse.Namespace) -> VehicleProcess:
+    """The vehicle that the command line asks for, on its ports.
+
+    Raises:
+        UsageError: options contradict each other.
+        AirRouterError: a port is taken, or the mission is none.
+    """
     if arguments.no_gcs and arguments.gcs_to is not None:
         raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
     if arguments.pace is not None and arguments.pace_from is not None:
@@ -165,8 +170,13 @@ def run(arguments: argparse.Namespace) -> int:
         wind=arguments.wind,
         ground_link=not arguments.no_gcs,
     )
-    ports = _ports(arguments)
-    with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:
+    return VehicleProcess(settings, _ports(arguments), _pace(arguments))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate until a signal comes; returns the exit code."""
+    with process_of(arguments) as process, stop_signal() as stopped:
+        settings, ports = process.settings, process.ports
         ground = ports.ground_to
         links = {
             "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",

@@ -63,6 +63,8 @@ class VehicleProcess(Closeable):
         pace: Which processes the clock waits for; None: none. Closed with the vehicle.
 
     Attributes:
+        settings: As given.
+        ports: As given.
         vehicle: The vehicle that runs.
 
     Raises:
@@ -70,7 +72,7 @@ class VehicleProcess(Closeable):
     """
 
     def __init__(self, settings: VehicleSettings, ports: Ports, pace: Pace | None = None) -> None:
-        self._speed = settings.speed  # times real time, at most
+        self.settings, self.ports = settings, ports
         self._pace = pace or Pace()  # without one it waits for no process
         self.vehicle = MavlinkVehicle(settings)
         self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
@@ -89,7 +91,7 @@ class VehicleProcess(Closeable):
 
     def pace(self) -> dict[str, Any]:
         """What became of the speed that was asked for; see `Pace.told`."""
-        return self._pace.told(self._speed)
+        return self._pace.told(self.settings.speed)
 
     def run(self, stopped: Callable[[], bool]) -> None:
         """Run until `stopped` says so; it is asked at least fifty times a second."""
@@ -99,7 +101,7 @@ class VehicleProcess(Closeable):
         while not stopped():
             now_s = time.monotonic()
             limit = self._pace.limit(self.vehicle.autopilot.time_s, now_s)
-            step_s = STEP_S / min(self._speed, limit.most_speed)
+            step_s = STEP_S / min(self.settings.speed, limit.most_speed)
             if now_s - next_s > _MOST_BEHIND_S:
                 if not held:
                     late_s = now_s - next_s

@@ -1,11 +1,13 @@
 """A flight as its operator has it: a terminal to type at, and a relay that knows what passed."""
 
+import contextlib
 import os
 import pty
 
 from air_router.sim.ports import free_port
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
-from tests.system.conftest import LIMIT_S, ROOT, hurry
+from tests.system.conftest import LIMIT_S, hurry
+from tests.system.simulated import simulated_vehicle
 from tests.system.test_hostile_flight import without_relays
 
 DRAWN = "  - {name: drawn, circle: {centre: [39.94260, -75.20030], radius_m: 3}}\n"
@@ -41,19 +43,21 @@ class Operated:
             stdin=terminal,
         )
         os.close(terminal)
+        self._vehicle = contextlib.nullcontext()
         if speed is not None:
-            start(
-                *("sitl", "vehicle", self.mission, f"--speed={speed}", "--no-gcs"),
+            self._vehicle = simulated_vehicle(
+                *(self.mission, f"--speed={speed}", "--no-gcs"),
                 f"--api-to=127.0.0.1:{self.relay.api_port}",
                 f"--truth-to=127.0.0.1:{self.relay.truth_port}",
-                checkout=ROOT,
             )
 
     def __enter__(self):
         self.relay.__enter__()
+        self._vehicle.__enter__()
         return self
 
     def __exit__(self, *_):
+        self._vehicle.__exit__(None, None, None)
         self.relay.__exit__()
         os.close(self._keyboard)
 

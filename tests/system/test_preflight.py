@@ -9,7 +9,8 @@ import zmq
 
 from air_router.sim.ports import free_port
 from mocha_link import Team
-from tests.system.conftest import ROOT, hurry
+from tests.system.conftest import hurry
+from tests.system.simulated import simulated_vehicle
 
 
 @pytest.fixture
@@ -67,18 +68,16 @@ def card(shared_command, shared_folder):
     mission.write_text(text, encoding="utf-8")
     wrong = {"GF_MAX_HOR_DIST": 100, "RTL_RETURN_ALT": 20, "COM_RC_IN_MODE": 4}
     wrong["COM_OBC_LOSS_T"] = 12  # of its seconds, of which ten go in one of ours
-    vehicle = shared_command(
-        *("sitl", "vehicle", mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
+    with simulated_vehicle(
+        *(mission, "--speed=10", "--no-gcs", f"--api-to=127.0.0.1:{port}"),
         f"--truth-to=127.0.0.1:{free_port()}",
         *(f"--param={name}={value}" for name, value in wrong.items()),
-        checkout=ROOT,
-    )
-    vehicle.ready()
-    looked = shared_command(
-        *("air-router", "preflight", mission, "--look", "--json", "--no-record"),
-        f"--connect=udpin://127.0.0.1:{port}",
-    )
-    _, out = looked.finish()
+    ):
+        looked = shared_command(
+            *("air-router", "preflight", mission, "--look", "--json", "--no-record"),
+            f"--connect=udpin://127.0.0.1:{port}",
+        )
+        _, out = looked.finish()
     return {line["name"]: line for line in json.loads(out)["checks"]}
 
 
