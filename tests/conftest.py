@@ -28,12 +28,18 @@ PATIENT = {"test_found_faults.py", "test_px4_commands.py", "test_px4_acknowledge
 
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 LANES = (
-    {"test_fly.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"},
-    {"test_hostile_flight.py", "test_rovers.py", "test_several.py", "test_whole_flight.py"},
+    ("test_fly.py", "test_preflight.py", "test_px4.py", "test_sim_px4.py"),
+    ("test_rovers.py", "test_hostile_flight.py", "test_several.py", "test_whole_flight.py"),
 )
-"""Of tests/system: vehicles fly in real time or faster, two at a time and no more."""
+"""Of tests/system: vehicles fly in real time or faster, two at a time and no more.
 
-FLIGHTS = set.union(*LANES)
+Those with a browser follow one another: one browser is begun for all of them.
+"""
+
+PAGES = ("test_edit_page.py", "test_map_pages.py", "test_report_page.py")
+"""Of tests/system: the same for pages without a flight."""
+
+FLIGHTS = {name: place for lane in LANES for place, name in enumerate(lane)}
 
 
 def _flies(file):
@@ -51,29 +57,35 @@ def pytest_collection_modifyitems(items):
 
     def rank(item):
         if _flies(item.path) or item.path.name in PATIENT:
-            return 0
-        return 1 if item.path.parent.name == "system" or item.path.name in LONG else 2
+            return 0, FLIGHTS.get(item.path.name, 0)
+        return (1 if item.path.parent.name == "system" or item.path.name in LONG else 2), 0
 
     items.sort(key=rank)
 
 
+gc.disable()
+
+
 def pytest_collection_finish():
-    """Six thousand tests stay: the garbage collector need not look at them again and again."""
+    """Thousands of tests stay: the garbage collector need not look at them again and again."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Every file stays on one core, as with `--dist loadfile`, and the flights on two."""
+    """Every file stays on one core, as with `--dist loadfile`, the flights on two, pages on one."""
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
 
     class TwoFlightsAtATime(LoadFileScheduling):
         def _split_scope(self, nodeid):
-            file = super()._split_scope(nodeid)
-            if not _flies(Path(file)):
-                return file
-            return next(f"lane {n}" for n, lane in enumerate(LANES) if Path(file).name in lane)
+            file = Path(super()._split_scope(nodeid))
+            if file.parent.name == "system":
+                for n, lane in enumerate((*LANES, PAGES)):
+                    if file.name in lane:
+                        return f"lane {n}"
+            return str(file)
 
     return TwoFlightsAtATime(config, log)
 

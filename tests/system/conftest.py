@@ -23,7 +23,8 @@ import air_router.cli.cli
 from air_router.sim.ports import free_port
 from mocha_link import Team
 from sitl.team.free_ports import derive_team
-from tests.system.looker import CHROMIUM, OPTIONS
+from tests.system.looker import SharedBrowser
+from tests.system.simulated import simulated_vehicle
 
 ROOT = Path(__file__).parents[2]
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -183,15 +184,25 @@ def shared_command(shared_folder):
         yield start
 
 
+_shared_browser = SharedBrowser()
+
+
 @pytest.fixture(scope="module")
 def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium: apt-get install chromium to test the pages")
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        yield browser
-        browser.close()
+    return _shared_browser.get()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item, nextitem):
+    """The browser ends with the last of the files that look at pages."""
+    try:
+        return (yield)
+    finally:
+        goes_on = nextitem is not None and (
+            nextitem.path == item.path or "browser" in nextitem.fixturenames
+        )
+        if not goes_on:
+            _shared_browser.close()
 
 
 @pytest.fixture
@@ -238,25 +249,22 @@ def heartbeats():
 
 
 @pytest.fixture
-def vehicle(command, udp_port, free_udp_port, short_mission):
+def vehicle(udp_port, free_udp_port, short_mission):
     """Starts a simulated PX4 that sends to `udp_port`, by default at the mission's home."""
+    with contextlib.ExitStack() as stack:
 
-    def start(*more, speed=10, pace=()):
-        process = command(
-            "sitl",
-            "vehicle",
-            *(more or (short_mission,)),
-            f"--speed={speed}",
-            *pace,
-            f"--api-to=127.0.0.1:{udp_port}",
-            "--no-gcs",
-            f"--truth-to=127.0.0.1:{free_udp_port()}",
-            checkout=ROOT,
-        )
-        process.ready()
-        return process
+        def start(*more, speed=10, pace=()):
+            vehicle = simulated_vehicle(
+                *(more or (short_mission,)),
+                f"--speed={speed}",
+                *pace,
+                f"--api-to=127.0.0.1:{udp_port}",
+                "--no-gcs",
+                f"--truth-to=127.0.0.1:{free_udp_port()}",
+            )
+            return stack.enter_context(vehicle)
 
-    return start
+        yield start
 
 
 @pytest.fixture
@@ -270,10 +278,10 @@ def shared_mission(shared_folder):
 
 
 def hurry(folder):
-    """Pennovation in a hurry: the paper's times divided by six, flown twice as fast."""
+    """Pennovation in a hurry: times divided by six, the first by 36, flown twice as fast."""
     text = PENNOVATION.read_text(encoding="utf-8")
     for key, slow, fast in (
-        ("init_s", "180", "30"),
+        ("init_s", "180", "5"),
         ("explore_s", "120", "20"),
         ("search_s", "45", "10"),
         ("speed_m_s", "3.5", "7"),

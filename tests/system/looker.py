@@ -1,10 +1,31 @@
-"""A browser that looks at a flight's page, as a person does."""
+"""A browser that looks at pages, as a person does.
 
+Playwright is imported when a browser is asked for: every worker collects these tests, and one or
+two of them run any. While it runs, its thread can have no other event loop.
+"""
+
+import asyncio
+import contextlib
 import importlib
+import queue
 import shutil
+import threading
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+import pytest
+
+CHROMIUMS = ("chromium-headless-shell", "chromium", "chromium-browser")
+CHROMIUM = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+"""The shell is the same browser without windows, which cost as much as the pages do."""
+
+OPTIONS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 LIMIT_MS = 120_000
 
 # The page's sockets, so that one can be dropped, and where new ones lead, if that is elsewhere.
@@ -19,6 +40,60 @@ globalThis.WebSocket = class extends WebSocket {
 };
 """
 IS_ANSWERED = "(count) => document.querySelectorAll('#news li.answer').length >= count"
+
+
+def expect(what):
+    """Playwright's assertions of a page or what is on it, which wait until they hold."""
+    return importlib.import_module("playwright.sync_api").expect(what)
+
+
+class SharedBrowser:
+    """One Chromium for the pages of many files; it begins with the first that asks for it."""
+
+    def __init__(self):
+        self._playwright = self._browser = None
+
+    def get(self):
+        if CHROMIUM is None:
+            pytest.skip("no Chromium: apt-get install chromium-headless-shell to test the pages")
+        if self._browser is None:
+            sync_api = pytest.importorskip("playwright.sync_api")
+            self._playwright = sync_api.sync_playwright().start()
+            chromium = self._playwright.chromium
+            self._browser = chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        return self._browser
+
+    def close(self):
+        if self._playwright is not None:
+            self._browser.close()
+            self._playwright.stop()
+            self._playwright = self._browser = None
+
+
+@contextlib.contextmanager
+def served(page):
+    """Serve a page in a thread of its own; gives its address, and how to end it early."""
+    addresses = queue.Queue()
+
+    async def serve():
+        ended = asyncio.Event()
+        async with page.serving(lambda _: None) as address:
+            addresses.put((address, asyncio.get_running_loop(), ended))
+            await ended.wait()
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    address, loop, ended = addresses.get(timeout=60)
+
+    def end():
+        if thread.is_alive():
+            loop.call_soon_threadsafe(ended.set)
+            thread.join()
+
+    try:
+        yield address, end
+    finally:
+        end()
 
 
 class Looker:

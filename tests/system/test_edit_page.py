@@ -3,6 +3,7 @@
 With DOCS_IMAGES=docs/images in the environment the picture of docs/editing.md is taken anew.
 """
 
+import contextlib
 import difflib
 import io
 import json
@@ -13,25 +14,13 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from air_router.editor.mission_file import MissionFile
+from air_router.editor.server import EditorServer
+from air_router.editor.session import EditSession
 from tests.air_router.tile_maker import around, colour_of, tile_at, write_tiles
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-if CHROMIUM is None:
-    pytest.skip("no Chromium: apt-get install chromium to test the pages", allow_module_level=True)
-sync_api = pytest.importorskip("playwright.sync_api")
+from tests.system.looker import LIMIT_MS, expect, served
 
 ROOT = Path(__file__).parents[2]
-OPTIONS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-LIMIT_MS = 120_000
-sync_api.expect.set_options()
 # Answers of the program can be held back, as a busy machine does.
 SLOW_ANSWERS = """
 globalThis.held = false;
@@ -71,14 +60,6 @@ ENLARGE = """() => {
   if (!found) document.querySelector(".leaflet-control-zoom-in").click();
   return found;
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture
@@ -129,11 +110,11 @@ class EditPage:
         mouse.up()
 
     def expect_problems(self, count):
-        sync_api.expect(self.page.locator("#count")).to_have_text(str(count))
+        expect(self.page.locator("#count")).to_have_text(str(count))
 
     def expect_blocked(self, *, some):
         line = self.page.locator("path.leg.blocked")
-        empty = sync_api.expect(line)
+        empty = expect(line)
         check = empty.not_to_have_attribute if some else empty.to_have_attribute
         check("d", "M0 0")
 
@@ -141,24 +122,34 @@ class EditPage:
         self.page.locator("#save").click()
 
     def expect_saved(self):
-        sync_api.expect(self.page.locator("#save")).to_be_disabled()
+        expect(self.page.locator("#save")).to_be_disabled()
 
 
 @pytest.fixture
 def open_page(browser, command):
+    """Opens a page of this process, or of a program where it is started with options."""
     pages = []
 
-    def open_(mission, *options, script=None, **view):
-        started = command("air-router", "edit", mission, "--port", 0, "--no-open", *options)
-        address = started.process.stdout.readline().decode().strip()
-        context = browser.new_context(viewport={"width": 1280, "height": 800}, **view)
-        pages.append(EditPage(context.new_page(), address, script))
-        pages[-1].program = started
-        return pages[-1]
+    def served_by_a_program(mission, options):
+        program = command("air-router", "edit", mission, "--port", 0, "--no-open", *options)
+        return program.process.stdout.readline().decode().strip(), program
 
-    yield open_
+    with contextlib.ExitStack() as stack:
+
+        def open_(mission, *options, script=None, **view):
+            if options:
+                address, program = served_by_a_program(mission, options)
+            else:
+                page = served(EditorServer(EditSession(MissionFile(mission))))
+                (address, _), program = stack.enter_context(page), None
+            context = browser.new_context(viewport={"width": 1280, "height": 800}, **view)
+            stack.callback(context.close)
+            pages.append(EditPage(context.new_page(), address, script))
+            pages[-1].program = program
+            return pages[-1]
+
+        yield open_
     for page in pages:
-        page.page.context.close()
         assert page.faults == []
         assert page.strangers == [], "the page asks other machines"
 
@@ -194,7 +185,7 @@ def test_a_waypoint_dragged_into_a_zone_shows_red_and_dragged_out_saves_one_valu
     page.drag(start, page.middle(page.zone("zone 2")))
     problem = page.page.locator("#problems button")  # on the way there are others
     inside = "waypoint 20 lies inside no-fly zone 'zone 2'"
-    sync_api.expect(problem).to_contain_text(inside)
+    expect(problem).to_contain_text(inside)
     page.expect_problems(1)
     page.expect_blocked(some=True)
     assert "waypoint-in-zone" in problem.inner_text()
@@ -258,7 +249,7 @@ def test_zones_are_reshaped_and_a_draft_is_saved_when_that_is_confirmed(mission,
     page.page.get_by_role("button", name="Save the draft").click()
     page.expect_saved()
     page.page.locator("#problems button").first.click()
-    sync_api.expect(page.page.locator("#inspector")).to_be_visible()
+    expect(page.page.locator("#inspector")).to_be_visible()
     assert (
         len(changes((ROOT / "missions/pennovation/mission.yaml").read_text(), mission.read_text()))
         == 2
@@ -267,7 +258,7 @@ def test_zones_are_reshaped_and_a_draft_is_saved_when_that_is_confirmed(mission,
 
 def test_what_is_done_to_places_and_zones_is_saved_each_in_its_lines(mission, open_page):
     """Corners inserted and removed, zones drawn, places by the keyboard alone, and in haste."""
-    page, expect = open_page(mission), sync_api.expect
+    page = open_page(mission)
     keyboard, mouse = page.page.keyboard, page.page.mouse
 
     def saved(done):
@@ -351,10 +342,10 @@ def test_a_route_between_two_waypoints_is_shown_over_tiles(mission, open_page):
     page.place("waypoint 15").click()
     page.place("waypoint 33").click()
     hint = page.page.locator("#hint")
-    sync_api.expect(hint).to_contain_text("15 to 33:")
+    expect(hint).to_contain_text("15 to 33:")
     assert "closest" in hint.inner_text()
     route = page.page.locator("path.route")
-    sync_api.expect(route).not_to_have_attribute("d", "M0 0")
+    expect(route).not_to_have_attribute("d", "M0 0")
 
     page.page.keyboard.press("Escape")
     expect_tiles(page)
@@ -363,16 +354,16 @@ def test_a_route_between_two_waypoints_is_shown_over_tiles(mission, open_page):
 
 
 def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page):
-    page = open_page(mission)
+    page = open_page(mission, "--host", "127.0.0.1")
     mission.write_text(mission.read_text().replace("name: zone 3", "name: hall"))
     page.page.get_by_role("button", name="Load it").click()
-    sync_api.expect(page.zone("hall")).to_have_count(1)
+    expect(page.zone("hall")).to_have_count(1)
     gone = page.page.locator("#gone")
-    sync_api.expect(gone).to_be_hidden()
+    expect(gone).to_be_hidden()
     page.program.interrupt()
     code, _ = page.program.finish()
     assert code == 0
-    sync_api.expect(gone).to_be_visible()
+    expect(gone).to_be_visible()
     page.page.context.close()
     page.faults.clear()  # that no server answers is said on the console as well
 
@@ -387,4 +378,4 @@ def test_the_page_is_readable_on_a_phone(mission, open_page):
     assert panel["x"] >= 0
     assert panel["x"] + panel["width"] <= 390
     page.place("waypoint 30").tap()
-    sync_api.expect(page.page.locator("#inspector")).to_contain_text("Waypoint 30")
+    expect(page.page.locator("#inspector")).to_contain_text("Waypoint 30")

@@ -115,7 +115,7 @@ def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg_and_a_record(
 ):
     vehicle(speed=15)
     flight = fly("--arm", "--yes", "--log-dir", tmp_path / "logs")
-    flight.wait_for("INIT -> SEARCH")
+    flight.wait_for("SEARCH -> EXPL")  # for so long that the record has some of it
     flight.process.kill()
     flight.process.wait()
     watcher = Watcher(udp_port)

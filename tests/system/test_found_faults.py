@@ -24,7 +24,7 @@ from sitl.rehearsal.programs.station import station_at
 from sitl.rehearsal.stand_ins.link import StreamFault
 from tests.air_router.record.test_replay import chunks_of
 from tests.stray_post import post
-from tests.system.conftest import LIMIT_S, ROOT, UNDER_TEST
+from tests.system.conftest import LIMIT_S, ROOT, UNDER_TEST, commands
 from tests.system.operated import Operated, draw_zone
 from tests.system.test_hostile_flight import without_relays
 
@@ -212,31 +212,29 @@ def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
         assert told() == [first.fields["count"] + 1]
 
 
-@pytest.fixture(scope="module")
-def ready(shared_command, shared_folder):
-    """A flight that waits for its pilot."""
-    control = free_port(socket.SOCK_STREAM)
-    folder = shared_folder / "ready"
-    folder.mkdir()
-    with Operated(shared_command, folder, f"--control={control}", speed=4) as flight:
-        flight.control = control
-        flight.program.wait_for("waiting for the pilot")
-        yield flight
+@pytest.fixture(scope="class")
+def ready(tmp_path_factory):
+    """A flight that waits for its pilot; it ends with the tests of this class."""
+    control, folder = free_port(socket.SOCK_STREAM), tmp_path_factory.mktemp("ready")
+    with commands(folder) as start, Operated(start, folder, f"--control={control}", speed=4) as it:
+        it.control = control
+        it.program.wait_for("waiting for the pilot")
+        yield it
 
 
-def test_a_web_page_asks_a_flight_for_nothing(ready):
-    assert b"{" not in answer_to_a_page(ready.control, b'{"request":"status","id":1}')
+class TestWhileItWaitsForItsPilot:
+    def test_a_web_page_asks_a_flight_for_nothing(self, ready):
+        assert b"{" not in answer_to_a_page(ready.control, b'{"request":"status","id":1}')
 
-
-def test_a_record_goes_on_when_the_disk_has_room_again(ready):
-    (path,) = ready.logs.glob("*.mcap")
-    process = ready.program.process.pid
-    _, most = resource.prlimit(process, resource.RLIMIT_FSIZE)
-    resource.prlimit(process, resource.RLIMIT_FSIZE, (path.stat().st_size, most))
-    ready.program.wait_for(str(path.name) + ": ")
-    resource.prlimit(process, resource.RLIMIT_FSIZE, (most, most))
-    full = path.stat().st_size
-    assert wait_until(lambda: path.stat().st_size > full + 10_000, 20.0)
+    def test_a_record_goes_on_when_the_disk_has_room_again(self, ready):
+        (path,) = ready.logs.glob("*.mcap")
+        process = ready.program.process.pid
+        _, most = resource.prlimit(process, resource.RLIMIT_FSIZE)
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (path.stat().st_size, most))
+        ready.program.wait_for(str(path.name) + ": ")
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (most, most))
+        full = path.stat().st_size
+        assert wait_until(lambda: path.stat().st_size > full + 10_000, 20.0)
 
 
 LATE_MODE = Weather(streams={"HEARTBEAT": StreamFault.LATE}, late_s=1.0)

@@ -1,10 +1,5 @@
 """The map pages as a user sees them: on a laptop, and on a phone held either way."""
 
-import asyncio
-import contextlib
-import queue
-import threading
-
 import numpy as np
 import pytest
 
@@ -22,7 +17,7 @@ from air_router.web.serving import Web
 from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
-from tests.system.looker import Looker
+from tests.system.looker import Looker, served
 
 SIZES = ((1280, 720), (844, 390), (390, 844))
 END_S = 300.0
@@ -53,30 +48,8 @@ IS_PLOTTED = """() => {
 AIR = (".leaflet-control-zoom", ".leaflet-control-scale", "#facts", "#free")
 
 
-@contextlib.contextmanager
-def served(page):
-    """Serve a page in a thread of its own; gives its address, and how to end it early."""
-    addresses = queue.Queue()
-
-    async def serve():
-        ended = asyncio.Event()
-        async with page.serving(lambda _: None) as address:
-            addresses.put((address, asyncio.get_running_loop(), ended))
-            await ended.wait()
-
-    thread = threading.Thread(target=lambda: asyncio.run(serve()))
-    thread.start()
-    address, loop, ended = addresses.get(timeout=60)
-
-    def end():
-        if thread.is_alive():
-            loop.call_soon_threadsafe(ended.set)
-            thread.join()
-
-    try:
-        yield address, end
-    finally:
-        end()
+def viewport(size):
+    return dict(zip(("width", "height"), size, strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +123,7 @@ def go(looker, to_s):
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_nothing_covers_anything_and_the_map_is_fitted_to_what_is_free(replayed, size):
     page = replayed.page
-    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    page.set_viewport_size(viewport(size))
     page.wait_for_function(FITS)
     assert page.evaluate(HIDDEN, [*AIR[:3], "#when", "#clock", "#panel h2"]) == []
     assert "battery" in page.locator("#facts").inner_text()
@@ -242,18 +215,17 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
         looker.page.close()
 
 
-@pytest.mark.parametrize("size", SIZES, ids=str)
-def test_a_round_fence_becomes_a_polygon_and_settings_are_set(browser, tmp_path, size):
+def test_a_round_fence_becomes_a_polygon_and_settings_are_set_on_a_phone(browser, tmp_path):
     path = tmp_path / "field.yaml"
     write_starter(path, HOME)
     with served(EditorServer(EditSession(MissionFile(path)))) as (address, _):
-        looker = Looker(
-            browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))), address
-        )
+        looker = Looker(browser.new_page(viewport=viewport(SIZES[-1])), address)
         page = looker.page
         page.locator(".place.waypoint").wait_for()
-        page.wait_for_function(FITS)
-        assert page.evaluate(HIDDEN, [*AIR[:2], "#tools", "#save", "#panel h2"]) == []
+        for size in (SIZES[-1], *SIZES):
+            page.set_viewport_size(viewport(size))
+            page.wait_for_function(FITS)
+            assert page.evaluate(HIDDEN, [*AIR[:2], "#tools", "#save", "#panel h2"]) == []
         page.locator("#parts summary").click()
         page.locator("#list button", has_text="Fence").click()
         page.get_by_text("Make it a polygon").click()

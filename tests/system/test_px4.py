@@ -23,6 +23,7 @@ from air_router.vehicle.vehicle import (
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
+from tests.system.simulated import simulated_vehicle
 
 LIMIT_S = 240  # against hangs only
 
@@ -35,18 +36,6 @@ def mission(short_mission):
 @pytest.fixture
 def vehicle(vehicle):
     vehicle(speed=8)
-
-
-@pytest.fixture(scope="module")
-def standing(shared_command, shared_mission):
-    """A mission, and the port of a vehicle that stands at its home: for what moves nothing."""
-    port = free_port()
-    vehicle = shared_command(
-        *("sitl", "vehicle", shared_mission, "--speed=8", f"--api-to=127.0.0.1:{port}"),
-        *("--no-gcs", f"--truth-to=127.0.0.1:{free_port()}"),
-    )
-    vehicle.ready()
-    return load_mission(shared_mission), port
 
 
 @pytest.fixture
@@ -142,6 +131,102 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
         assert fastest < mission.speed_m_s + 0.5
 
     run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it_took_off(
+    mission, udp_port, monkeypatch
+):
+    plan = FlightPlan.of(mission)
+    place = mission.waypoints[4].position
+    over = Zone("over 5", Circle(place, 3.0))
+    changed = mission.with_areas(mission.fences, (*mission.zones, over))
+    assert changed.skipped == {5}
+    apart = Zone("apart", Circle(Point(place[0] + 400.0, place[1]), 3.0))
+    beside = mission.with_areas((), (*mission.zones, apart))
+
+    async def script(vehicle):
+        assert (await vehicle.connect()).took_off_s is None
+        log = Log(vehicle)
+        await vehicle.upload(plan)
+        await vehicle.arm()
+        await vehicle.start()
+        await log.until(lambda: log.telemetry.in_air)
+        took_off_s = log.telemetry.time_s
+        high = mission.altitude_above_home_m - 2.0
+        await log.until(lambda: log.telemetry.altitude_m > high)
+        await vehicle.jump(plan.item_of(1))
+        await vehicle.renew(FlightPlan.of(beside))
+        assert log.telemetry.item == plan.item_of(1)  # the leg is flown on
+        with pytest.raises(PlanRefusedError, match="hold first"):
+            await vehicle.renew(FlightPlan.of(changed))
+        await vehicle.hold()
+        await vehicle.renew(FlightPlan.of(changed))
+        await vehicle.recognise(FlightPlan.of(changed))
+        await vehicle.jump(plan.item_of(2))
+        await vehicle.hold()
+        await vehicle.renew(plan)
+        await vehicle.jump(plan.item_of(5))
+        assert not any(isinstance(event, PlanReplaced) for event in log.events)
+        assert log.telemetry.mode is FlightMode.MISSION
+        await log.until(lambda: vehicle.telemetry._guarded is not None)  # it is on guard
+        await vehicle._onboard.put(FlightPlan.of(changed))  # by another
+        await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
+        return took_off_s
+
+    async def come_later(vehicle):
+        heard = vehicle.telemetry._on_flight_information
+        lost = []
+
+        def late(fields):
+            if lost:
+                asyncio.get_running_loop().call_later(0.3, heard, fields)
+            lost.append(fields)
+
+        monkeypatch.setattr(vehicle.telemetry, "_on_flight_information", late)
+        return (await vehicle.connect()).took_off_s
+
+    took_off_s = run(mission, udp_port, script)
+    assert run(mission, udp_port, come_later) == pytest.approx(took_off_s, abs=2.0)
+
+
+def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
+    run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed"))
+    assert "was not told 'zones changed': no vehicle is connected yet" in caplog.text
+
+
+def test_no_answer(mission, udp_port, monkeypatch):
+    monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
+    with pytest.raises(NoVehicleError, match="nothing heard within"):
+        run(mission, udp_port, lambda vehicle: vehicle.connect())
+
+
+@pytest.mark.parametrize(
+    ("who", "said"),
+    [
+        (
+            {"kind": 6, "autopilot": 8, "system_id": 255, "component_id": 190},
+            "no autopilot's heartbeat",
+        ),
+        ({"kind": 2, "autopilot": 3, "system_id": 1}, "is ARDUPILOT, not PX4"),
+        ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),
+        ({"kind": 2, "autopilot": 12, "system_id": 1}, "sends no positions within"),
+    ],
+)
+@pytest.mark.usefixtures("impatient")
+def test_another_program_is_there(mission, heartbeats, udp_port, who, said):
+    heartbeats(udp_port, **who)
+    with pytest.raises(NoVehicleError, match=said):
+        run(mission, udp_port, lambda vehicle: vehicle.connect())
+
+
+@pytest.fixture(scope="module")
+def standing(shared_mission):
+    """A mission, and the port of a vehicle that stands at its home: for what moves nothing."""
+    port = free_port()
+    links = f"--api-to=127.0.0.1:{port}", "--no-gcs", f"--truth-to=127.0.0.1:{free_port()}"
+    with simulated_vehicle(shared_mission, "--speed=8", *links):
+        yield load_mission(shared_mission), port
 
 
 def with_zones(mission, *zones):
@@ -248,93 +333,6 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
         assert told[-1].difference is None
 
     run(mission, udp_port, script)
-
-
-@pytest.mark.usefixtures("vehicle")
-def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it_took_off(
-    mission, udp_port, monkeypatch
-):
-    plan = FlightPlan.of(mission)
-    place = mission.waypoints[4].position
-    over = Zone("over 5", Circle(place, 3.0))
-    changed = mission.with_areas(mission.fences, (*mission.zones, over))
-    assert changed.skipped == {5}
-    apart = Zone("apart", Circle(Point(place[0] + 400.0, place[1]), 3.0))
-    beside = mission.with_areas((), (*mission.zones, apart))
-
-    async def script(vehicle):
-        assert (await vehicle.connect()).took_off_s is None
-        log = Log(vehicle)
-        await vehicle.upload(plan)
-        await vehicle.arm()
-        await vehicle.start()
-        await log.until(lambda: log.telemetry.in_air)
-        took_off_s = log.telemetry.time_s
-        high = mission.altitude_above_home_m - 2.0
-        await log.until(lambda: log.telemetry.altitude_m > high)
-        await vehicle.jump(plan.item_of(1))
-        await vehicle.renew(FlightPlan.of(beside))
-        assert log.telemetry.item == plan.item_of(1)  # the leg is flown on
-        with pytest.raises(PlanRefusedError, match="hold first"):
-            await vehicle.renew(FlightPlan.of(changed))
-        await vehicle.hold()
-        await vehicle.renew(FlightPlan.of(changed))
-        await vehicle.recognise(FlightPlan.of(changed))
-        await vehicle.jump(plan.item_of(2))
-        await vehicle.hold()
-        await vehicle.renew(plan)
-        await vehicle.jump(plan.item_of(5))
-        assert not any(isinstance(event, PlanReplaced) for event in log.events)
-        assert log.telemetry.mode is FlightMode.MISSION
-        await log.until(lambda: vehicle.telemetry._guarded is not None)  # it is on guard
-        await vehicle._onboard.put(FlightPlan.of(changed))  # by another
-        await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
-        return took_off_s
-
-    async def come_later(vehicle):
-        heard = vehicle.telemetry._on_flight_information
-        lost = []
-
-        def late(fields):
-            if lost:
-                asyncio.get_running_loop().call_later(0.3, heard, fields)
-            lost.append(fields)
-
-        monkeypatch.setattr(vehicle.telemetry, "_on_flight_information", late)
-        return (await vehicle.connect()).took_off_s
-
-    took_off_s = run(mission, udp_port, script)
-    assert run(mission, udp_port, come_later) == pytest.approx(took_off_s, abs=2.0)
-
-
-def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
-    run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed"))
-    assert "was not told 'zones changed': no vehicle is connected yet" in caplog.text
-
-
-def test_no_answer(mission, udp_port, monkeypatch):
-    monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
-    with pytest.raises(NoVehicleError, match="nothing heard within"):
-        run(mission, udp_port, lambda vehicle: vehicle.connect())
-
-
-@pytest.mark.parametrize(
-    ("who", "said"),
-    [
-        (
-            {"kind": 6, "autopilot": 8, "system_id": 255, "component_id": 190},
-            "no autopilot's heartbeat",
-        ),
-        ({"kind": 2, "autopilot": 3, "system_id": 1}, "is ARDUPILOT, not PX4"),
-        ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),
-        ({"kind": 2, "autopilot": 12, "system_id": 1}, "sends no positions within"),
-    ],
-)
-@pytest.mark.usefixtures("impatient")
-def test_another_program_is_there(mission, heartbeats, udp_port, who, said):
-    heartbeats(udp_port, **who)
-    with pytest.raises(NoVehicleError, match=said):
-        run(mission, udp_port, lambda vehicle: vehicle.connect())
 
 
 def test_a_mission_without_a_fence_takes_the_one_before_off_board(standing):

@@ -4,7 +4,6 @@ With DOCS_IMAGES=docs/images in the environment, and REPORT naming a report, its
 """
 
 import os
-import shutil
 from pathlib import Path
 
 import pytest
@@ -20,14 +19,8 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from mocha_link.links.link_events import Direction, SyncEnded
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-if CHROMIUM is None:
-    pytest.skip("no Chromium: apt-get install chromium to test the pages", allow_module_level=True)
-sync_api = pytest.importorskip("playwright.sync_api")
-
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
-OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 
 
 def entries():
@@ -52,33 +45,31 @@ def report(tmp_path):
     return page
 
 
-def test_the_report_fits_every_screen_and_asks_for_nothing(report):
+def test_the_report_fits_every_screen_and_asks_for_nothing(report, browser):
     asked, faults = [], []
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        page = browser.new_page()
-        page.on("request", lambda request: asked.append(request.url))
-        page.on("console", lambda said: faults.append(said.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.goto(report.as_uri())
-        papers = set()
-        for width, shown, scheme in ((1200, "wide", "light"), (390, "narrow", "dark")):
-            page.set_viewport_size({"width": width, "height": 860})
-            page.emulate_media(color_scheme=scheme)
-            assert page.evaluate("document.documentElement.scrollWidth") <= width
-            pictures = page.locator("#timeline svg:visible")
-            assert pictures.count() == 1
-            assert shown in pictures.first.get_attribute("class")
-            box = page.locator("#bandwidth svg:visible").bounding_box()
-            assert box["width"] > 0.8 * width - 220
-            # A label is as large as one can read.
-            text = page.locator("#bandwidth svg:visible text").first.bounding_box()
-            assert text["height"] > 10
-            papers.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
-            if "DOCS_IMAGES" in os.environ and scheme == "light":
-                folder = Path(os.environ["DOCS_IMAGES"])
-                page.screenshot(path=folder / "report.png", clip=SHOWN)
-        browser.close()
+    page = browser.new_page()
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda said: faults.append(said.text))
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(report.as_uri())
+    papers = set()
+    for width, shown, scheme in ((1200, "wide", "light"), (390, "narrow", "dark")):
+        page.set_viewport_size({"width": width, "height": 860})
+        page.emulate_media(color_scheme=scheme)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        pictures = page.locator("#timeline svg:visible")
+        assert pictures.count() == 1
+        assert shown in pictures.first.get_attribute("class")
+        box = page.locator("#bandwidth svg:visible").bounding_box()
+        assert box["width"] > 0.8 * width - 220
+        # A label is as large as one can read.
+        text = page.locator("#bandwidth svg:visible text").first.bounding_box()
+        assert text["height"] > 10
+        papers.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+        if "DOCS_IMAGES" in os.environ and scheme == "light":
+            folder = Path(os.environ["DOCS_IMAGES"])
+            page.screenshot(path=folder / "report.png", clip=SHOWN)
+    page.close()
     assert len(papers) == 2
     assert asked == [report.as_uri()]
     assert faults == []

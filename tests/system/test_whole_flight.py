@@ -34,26 +34,27 @@ name: Field
 coordinates: local
 frame: {origin: [39.9421523, -75.1997644]}
 home: {position: [0, 0], altitude_amsl_m: 7}
-altitude_m: 40
+altitude_m: 20
 speed_m_s: 7
-waypoints: [[0, 40], [60, 40], [60, -40], [-60, -40], [-60, 40]]
-fence: [[-120, -100], [120, -100], [120, 100], [-120, 100]]
+waypoints: [[0, 20], [30, 20], [30, -20], [-30, -20], [-30, 20]]
+fence: [[-60, -50], [60, -50], [60, 50], [-60, 50]]
 no_fly_zones:
-  - {name: hall, polygon: [[20, 10], [40, 10], [40, 25], [20, 25]]}
-  - {name: mast, circle: {centre: [-35, 0], radius_m: 8}}
+  - {name: hall, polygon: [[10, 4], [20, 4], [20, 11], [10, 11]]}
+  - {name: mast, circle: {centre: [-17, 0], radius_m: 4}}
 uav: titan
 team: team.yaml
 world: world.yaml
 accepts: [rtl_crosses_zones, rtl_altitude]
-timers: {init_s: 5, explore_s: 10, search_s: 10}
+timers: {init_s: 5, explore_s: 5, search_s: 10}
 """
+# Radios reach half as far as by default, so that not all robots hear each other here.
 WORLD = """\
 coordinates: local
-radio: {path_loss_exponent: 2.95, ground_to_ground_loss_db: 10.5, sensitivity_dbm: -76}
+radio: {reference_loss_db: 48.9}
 robots:
-  callisto: {patrol: [[-80, 60], [-90, 60]]}
-  europa: {patrol: [[85, 50], [85, 60]]}
-  io: {patrol: [[0, -80], [10, -80]]}
+  callisto: {patrol: [[-40, 30], [-45, 30]]}
+  europa: {patrol: [[42, 25], [42, 30]]}
+  io: {patrol: [[0, -40], [5, -40]]}
 """
 # Everything that the page's title ever says: at this speed a state may last for some frames only.
 TITLES = """() => {
