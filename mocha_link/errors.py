@@ -1,15 +1,20 @@
 """The root of the package's errors; each cause has its own class in the module that finds it.
 
 Extras are packages that only some features need: here is what is missing, and how to install it.
+A `Guard` keeps an error that is a mistake of ours from ending more than what it happened in.
 """
 
 from __future__ import annotations
 
 import json
+import logging
+import math
 import shlex
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
@@ -20,6 +25,12 @@ _FOLDERS: Final = {"mocha-link": "./packaging/mocha-link", "air-router": "."}
 """Where the distributions stand in the project's folder."""
 
 _OURS: Final = ("mocha_link", "air_router", "geo", "sitl")
+
+
+GUARD_LOG_S: Final = 10.0
+"""An error that comes again and again is logged at this distance."""
+
+LOG = logging.getLogger("mocha_link")
 
 
 class MochaLinkError(Exception):
@@ -95,3 +106,46 @@ def install_command(extra: str, distribution: str = "mocha-link") -> str:
         return f"pip install {' '.join(names)}"
     editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
     return f"pip install {editable}{shlex.quote(f'{path}[{extra}]')}"
+
+
+class Guard:
+    """Around what may fail by a mistake of ours: nothing that comes from outside may end the rest.
+
+    For ``with``, in one thread. An error ends there and is logged with its traceback: the first
+    one at once, of those that follow one in `GUARD_LOG_S` with how many there were.
+
+    Args:
+        what: What goes on all the same, as the beginning of a line in the log.
+        clock: Steady seconds.
+
+    Attributes:
+        errors: So many have ended here.
+    """
+
+    def __init__(self, what: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.errors = 0
+        self._what = what
+        self._clock = clock
+        self._due_s = -math.inf  # when the next one is logged
+        self._logged = 0  # `errors` at the last one
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if not isinstance(error, Exception):
+            return False
+        self.errors += 1
+        now_s = self._clock()
+        if now_s >= self._due_s:
+            self._due_s = now_s + GUARD_LOG_S
+            count = self.errors - self._logged
+            times = f" ({count} since the last one)" if count > 1 else ""
+            LOG.error("%s%s", self._what, times, exc_info=error)
+            self._logged = self.errors
+        return True

@@ -248,6 +248,8 @@ class Flow:
 
     def _quota(self) -> int:
         """How many bytes may leave."""
+        if self._outbox.exhausted:
+            return 0
         if self.proven:
             return MAX_QUOTA
         return RETURN * self._bytes_in - self._bytes_out

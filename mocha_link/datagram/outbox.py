@@ -75,7 +75,12 @@ class Outbox:
     @property
     def full(self) -> bool:
         """Whether there are no more numbers, for the moment."""
-        return self.next - self.base >= WINDOW or self.next > MAX_NUMBER
+        return self.next - self.base >= WINDOW or self.exhausted
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether there are no more numbers for good: the flow can send nothing."""
+        return self.next > MAX_NUMBER
 
     @property
     def some_again(self) -> bool:

@@ -15,7 +15,7 @@ DATA, AGAIN, ACK = 1, 2, 4  # it has a number and frames; sent once more; it ack
 FLAGS = DATA | AGAIN | ACK
 WINDOW = 8192  # numbers between the oldest unsettled packet and the next one
 MAX_MASK = 128  # bytes of bits in an acknowledgement: what the last 1,024 packets became
-MAX_NUMBER = 0xFFFFFFFF
+MAX_NUMBER = 0xFFFFFFFE  # of a packet: the number behind it is one that can be acknowledged
 ACK_DELAY_S = 0.025
 LATE_PACKETS = 2  # acknowledge at once when so many wait
 
@@ -84,7 +84,9 @@ def parse(packet: bytes) -> Packet | None:  # noqa: C901, PLR0911 - every check 
             return None
         (back,) = _SHORT.unpack_from(packet, at)
         at += _SHORT.size
-    if behind >= WINDOW or behind > number or back > behind or (back == 0) != (not flags & AGAIN):
+    if number > MAX_NUMBER or behind >= WINDOW or behind > number:
+        return None
+    if back > behind or (back == 0) != (not flags & AGAIN):
         return None
     frames = split(packet, at)
     if frames is None:

@@ -30,8 +30,9 @@ class Unit(enum.Enum):
 class Reading:
     """The strength at which a peer is heard.
 
-    Readings of different units or sources are never compared with each other. Raises RadioError
-    if the value cannot be one in that unit, or if the source is no short printable text.
+    Readings of different units or sources are never compared with each other. The value may be
+    given as any real number, such as one of numpy; it is kept as a float. Raises RadioError if it
+    cannot be one in that unit, or if the source is no short printable text.
     """
 
     value: float  # in the unit's own measure
@@ -44,6 +45,7 @@ class Reading:
         limit = LIMIT_DEVICE if self.unit is Unit.DEVICE else LIMIT_DBM
         if not -limit <= self.value <= limit:  # also NaN
             raise RadioError(f"a reading in {self.unit.value} must be within ±{limit:g}")
+        object.__setattr__(self, "value", float(self.value))  # the one place where it is set
         source = self.source
         if not (source and len(source) <= MAX_SOURCE_LETTERS and source.isprintable()):
             raise RadioError(f"a source must be 1 to {MAX_SOURCE_LETTERS} printable letters")

@@ -7,6 +7,7 @@ thread-safe: a program that shares one between threads brings a lock.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import (
@@ -38,9 +39,10 @@ from mocha_link.sync.protocol import (
     Route,
     random_id,
 )
-from mocha_link.team.team import Team, Topic, UnknownRobotError
+from mocha_link.team.team import Team, Topic
 
 TIMEOUT_S = 5.0
+UNGUARDED = nullcontext()
 
 
 class Gossip:
@@ -125,7 +127,7 @@ class Gossip:
 
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         begins = self._trigger.heard(peer, reading, now.unix_s)
         self._tell_contacts(now)
         if begins:
@@ -141,7 +143,7 @@ class Gossip:
 
         Nothing begins either when the contact's budget is used up. `both`: the peer pulls, too.
         """
-        link = self._link(peer)
+        link = self._links.touch(peer)
         if both:
             link.server.invite()
         if self._by_timer and not link.puller.pull:
@@ -154,7 +156,7 @@ class Gossip:
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         reply = link.server.answer(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
@@ -174,26 +176,26 @@ class Gossip:
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Take in a datagram that came to the port for a peer; says whether to answer there."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         is_there = link.server.packet(packet, now)
         self._serve(link, now)
         return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         link.puller.reply(parts, now)
         self._tell(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         link.puller.packet(packet, now)
         self._tell(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._link(peer).puller.progress(now, rtt_s)
+        self._links.touch(peer).puller.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -205,7 +207,7 @@ class Gossip:
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        link = self._link(peer)
+        link = self._links.touch(peer)
         link.puller.lost(reason, now)
         self._tell(link, now)
 
@@ -219,24 +221,29 @@ class Gossip:
 
     # --- what the time brings, and what the node wants and says
 
-    def tick(self, now: Instant) -> None:
-        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input."""
+    def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> None:
+        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input.
+
+        What is done for each peer happens within `guard`.
+        """
         self._trigger.look(now.unix_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
         busy = self._links.busy(now.steady_s)
         for link in busy:
-            link.puller.tick(now)
-            self._tell(link, now)
+            with guard:
+                link.puller.tick(now)
+                self._tell(link, now)
         if self.database.sequence != self._sequence:
             robots = {each.header.robot_id for each in self.database.since(self._sequence)}
             self._sequence = self.database.sequence
             self._links.stored(robots)
             busy = self._links.busy(now.steady_s)
         for link in busy:
-            link.server.tick(now)
-            self._serve(link, now)
+            with guard:
+                link.server.tick(now)
+                self._serve(link, now)
             self._served.add(link.peer.name)
         self._pull_due(now)
         self._count()
@@ -286,7 +293,7 @@ class Gossip:
 
     def held(self, peer: str) -> dict[int, int]:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
-        return self._link(peer).peer.newest
+        return self._links.touch(peer).peer.newest
 
     def _count(self) -> None:
         """Bring the link table up to date."""
@@ -338,13 +345,6 @@ class Gossip:
         for event in self._trigger.news():
             self._events.append(event)
             if isinstance(event, ContactEnded):
-                link = self._link(event.peer)
+                link = self._links.touch(event.peer)
                 link.puller.unfollow()
                 self._tell(link, now)
-
-    def _link(self, peer: str) -> PeerLink:
-        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
-        if peer not in self._links.by_peer:
-            raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
-        self._links.touched.add(peer)
-        return self._links.by_peer[peer]

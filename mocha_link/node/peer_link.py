@@ -13,7 +13,7 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NodeContext
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
-from mocha_link.team.team import Robot, Trust
+from mocha_link.team.team import Robot, Trust, UnknownRobotError
 
 
 @dataclass(slots=True)
@@ -50,6 +50,7 @@ class PeerLinks:
     def __init__(
         self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
     ) -> None:
+        self._me = me  # whose links they are
         self.by_peer = _links(context, me, link_table, datagrams=datagrams)
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
@@ -58,6 +59,13 @@ class PeerLinks:
 
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self.by_peer.values())
+
+    def touch(self, peer: str) -> PeerLink:
+        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
+        if peer not in self.by_peer:
+            raise UnknownRobotError(peer, self._me.peers, f"among the clients of {self._me.name}")
+        self.touched.add(peer)
+        return self.by_peer[peer]
 
     def take_bytes(self) -> Iterator[tuple[str, int]]:
         """How many bytes have come from peers since the last call."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import zmq
 
 from mocha_link.clock import Instant
-from mocha_link.errors import ListenError
+from mocha_link.errors import Guard, ListenError
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
@@ -99,6 +99,8 @@ class Transport:
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
         self._observed_s = 0.0  # steady clock
+        # Of what comes from one peer nothing may end what is done for the others.
+        self._guard = Guard(f"{self._me.name}: an error in the node")
         self._stopping = False  # set by `close`
         self._thread = threading.Thread(
             target=self._run, name=f"mocha-link {self._me.name}", daemon=True
@@ -178,11 +180,11 @@ class Transport:
         try:
             while not self._stopping:
                 ready = self._poller.poll(wait_ms)
-                wait_ms = TICK_MS
-                try:
+                wait_ms, errors = TICK_MS, self._guard.errors
+                with self._guard:
                     wait_ms = self._turn(ready)
-                except Exception:  # nothing that comes from outside may end the node
-                    LOG.exception("%s: an error in the node", self._me.name)
+                if self._guard.errors > errors:  # it may come again at once, for ever
+                    wait_ms = max(wait_ms, TICK_MS)
         finally:
             self._close_all()
 
@@ -194,11 +196,12 @@ class Transport:
         asked = {each.peer for each in ready.owners if isinstance(each, _PortFor)}
         asked |= self._unfinished
         for peer in asked:
-            self._serve(self._ports[peer], ready)
+            with self._guard:
+                self._serve(self._ports[peer], ready)
         if self._gate and not ready.sockets.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
         for peer, packet in self._dialer.packets(ready):
-            with self._lock:
+            with self._guard, self._lock:
                 self._gossip.packet_back(peer, packet, self._now())
             self._act()
         now = self._now()
@@ -207,9 +210,10 @@ class Transport:
             self._observed_s = now.steady_s
             self._look(now)
         for peer, connection in self._dialer.ready(ready, now.steady_s, observe=observe):
-            self._attend(connection, peer, now)
+            with self._guard:
+                self._attend(connection, peer, now)
         with self._lock:
-            self._gossip.tick(now)
+            self._gossip.tick(now, self._guard)
             asked |= self._gossip.take_served()
         self._act()
         waits_ms = {peer: self._supply(self._ports[peer]) for peer in asked & self._ports.keys()}
@@ -233,7 +237,7 @@ class Transport:
 
     def _serve(self, port: Port, ready: Ready) -> None:
         for route, parts in port.requests(ready.sockets):
-            with self._lock:
+            with self._guard, self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._act()
         seal = self._seals.get(port.peer)
@@ -243,10 +247,9 @@ class Transport:
             strange = not seal and source[0] != self._dialer.address(port.peer)
             if opened is None or strange:
                 continue
-            with self._lock:
-                is_there = self._gossip.packet_in(port.peer, opened, self._now())
-            if is_there:
-                port.caller = source
+            with self._guard, self._lock:
+                if self._gossip.packet_in(port.peer, opened, self._now()):
+                    port.caller = source
             self._act()
 
     def _look(self, now: Instant) -> None:
@@ -257,16 +260,17 @@ class Transport:
 
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
-        for _ in range(BURST):
-            with self._lock:
-                route = self._gossip.route(port.peer)
-            if not port.flush(route):
-                return port.push_wait_ms
-            with self._lock:
-                supplied = self._gossip.supply(port.peer)
-            if supplied is None:
-                return port.wait_ms
-            port.push(*supplied)
+        with self._guard:
+            for _ in range(BURST):
+                with self._lock:
+                    route = self._gossip.route(port.peer)
+                if not port.flush(route):
+                    return port.push_wait_ms
+                with self._lock:
+                    supplied = self._gossip.supply(port.peer)
+                if supplied is None:
+                    return port.wait_ms
+                port.push(*supplied)
         return 0
 
     def _admit(self, gate: ZapHandler) -> None:
@@ -283,7 +287,8 @@ class Transport:
                 if arrived:
                     self._gossip.progress(peer, now, rtt_s)
                 for parts in connection.replies():
-                    self._gossip.reply(peer, parts, self._now())
+                    with self._guard:
+                        self._gossip.reply(peer, parts, self._now())
                 if connection.failure and not self._gossip.leaves(peer):
                     self._gossip.lost(peer, connection.failure, now)
         self._act()
@@ -297,10 +302,8 @@ class Transport:
         with self._lock:
             actions, events = self._gossip.take()
         for action in actions:
-            try:
+            with self._guard:
                 self._do(action)
-            except Exception:
-                LOG.exception("%s: an error in the node", self._me.name)
         for event in events:
             self._deliver(event)
 

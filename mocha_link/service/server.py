@@ -21,6 +21,7 @@ from typing import Any
 
 import zmq
 
+from mocha_link.errors import Guard
 from mocha_link.links.metrics import Contact, LinkEvent, LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.node.lifetime import Startable
@@ -32,6 +33,8 @@ READ_BYTES = 4096
 LINKS, EVENT = b"links", b"event"
 SNAPSHOT_S = 1.0
 MAX_SUBSCRIPTION_BYTES = 1024
+HEARTBEAT_MS = 4_000  # subscribers are asked for a sign of life at this distance
+STOPPED_MS = 12_000  # a subscriber that gives none for so long is cut off; it may come again
 
 
 class EndpointServer(Startable):
@@ -44,6 +47,7 @@ class EndpointServer(Startable):
         self.endpoint = endpoint
         self._node = node
         self._what = what
+        self._guard = Guard(f"serving {what}: an error")
         self._stopping = False  # set by `close`
         self._waker: socket.socket | None = None  # ends the wait
         self._thread: threading.Thread | None = None  # while it serves
@@ -98,7 +102,8 @@ class EndpointServer(Startable):
                 ready = dict(poller.poll(self._wait_ms()))
                 if woken.fileno() in ready:
                     woken.recv(READ_BYTES)
-                self._turn(server, ready=server in ready)
+                with self._guard:
+                    self._turn(server, ready=server in ready)
             self._end()
 
     @abstractmethod
@@ -164,6 +169,10 @@ class MetricsServer(EndpointServer):
         publisher = context.socket(zmq.XPUB)
         publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
         publisher.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION_BYTES)
+        # Else a subscriber that has stopped has 1,000 snapshots wait for it here. To let fewer
+        # messages wait would lose events to one that reads, when many come at once.
+        publisher.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+        publisher.setsockopt(zmq.HEARTBEAT_TIMEOUT, STOPPED_MS)
         return publisher
 
     def _note(self, event: LinkEvent) -> None:
@@ -178,8 +187,9 @@ class MetricsServer(EndpointServer):
             server.recv_multipart()  # a subscription: answered with a snapshot
         while not self._events.empty():
             event = self._events.get()
-            fields = {"event": type(event).__name__, **as_fields(event)}
-            server.send_multipart([EVENT, json.dumps(fields).encode()])
+            with self._guard:  # one that is wrong is left out
+                fields = {"event": type(event).__name__, **as_fields(event)}
+                server.send_multipart([EVENT, json.dumps(fields).encode()])
         if ready or time.monotonic() >= self._due_s:
-            server.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
             self._due_s = time.monotonic() + SNAPSHOT_S
+            server.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])

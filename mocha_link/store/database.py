@@ -259,8 +259,12 @@ class Database:
             self._keep(record, number if found.epoch else self._sequence + 1, found.last_s)
         if found.epoch:
             self._epoch = found.epoch
-            self._knowledge.update(found.knowledge)
-            self._sequence = max(found.records, default=0) + _GAP + secrets.randbits(_GAP_BITS)
+            newest = max(found.records, default=0)
+            self._sequence = newest + _GAP + secrets.randbits(_GAP_BITS)
+            for peer, known in found.knowledge.items():
+                # A number beyond the newest may be given to another message now.
+                own_sequence = min(known.own_sequence, newest)
+                self._knowledge[peer] = replace(known, own_sequence=own_sequence)
             for number in found.records.keys() - self._by_number.keys():
                 storage.drop(number)  # the history is shorter now
         self._storage = storage

@@ -181,14 +181,20 @@ class Storage:
         self._changed.notify_all()
 
     def _run(self) -> None:
-        while self._is_due():
-            self._attempt()
-        if self._given > self._saved:
-            self._attempt()
-        self._close_file()
-        with self._changed:
-            self._ended = True
-            self._changed.notify_all()
+        try:
+            while self._is_due():
+                self._attempt()
+            if self._given > self._saved:
+                self._attempt()
+        except Exception as error:  # a mistake of ours ends the writing, not the node
+            LOG.exception("%s: the writing has ended", self.path)
+            self._fault = StorageError(f"{self.path} is not written any more: {error!r}")
+            self._report(self._fault)
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify_all()
+            self._close_file()
 
     def _is_due(self) -> bool:
         """Wait until there is something to write, or it is time to try again; False at the end."""
@@ -261,9 +267,9 @@ class Storage:
     def _set_aside(self) -> str | None:
         """Move a damaged file away, for someone to look at; its name then, None if it stays."""
         number = 1
-        while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
-            number += 1
         try:
+            while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
+                number += 1
             if not storage_file.is_database(self.path):
                 return None  # the wrong name was given, perhaps: it is not ours to move
             self.path.rename(to)

@@ -119,10 +119,13 @@ class StorageFile:
     def __init__(self, path: Path, connect: Callable[[Path], sqlite3.Connection] = connect) -> None:
         self._path = path
         self._connection = connect(path)
+        # Of altered text something is made that its checksum does not fit.
+        self._connection.text_factory = lambda raw: raw.decode(errors="replace")
         try:
             self._prepare()
         except BaseException:
-            self._connection.close()
+            with suppress(sqlite3.Error):
+                self._connection.close()
             raise
 
     def _prepare(self) -> None:
@@ -256,8 +259,9 @@ def fault(error: Exception, path: Path) -> StorageError:
         return StorageDamagedError(_damaged(path, str(error)))
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return StorageLockedError(f"another process uses {path}; end it, or name another file")
-    if not path.parent.is_dir():
-        return StorageUnreachableError(f"there is no directory {path.parent}; make it")
+    with suppress(OSError):  # it cannot be looked at: not permitted, or the disk fails
+        if not path.parent.is_dir():
+            return StorageUnreachableError(f"there is no directory {path.parent}; make it")
     return StorageUnreachableError(f"cannot use {path}: {error}; may this user write it?")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import insort
+from bisect import bisect_left, insort
 from collections.abc import Iterable
 
 from mocha_link.store import wire
@@ -42,6 +42,8 @@ class SendQueue:
         self._database = peer.node.database
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
+        # By topic key: the ranks under which messages came in, some of which may be gone by now.
+        self._added: dict[int, list[int]] = {}
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()  # message ids
 
@@ -53,6 +55,7 @@ class SendQueue:
         self.frames = 0
         self._ranks.clear()
         self._records.clear()
+        self._added.clear()
         self._missing.clear()
         self._given.clear()
 
@@ -85,7 +88,11 @@ class SendQueue:
             del self._records[rank]
 
     def add(self, records: Iterable[Record]) -> None:
-        """Add those of some messages that the peer may lack."""
+        """Add those of some messages that the peer may lack.
+
+        Of their topics what was replaced meanwhile and not begun goes, so that the queue holds no
+        more than the database, however slow the link.
+        """
         lacks = self._peer.lacks
         new: list[int] = []
         for record in records:
@@ -100,6 +107,10 @@ class SendQueue:
             if rank not in self._records:
                 self._records[rank] = record
                 new.append(rank)
+        for key in {rank & 0xFFFF for rank in new} & self._added.keys():
+            self._drop_replaced(key)
+        for rank in new:
+            self._added.setdefault(rank & 0xFFFF, []).append(rank)
         if len(new) > _FEW:
             self._ranks += new
             self._ranks.sort()
@@ -193,6 +204,14 @@ class SendQueue:
             self._pop()
             self._finish(message_id)
         return sync.PIECE.size + size
+
+    def _drop_replaced(self, key: int) -> None:
+        """Let go what the database does not keep any more of a topic."""
+        here = [rank for rank in self._added[key] if rank in self._records]
+        kept = [rank for rank in here if self._database.get(self._records[rank].header) is not None]
+        for rank in set(here).difference(kept):
+            del self._ranks[bisect_left(self._ranks, rank)], self._records[rank]
+        self._added[key] = kept
 
     def _pop(self) -> None:
         del self._records[self._ranks.pop()]

@@ -27,6 +27,7 @@ _SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
 _MAX_AHEAD = 65_536
 _MAX_BEGUN = 1_024
 _MAX_FAILED = 1_024
+_MAX_GIVEN = 65_536  # what comes beyond is told to the peer in the next pull, as if it were ours
 _MAX_REFUSALS = 100  # that one frame is told of
 
 
@@ -291,7 +292,7 @@ class SyncReceiver:
             header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
             record = Record(header, topic.priority, body, stamp_ms, self._now_s, trailer is None)
             peer.holds(message_id)
-            if not self.over:
+            if not self.over and len(self._given) < _MAX_GIVEN:
                 self._given.add(message_id)
             try:
                 self.messages += peer.take_in(known, record, trailer)

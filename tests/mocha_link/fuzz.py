@@ -166,7 +166,7 @@ class Fuzzer:
         if parsed is None or not parsed.frames:
             return packet
         rng = self.random
-        number = rng.randrange(300)
+        number = rng.choice((rng.randrange(300), rng.randrange(300), 2**32 - 1, 2**32 - 2))
         frames = [mutated_sync(rng, frame)[:1100] for frame in parsed.frames if frame]
         return wire.data(
             packet[TOKEN],

@@ -383,6 +383,16 @@ def test_the_window_is_bounded():
     assert sender._outbox.full
 
 
+def test_a_flow_ends_with_its_numbers():
+    """Neither frames nor probes leave then, though nothing of it was acknowledged."""
+    flow = Flow(TOKEN, numbered(9), first_number=wire.MAX_NUMBER - 2)
+    sent = [packet for k in range(100) for packet in flow.transmit(k / 10)]
+    flow.on_contact(10.0)
+    assert flow.transmit(10.0) == []
+    numbers = [wire.parse(packet).number for packet in sent]
+    assert numbers == [wire.MAX_NUMBER - 2, wire.MAX_NUMBER - 1, wire.MAX_NUMBER]
+
+
 # --- what comes from elsewhere
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocha_link.datagram import packet as wire
-from mocha_link.datagram.packet import ACK_DELAY_S, WINDOW, Arrivals, Packet
+from mocha_link.datagram.packet import ACK_DELAY_S, MAX_NUMBER, WINDOW, Arrivals, Packet
 
 TOKEN = b"abcdef"
 FAST = settings(deadline=None, max_examples=100)
@@ -32,7 +32,7 @@ def test_a_repeated_packet_with_an_acknowledgement_byte_by_byte():
 
 
 @FAST
-@given(st.integers(0, 2**32 - 1), st.data(), FRAMES)
+@given(st.integers(0, MAX_NUMBER), st.data(), FRAMES)
 def test_what_is_packed_is_parsed(number, data, frames):
     floor = data.draw(st.integers(max(0, number - WINDOW + 1), number))
     content = data.draw(st.integers(floor, number))
@@ -51,6 +51,7 @@ def test_what_is_packed_is_parsed(number, data, frames):
         "51616263646566 00000000 00",
         "51616263646566 00000001 0002",  # a floor below zero
         "51616263646566 0000ffff 2000",  # a floor further back than the window
+        "51616263646566 ffffffff 0000",  # no acknowledgement could say what is behind it
         "51616263646566 00000001 0000 0002 61",  # a frame that is cut off
         "51616263646566 00000001 0000 00",
         "53616263646566 00000001 0000",  # sent again, but not what
@@ -86,6 +87,25 @@ def test_arrivals_are_told_as_they_are(numbers):
     }
 
 
+EDGES = (0, 1, 2, WINDOW - 1, WINDOW, 2**31, 2**32 - WINDOW, 2**32 - 3, 2**32 - 2, 2**32 - 1)
+
+
+@FAST
+@given(st.lists(st.tuples(*[st.sampled_from(EDGES)] * 3), max_size=12), st.data())
+def test_whatever_is_taken_can_be_acknowledged(packets, data):
+    """Numbers, floors and first numbers at both ends of what fits, far apart, in any order."""
+    arrivals = Arrivals()
+    for number, behind, back in packets:
+        frames = data.draw(FRAMES)
+        parts = {"floor": number - behind % WINDOW, "content": number - back % WINDOW}
+        parsed = wire.parse(wire.data(TOKEN, number, body=wire.join(frames), ack=b"", **parts))
+        if parsed is not None:
+            arrivals.take(parsed, 0.0)
+        ack = wire.parse(wire.only_ack(TOKEN, arrivals.acknowledge(0.0))).ack
+        assert ack.below <= MAX_NUMBER + 1
+        assert arrivals._seen.bit_length() <= WINDOW
+
+
 def test_frames_that_come_in_two_packets_count_once():
     arrivals = Arrivals()
     assert arrivals.take(numbered(7, content=2), 0.0)
@@ -99,7 +119,7 @@ def test_numbers_beyond_the_window_are_not_kept():
     arrivals = Arrivals()
     assert not arrivals.take(numbered(WINDOW), 0.0)
     assert arrivals.take(numbered(WINDOW - 1), 0.0)
-    assert arrivals.take(numbered(2**32 - 1, floor=2**32 - 10), 0.0)
+    assert arrivals.take(numbered(MAX_NUMBER, floor=MAX_NUMBER - 9), 0.0)
     assert arrivals._seen.bit_length() <= WINDOW
     assert not arrivals.take(Packet(None, None, 0, 0, []), 0.0)
 

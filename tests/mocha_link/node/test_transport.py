@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from mocha_link.errors import GUARD_LOG_S, Guard
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node import transport
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.pull import LOOK_S
+from mocha_link.sync.puller import Puller
+from mocha_link.sync.server import Server
 from tests.mocha_link.conftest import WAIT_S, free_ports
 
 if TYPE_CHECKING:
@@ -88,17 +91,56 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
     failed = threading.Event()
     tick = Gossip.tick
 
-    def fail(gossip: Gossip, now: object) -> None:
+    def fail(gossip: Gossip, now: object, *guard: object) -> None:
         if gossip.me.name == "io" and not failed.is_set():
             failed.set()
             raise ValueError("oops")
-        tick(gossip, now)
+        tick(gossip, now, *guard)
 
     monkeypatch.setattr(Gossip, "tick", fail)
     assert failed.wait(WAIT_S)
     io.sync("titan")
     assert saw.wait(SyncEnded, direction=IN).messages == 1
     assert "io: an error in the node" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("owner", "does"), [(Server, "tick"), (Server, "supply"), (Server, "answer"), (Puller, "tick")]
+)
+def test_an_error_with_one_peer_does_not_stop_the_others(field, monkeypatch, owner, does):
+    titan, _, _ = field.node("titan")
+    callisto, _, _ = field.node("callisto")  # the first peer of titan, so it is served first
+    io, _, saw = field.node("io", timeout_s=WAIT_S)
+    failed = threading.Event()
+    real = getattr(owner, does)
+
+    def fail(self: Server | Puller, *arguments: object) -> object:
+        if self._peer.name == "callisto" and self._peer.node.name == "titan":
+            failed.set()
+            raise ValueError("oops")
+        return real(self, *arguments)
+
+    monkeypatch.setattr(owner, does, fail)
+    titan.sync("callisto")
+    callisto.sync("titan")
+    assert failed.wait(WAIT_S)
+    titan.publish("/map", b"grid")
+    io.sync("titan")
+    assert saw.wait(SyncEnded, direction=IN).messages == 1
+
+
+def test_an_error_that_comes_again_and_again_is_logged_now_and_then(caplog):
+    now_s = 7.0
+    guard = Guard("io: an error", clock=lambda: now_s)
+    for step_s in (0.0, 1.0, GUARD_LOG_S - 1.0, 0.5):
+        now_s += step_s
+        with guard:
+            raise ValueError(f"at {now_s:g}")
+    with pytest.raises(KeyboardInterrupt), guard:
+        raise KeyboardInterrupt
+    told = [(entry.getMessage(), str(entry.exc_info[1])) for entry in caplog.records]
+    assert told == [("io: an error", "at 7"), ("io: an error (2 since the last one)", "at 17")]
+    assert guard.errors == 4
 
 
 def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):

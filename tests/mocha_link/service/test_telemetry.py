@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import socket
 import threading
+from decimal import Decimal
 
+import numpy as np
 import pytest
 import zmq
 
 from mocha_link.errors import ListenError
+from mocha_link.links.link_events import RssiChanged
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.service import server as server_module
 from mocha_link.service.endpoint import bind
 from mocha_link.service.server import MetricsServer
 from mocha_link.service.service_client import MetricsError, watch
@@ -37,6 +43,45 @@ def test_a_snapshot_then_events(server):
     kind, fields = next(stream2 := watch(server.endpoint, timeout_s=20))
     assert fields["links"]["io"]["rssi_dbm"] == -90.0
     stream2.close()
+
+
+def command(name: bytes, rest: bytes = b"") -> bytes:
+    """A command frame of ZMTP 3.0."""
+    body = bytes((len(name),)) + name + rest
+    return bytes((4, len(body))) + body
+
+
+def test_a_subscriber_that_has_stopped_is_cut_off(field, tmp_path, monkeypatch):
+    """What waits for it must not grow for as long as it stands still."""
+    monkeypatch.setattr(server_module, "HEARTBEAT_MS", 20)
+    monkeypatch.setattr(server_module, "STOPPED_MS", 40)
+    node, _, _ = field.node("titan")
+    greeting = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
+    ready = command(b"READY", b"\x0bSocket-Type\0\0\0\3SUB")
+    path = tmp_path / "metrics"
+    with MetricsServer(node, f"ipc://{path}"), socket.socket(socket.AF_UNIX) as stopped:
+        stopped.settimeout(20)
+        stopped.connect(str(path))
+        said = stopped.makefile("rb")
+        for step, its in ((greeting[:10], 10), (greeting[10:], 54), (ready, len(ready) + 1)):
+            stopped.sendall(step)
+            heard = said.read(its)
+        assert b"XPUB" in heard
+        assert b"PING" in said.read()  # until it is cut off
+
+
+def test_an_event_that_cannot_be_told_is_left_out(server, caplog):
+    stream = watch(server.endpoint, timeout_s=20)
+    next(stream)
+    for number in range(3):
+        bad = RssiChanged("io", 1.0, Decimal(number))  # no number of JSON's
+        server._note(bad)
+    server.radio.report("io", np.float32(-90.5))
+    server.radio.report("callisto", Reading(np.int64(-70), Unit.DBM, "a program"))
+    events = list(itertools.islice((f for kind, f in stream if kind == "event"), 2))
+    assert [event["signal"]["value"] for event in events] == [-90.5, -70.0]
+    assert caplog.text.count("serving metrics: an error") == 1
+    stream.close()
 
 
 @pytest.mark.parametrize("endpoint", ["nonsense", "tcp://203.0.113.7:1"])

@@ -132,6 +132,23 @@ def test_numbers_go_on_far_beyond_those_on_disk_however_the_dice_fall(shelter, m
     assert shelter().database.sequence >= node.database.sequence + 2**32
 
 
+def test_what_a_peer_was_told_ends_with_what_is_on_disk(shelter, monkeypatch):
+    """The numbers behind it may be given again, to messages that the peer knows nothing of."""
+    monkeypatch.setattr("secrets.randbits", lambda bits: 2**bits - 1)
+    first = shelter()
+    first.write(*range(3))
+    first.storage.close()
+    second = shelter()
+    second.database.learn("io", Knowledge(77, 5, second.database.sequence))
+    second.storage.close()
+    monkeypatch.setattr("secrets.randbits", lambda _: 0)
+    third = shelter()
+    assert third.database.since(third.database.knowledge("io").own_sequence) == []
+    third.write(10, 11)
+    told = third.database.knowledge("io").own_sequence
+    assert third.database.since(told) == [record(10), record(11)]
+
+
 def test_a_restart_never_reuses_a_stamp(shelter, team):
     robot, topics = team.robot("titan"), team.topics_of("titan")
     topic = topics[0]

@@ -202,6 +202,21 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     assert (chunks.round, chunks.number, done.frames) == (1, 0, 1)
 
 
+@pytest.mark.parametrize(("topic_id", "history"), [(0, 1), (3, 3)])
+def test_on_a_slow_link_the_queue_holds_no_more_than_the_database(node, topic_id, history):
+    """A new version comes before the one before is begun: only what was begun goes to its end."""
+    served = Served(node)
+    for version in range(30):
+        newest = node.store(0, topic_id, START_MS + version, size=9_000)
+        served.sender.next(1_100)
+        assert len(served.sender._queue._records) <= history + 2
+    chunks = [said for said in served.hear() if isinstance(said, Chunks)]
+    given = {each[0] for said in chunks for each in (*said.wholes, *said.pieces)}
+    assert record_id(newest) in given
+    assert served.sender.done
+    assert served.sender.messages <= 30 // 9 + 1 + history
+
+
 def test_what_the_peer_gave_us_is_not_given_back(node):
     peer = peer_of(node.database)
     peer.met(77)
