@@ -15,6 +15,7 @@ from air_router.mission.flight_plan import (
     fence_plan,
 )
 from air_router.mission.loading import load_mission
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Geodetic, Point
 from sitl.px4sim.fence import fence_areas
 from sitl.px4sim.plan_store import MissionItem
@@ -283,3 +284,20 @@ def test_reading_back_compares_what_flies(plan):
         other = dataclasses.replace(item, **change)
         assert not item.same_as(other)
         assert not other.same_as(item)
+
+
+def test_rally_points_that_a_zone_is_drawn_over_are_not_on_board(pennovation):
+    place = pennovation.rally_points[0]
+    zone = Zone("crane", Circle(place, 3.0))
+    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, zone))
+    before, after = FlightPlan.of(pennovation).rally, FlightPlan.of(mission).rally
+    assert place not in mission.landings
+    assert len(after) == len(before) - 1
+
+
+def test_above_its_altitudes_the_zones_that_begin_there_count(pennovation):
+    place = pennovation.waypoints[3].position
+    gliders = Zone("gliders", Circle(place, 30.0), band=Band(80.0, math.inf))
+    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, gliders))
+    assert list(mission.airspace_at(mission.altitude_above_home_m).holders(place)) == []
+    assert list(mission.airspace_at(90.0).holders(place)) == ["gliders"]
