@@ -160,11 +160,19 @@ class ControlAuthority:
         if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
             context.taken_by = ControlHolder.FAILSAFE
             context.say(f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode")
-        for what, _ in context.inputs.look(telemetry).news:
-            context.say(what)
+        self._look_at_inputs(telemetry)
         news = self._breaches.news(self._monitor.breach(telemetry), context.now_s)
         if news is not None:
             context.say(news)
+
+    def wait(self, telemetry: Telemetry) -> None:
+        """Hands will be off, or the plan is compared: on with that, as far as it is heard."""
+        self._look_at_inputs(telemetry)  # of a vehicle that is not, a hold may not leave
+        self.check()
+
+    def _look_at_inputs(self, telemetry: Telemetry) -> None:
+        for what, _ in self._context.inputs.look(telemetry).news:
+            self._context.say(what)
 
     def take_over(self, who: ControlHolder, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""

@@ -186,7 +186,7 @@ class Controller:
         elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
             authority.take_over(ControlHolder.PILOT, foreign)
         elif context.giving_up is not None or context.compares is not None:
-            authority.check()
+            authority.wait(telemetry)
         elif context.state is State.READY:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:

@@ -216,13 +216,15 @@ def _unstopped() -> Iterator[None]:
     """No terminal stops the program while this lasts, nor has it wait for a line of its log."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in _STOPS}
     logs = [log for log in logging.getLogger().handlers if isinstance(log, logging.StreamHandler)]
-    streams = [log.setStream(_patient(log.stream)) for log in logs]
+    streams = [log.stream for log in logs]
+    for log in logs:
+        log.setStream(_patient(log.stream))
     try:
         yield
     finally:
         for log, stream in zip(logs, streams, strict=True):
-            if stream is not None:
-                log.setStream(stream)
+            if (patient := log.setStream(stream)) is not None:
+                patient.close()
         for number, handler in before.items():
             signal.signal(number, handler)
 

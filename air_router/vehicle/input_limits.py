@@ -183,17 +183,14 @@ class InputWatch:
 
     Attributes:
         stopped: What no leg begins without, and is missing or not back for long enough.
+        silent: Nothing is commanded meanwhile: a pilot may have taken the vehicle.
     """
 
     stopped: dict[str, Stop] = field(default_factory=dict)
+    silent: bool = False
     # by what is missing: announced, when
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
     _good_since_s: float | None = None  # since when the fix is good again
-
-    @property
-    def silent(self) -> bool:
-        """Whether nothing is commanded: a pilot may have taken the vehicle."""
-        return Stop.SILENT in self.stopped.values()
 
     def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
@@ -223,6 +220,7 @@ class InputWatch:
         if back and home_why is None:
             fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is heard again"
             news.append(InputNews(fix, "going on"))
+        self.silent = Stop.SILENT in self.stopped.values()
         stop = Stop.SILENT if self.silent else Stop.HOLD if self.stopped else Stop.NONE
         why = next(iter(missing), next(iter(self.stopped), ""))
         return InputStatus(stop, why, back, home_why, tuple(news))

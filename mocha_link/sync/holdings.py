@@ -62,7 +62,7 @@ class Holdings:
         """The database's number after which there is something that the peer was not told of.
 
         `given` are the ids of the messages that it gave us itself. Without this a message that we
-        wrote during a pull would come back, once the peer had it from somebody else.
+        wrote during a pull would come back, once the peer had it from another node.
         """
         for number, record in self._database.numbered_since(self.told_sequence):
             if record_id(record) not in given:

@@ -31,7 +31,7 @@ class UdpLink:
         bind: Host and port to receive on; port 0 takes a free one.
         partner: Where to send until a partner talks.
         what: For the error message.
-        fixed: The partner stays whoever talks: a datagram for the program that had this port
+        fixed: The partner stays, whatever comes: a datagram for the program that had this port
             before would take the vehicle away otherwise.
 
     Raises:

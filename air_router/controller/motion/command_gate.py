@@ -24,7 +24,6 @@ from air_router.controller.model.mission_context import MissionContext, Way, Zon
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.departure import PendingSetpoint
-from air_router.vehicle.input_limits import Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -238,8 +237,7 @@ class CommandGate:
         """
         pending, context = self.pending, self._context
         asked = context.state is State.HOLD
-        silent = Stop.SILENT in context.inputs.stopped.values()
-        if isinstance(motion, HoldHere) and silent and not asked:
+        if isinstance(motion, HoldHere) and context.inputs.silent and not asked:
             return  # a pilot may have the vehicle
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way

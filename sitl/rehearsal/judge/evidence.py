@@ -134,7 +134,7 @@ class FlightRecord:
 
     Attributes:
         samples: From before arming to after disarming (or the end of watching).
-        messages: By whoever sent them.
+        messages: Of all senders.
         heard: What the autopilot says as it reached the companion, late or spoilt, in order of
             arrival; empty where that was not written down.
         happenings: What the scene did.

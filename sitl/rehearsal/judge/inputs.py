@@ -245,7 +245,7 @@ def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
 
 
 def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
-    """The mission's duration counts from the take-off, whoever has had the vehicle since."""
+    """The mission's duration counts from the take-off, also where a pilot has had the vehicle."""
     if End.NOT in case.row.ends or not case.flying.any():
         return
     begin_s = float(case.time_s[int(case.flying.argmax())])

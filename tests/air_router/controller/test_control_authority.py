@@ -304,6 +304,10 @@ def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(pretend
             flight.battery = 0.1
     flight.fly_for(25.0)
     assert flight.motions[commanded:] == []
+    if event == "replaced":  # heard again, and no pilot has it: held for
+        flight.telemetry, flight.mode = telemetry, mode
+        flight.fly_for(8.0)
+        assert [type(motion) for motion in flight.motions[commanded:]] == [HoldHere]
 
 
 def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):
