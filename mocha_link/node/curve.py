@@ -109,6 +109,8 @@ class ZapHandler:
         self._watched: list[_Watched] = []
         # by peer and descriptor, the oldest first: when they came, steady seconds
         self._strangers: dict[tuple[str, int], float] = {}
+        self._sent_away: set[tuple[str, int]] = set()  # by us, until libzmq tells that they left
+        self._broken_off: set[str] = set()  # ports of which it tells next which connection did
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)
         try:
@@ -184,13 +186,19 @@ class ZapHandler:
                 self._strangers[watched.peer, value] = now_s
                 failures += [_TOO_OFTEN] * self._send_away(now_s)
             elif kind == zmq.Event.DISCONNECTED:
-                self._strangers.pop((watched.peer, value), None)
+                connection = (watched.peer, value)
+                self._strangers.pop(connection, None)
+                # Whom we sent away is counted as that, once.
+                if watched.peer in self._broken_off and connection not in self._sent_away:
+                    failures.append(_LEFT)
+                self._broken_off.discard(watched.peer)
+                self._sent_away.discard(connection)
             elif kind == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
                 failures.append(_PROTOCOL_FAILURES.get(value, _NO_ZMTP))
             # A client that sees from our greeting what we want may hang up before we have read its
             # own. A link that breaks shows another error.
             elif value == errno.EPIPE:
-                failures.append(_LEFT)
+                self._broken_off.add(watched.peer)
         return failures
 
     def _send_away(self, now_s: float) -> int:
@@ -209,6 +217,7 @@ class ZapHandler:
             number = int(port.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0").rpartition(":")[2])
             with kernel.borrowed(descriptor, local=number) as connection:
                 if connection:
+                    self._sent_away.add(oldest)
                     with contextlib.suppress(OSError):  # it has gone meanwhile
                         connection.shutdown(socket.SHUT_RDWR)
             closed += 1

@@ -400,7 +400,6 @@ def test_strangers_that_say_nothing_hold_few_descriptors(hall, context):
         early, *late = [stack.enter_context(silent(hall)) for _ in range(curve.MAX_STRANGERS + 3)]
         while len(hall.refusals) < 3:
             hall.serve()
-        assert set(hall.refusals) == {Refusal("io", "too often")}
         assert is_closed(early)
         late[-1].setblocking(False)
         with pytest.raises(BlockingIOError):
@@ -413,6 +412,7 @@ def test_strangers_that_say_nothing_hold_few_descriptors(hall, context):
             return bool(list(line.replies()))
 
         turn_until(line, done)
+        assert hall.refusals == [Refusal("io", "too often")] * 4  # the line is one more
 
 
 def test_a_stranger_that_says_nothing_goes(context, monkeypatch):
