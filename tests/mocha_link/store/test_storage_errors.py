@@ -164,8 +164,8 @@ def test_a_file_altered_in_a_name_is_set_aside(tmp_path):
     assert len(database.kept()) == 3
     database.insert(record(5), NOW_S)
     assert kept.wait(WAIT_S)
+    assert kept.close(WAIT_S)  # its thread tells of the end of a fault when all is on disk
     assert [type(fault) for fault in faults] == [StorageDamagedError, type(None)]
-    assert kept.close(WAIT_S)
     assert (tmp_path / "messages.db.damaged-1").exists()
     with closing(sqlite3.connect(path)) as file:
         assert file.execute("SELECT count(*) FROM record").fetchone() == (4,)

@@ -1,16 +1,21 @@
 """Finding, starting and stopping a PX4: a stand-in for it, and a real one where there is one."""
 
+import contextlib
+import fcntl
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 
 from sitl.cli import cli
+from sitl.process import px4_process
 from sitl.process.px4_install import NoPx4Error, Px4Install, find_px4
 from sitl.process.px4_process import (
     PortsInUseError,
@@ -48,15 +53,14 @@ for status in [0] * 3 + [3] * 1000:
 
 @pytest.fixture
 def free_instance():
-    """One whose ports are free."""
-    for instance in range(100, 240):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("127.0.0.1", 13280 + instance))
-            except OSError:
-                continue
-            return instance
-    return pytest.fail("no instance is free")
+    """One whose ports are free, and which no test beside this one takes before it ends."""
+    for instance in range(100, 140):  # 140's first port is 100's second
+        held = Path(tempfile.gettempdir()) / f"air-router-px4-{instance}"
+        with contextlib.suppress(BlockingIOError, PortsInUseError), held.open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield px4_process._free_instance(instance)
+            return
+    pytest.fail("no instance is free")
 
 
 @pytest.fixture
