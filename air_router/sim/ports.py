@@ -3,6 +3,7 @@
 import random
 import socket
 import sys
+from itertools import chain
 from typing import Final
 
 PORTS: Final = range(20_000, 32_000)
@@ -31,9 +32,9 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
     Raises:
         OSError: no port is left.
     """
-    ports = [port for port in PORTS if port not in _given]
-    for port in _CHANCE.sample(ports, len(ports)):
-        if is_free(kind, "127.0.0.1", port) and _reserved(port):
+    first = _CHANCE.randrange(len(PORTS))
+    for port in chain(PORTS[first:], PORTS[:first]):
+        if port not in _given and is_free(kind, "127.0.0.1", port) and _reserved(port):
             return port
     raise OSError(f"no port from {PORTS.start} to {PORTS.stop - 1} is free")
 
