@@ -149,8 +149,12 @@ def place_of(arguments: argparse.Namespace) -> Place:
     return home or _home_of(arguments.mission, arguments.uav)
 
 
-def process_of(arguments: argparse.Namespace) -> VehicleProcess:
+def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess:
     """The vehicle that the command line asks for, on its ports.
+
+    Args:
+        arguments: Of the command line.
+        settings: Of `VehicleSettings`, those that no option sets.
 
     Raises:
         UsageError: options contradict each other.
@@ -160,7 +164,7 @@ def process_of(arguments: argparse.Namespace) -> VehicleProcess:
         raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
     if arguments.pace is not None and arguments.pace_from is not None:
         raise UsageError("--pace and --pace-from contradict each other; give one of them")
-    settings = VehicleSettings(
+    chosen = VehicleSettings(
         place_of(arguments),
         system_id=arguments.instance + 1,
         seed=arguments.seed,
@@ -169,8 +173,9 @@ def process_of(arguments: argparse.Namespace) -> VehicleProcess:
         parameters=parameters_of(arguments),
         wind=arguments.wind,
         ground_link=not arguments.no_gcs,
+        **settings,
     )
-    return VehicleProcess(settings, _ports(arguments), _pace(arguments))
+    return VehicleProcess(chosen, _ports(arguments), _pace(arguments))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,13 +10,14 @@ from typing import Any, Final
 
 from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.process.pace import Pace
 from sitl.process.udp_link import Address, UdpLink
 
 _log = logging.getLogger(__name__)
 
 _LEAST_WAIT_S: Final = 0.004  # at high speeds several steps are done at once
+_MOST_WAIT_S: Final = 0.02
 _MOST_BEHIND_S: Final = 0.25
 _SOON_S: Final = 1e-6
 
@@ -101,7 +102,7 @@ class VehicleProcess(Closeable):
         while not stopped():
             now_s = time.monotonic()
             limit = self._pace.limit(self.vehicle.autopilot.time_s, now_s)
-            step_s = STEP_S / min(self.settings.speed, limit.most_speed)
+            step_s = self.settings.step_s / min(self.settings.speed, limit.most_speed)
             if now_s - next_s > _MOST_BEHIND_S:
                 if not held:
                     late_s = now_s - next_s
@@ -115,7 +116,8 @@ class VehicleProcess(Closeable):
             self._flush()
             wait_s = next_s - time.monotonic()
             least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
-            self._receive(STEP_S if held else min(max(wait_s, least_wait_s), STEP_S), held=held)
+            timeout_s = min(max(wait_s, least_wait_s), _MOST_WAIT_S)
+            self._receive(_MOST_WAIT_S if held else timeout_s, held=held)
 
     def close(self) -> None:
         """Free the ports."""
