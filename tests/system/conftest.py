@@ -35,19 +35,23 @@ LIMIT_S = 280.0 if UNDER_TEST == ROOT else 120.0
 """Of the wall's clock, against hangs only: a busy machine is slow."""
 
 
-def program(name, checkout=UNDER_TEST):
-    """How a program of a checkout begins, whatever its modules are called there."""
-    project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+def program(name, *, draws=False):
+    """How a program of the checkout under test begins, whatever its modules are called there.
+
+    Unless it `draws` it has no extra `plot`: a picture of the track costs a second per flight.
+    """
+    project = tomllib.loads((UNDER_TEST / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     if name not in project["scripts"]:
         return [sys.executable, "-m", name]
     module, _, function = project["scripts"][name].partition(":")
-    begin = f"import sys; from {module} import {function}; sys.exit({function}())"
+    plain = "" if draws else "sys.modules['matplotlib'] = None; "
+    begin = f"import sys; {plain}from {module} import {function}; sys.exit({function}())"
     return [sys.executable, "-c", begin]
 
 
-def environment(checkout=UNDER_TEST):
+def environment():
     said = {"PYTHONUNBUFFERED": "1", "PYTHONFAULTHANDLER": "1"}  # see `where_it_hangs`
-    return {**os.environ, "PYTHONPATH": str(checkout), **said}
+    return {**os.environ, "PYTHONPATH": str(UNDER_TEST), **said}
 
 
 def where_it_hangs(pid):
@@ -69,14 +73,14 @@ def where_it_hangs(pid):
 class Command:
     """One of our commands as a process; its stderr is followed line by line."""
 
-    def __init__(self, name, *arguments, cwd, checkout=UNDER_TEST, stdin=subprocess.DEVNULL):
+    def __init__(self, name, *arguments, cwd, draws=False, stdin=subprocess.DEVNULL):
         self.process = subprocess.Popen(
-            [*program(name, checkout), *map(str, arguments)],
+            [*program(name, draws=draws), *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             stdin=stdin,
             cwd=cwd,
-            env=environment(checkout),
+            env=environment(),
         )
         self.said = ""
 

@@ -109,6 +109,7 @@ class Flight:
             f"ipc://{folder}/control",
             "--log-dir",
             self.logs,
+            draws=True,
         )
 
     @cached_property
