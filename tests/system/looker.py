@@ -6,6 +6,7 @@ two of them run any. While it runs, its thread can have no other event loop.
 
 import asyncio
 import contextlib
+import functools
 import importlib
 import queue
 import shutil
@@ -27,6 +28,8 @@ OPTIONS = [
     "--disable-sync",
 ]
 LIMIT_MS = 120_000
+ASK_MS = 100
+"""So often a page is asked for what is waited for; at every frame, it would draw all the time."""
 
 # The page's sockets, so that one can be dropped, and where new ones lead, if that is elsewhere.
 SOCKETS = """
@@ -58,6 +61,8 @@ class SharedBrowser:
             pytest.skip("no Chromium: apt-get install chromium-headless-shell to test the pages")
         if self._browser is None:
             sync_api = pytest.importorskip("playwright.sync_api")
+            wait = functools.partialmethod(sync_api.Page.wait_for_function, polling=ASK_MS)
+            sync_api.Page.wait_for_function = wait
             self._playwright = sync_api.sync_playwright().start()
             chromium = self._playwright.chromium
             self._browser = chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
