@@ -75,7 +75,10 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Every file stays on one core, as with `--dist loadfile`, the flights on two, pages on one."""
+    """Every file stays on one worker, as with `--dist loadfile`; the flights on two, pages on one.
+
+    So do the single orders, which take long and leave the processor to the others.
+    """
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
 
     class TwoFlightsAtATime(LoadFileScheduling):
@@ -85,7 +88,7 @@ def pytest_xdist_make_scheduler(config, log):
                 for n, lane in enumerate((*LANES, PAGES)):
                     if file.name in lane:
                         return f"lane {n}"
-            return str(file)
+            return str(file.parent if file.parent.name == "orders" else file)
 
     return TwoFlightsAtATime(config, log)
 
