@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import selectors
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol, cast
 
@@ -121,15 +121,17 @@ class Companion:
         send: Sends a message to the vehicle.
         say: Takes the lines that the operator sees.
         resume: Go on with a flight that is under way.
+        records: The folder of its records; None: it keeps none.
 
     Attributes:
         flight: The shell that flies.
         node: Its node in the team.
         exit_code: How `air-router fly` would have ended; None: it has not.
         outcome: In words.
+        report: What `--json` prints.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all that a life is made of
         self,
         path: Path,
         world: World,
@@ -137,6 +139,7 @@ class Companion:
         say: Callable[[str], None],
         *,
         resume: bool = False,
+        records: Path | None = None,
     ) -> None:
         self._loop = SimulatedLoop(world)
         self._send = send
@@ -144,6 +147,8 @@ class Companion:
         self._say: Callable[[str], None] | None = say
         self.exit_code: int | None = None
         self.outcome = ""
+        self.report: Mapping[str, Any] = {}
+        self._recorder = Recorder(records, str(path))
         mission = load_mission(path, in_flight=resume)
         team, uav = team_of(mission, None)
         clock = VehicleClock(self._loop.time, self._unix_s)
@@ -165,7 +170,7 @@ class Companion:
             ),
             mapper=mapper,
             seek=sought(team, uav, mission.seek, mission.goals_from),
-            recorder=Recorder(None, str(path)),
+            recorder=self._recorder,
             status=_Status(self._told, self._loop.time),
             arm=not resume,
             resume=resume,
@@ -186,6 +191,7 @@ class Companion:
             self.exit_code, self.outcome = _CRASHED, f"{type(error).__name__}: {error}"
         else:
             self.exit_code, self.outcome = result.exit_code, result.outcome
+            self.report = result.report
         finally:
             self._bury()
 
@@ -217,6 +223,7 @@ class Companion:
     def _bury(self) -> None:
         """Let its coroutines end where they cannot move anything any more."""
         self._say = None
+        self._recorder.close()
         self._loop.world = _Nowhere(self._world.now_s)
         if self._link is not None:
             self._link.send = lambda _name, _fields: None

@@ -64,7 +64,7 @@ WRONG_STREAMS: Final = {
 
 ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
 _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
-_SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
+SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
 """Modes that no PX4 refuses; in the first a restarted companion may take it back."""
 
 
@@ -235,7 +235,6 @@ blind_and_empty: Final = steps(
 )
 """No position comes any more, and the battery reaches its reserve meanwhile."""
 
-no_fix: Final = steps((0.0, "satellites", 0), (uniform(2.0, 20.0), "satellites", 12))
 altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf))))
 """Which item, and for how long its place is altered on the way."""
 
@@ -245,8 +244,8 @@ hand_back: Final = steps(
 )
 """The pilot takes over; the operator asks for it too early, then in time."""
 
-hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(12.0, 24.0), "hand back"))
-"""The pilot has it land, stops that well below its altitude, and hands it back."""
+hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "hand back"))
+"""The pilot has it land, stops that some way or well below its altitude, and hands it back."""
 
 paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
 disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
@@ -254,7 +253,7 @@ home_moved: Final = one("home", choice((0.0, -25.0), (30.0, 15.0)))
 restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
 restart_taken: Final = chain(
     (0.0, "kill"),
-    (uniform(0.5, 4.0), "pilot", choice(*_SURE[1:])),
+    (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),
     (uniform(1.0, 10.0), "restart"),
 )
 """The pilot takes the vehicle from a companion that is dead, and it is started again."""
@@ -269,10 +268,6 @@ lie: Final = steps((0.0, "fuller", choice(0.2, 0.5, 1.0)), (0.0, "battery", unif
 
 mad_robots: Final = one("mad", choice("future", "nan", "jump", "zone", "far", "stamp"))
 zones_across: Final = often("zone across", 3, uniform(25.0, 50.0), uniform(0.0, 6.0))
-corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 0.7))
-"""Around a corner at once, or so long after it was told to stop."""
-
-requests: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
 
 
 def brief(dice: random.Random) -> Iterator[Row]:
@@ -288,31 +283,19 @@ def height(dice: random.Random) -> Iterator[Row]:
     yield dice.choice((5.0, 20.0, math.inf)), "off", -off_m
 
 
-def ready_taken(dice: random.Random) -> Iterator[Row]:
-    """The pilot takes the vehicle on the ground, once it was looked at and before it is armed."""
-    how = dice.choice(("POSCTL", "ALTCTL", "arm"))
-    yield dice.uniform(2.5, 7.5), "before us", how
-
-
-def taken_in_haste(dice: random.Random) -> Iterator[Row]:
-    """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
-    at_s = dice.uniform(2.0, 5.0)
-    yield 0.0, "send", at_s - 1.5
-    yield at_s - 1.6, "deaf", True
-    yield at_s - 0.8, "send again" if dice.randrange(2) else "hold"
-    yield at_s, "pilot", dice.choice(_SURE)
-    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
-
-
-def diverted(dice: random.Random) -> Iterator[Row]:
-    """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
-    at_s = dice.uniform(40.0, 140.0)
-    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    yield at_s, "hold", None, "armed"
-    if dice.randrange(2):
-        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
+def no_fix(dice: random.Random) -> Iterator[Row]:
+    """Too few satellites, or a receiver that has none, or a fix that is flat, as it says."""
+    lasts_s, kind = dice.uniform(2.0, 20.0), dice.randrange(3)
+    if kind:
+        yield 0.0, "fix", (kind, lasts_s)
     else:
-        yield from ((each_s, "pause", True, "armed") for each_s in later_s)
+        yield from ((0.0, "satellites", 0), (lasts_s, "satellites", 12))
+
+
+def ready_taken(dice: random.Random) -> Iterator[Row]:
+    """The pilot takes the vehicle on the ground, or arms it before it is looked at."""
+    how, at_s = dice.choice(("POSCTL", "ALTCTL", "arm")), dice.uniform(2.5, 7.5)
+    yield 1.0 if how == "arm" and dice.randrange(2) else at_s, "before us", how
 
 
 def zone_in_haste(dice: random.Random) -> Iterator[Row]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.rehearsal import courses
+from sitl.rehearsal import courses, requests
 from sitl.rehearsal.courses import (
     BATTERY,
     ITEM,
@@ -48,6 +50,9 @@ class Kind(NamedTuple):
         loss: Share of packets that are lost.
         late_s: By so much commands come late, from arming on.
         old_s: By so much what the vehicle says comes late, from arming on.
+        mission: Keys of the mission file that it flies with.
+        waypoints: Of how many it has the first; 0: of all.
+        records: Whether the companion keeps a record of the flight.
     """
 
     words: str
@@ -57,6 +62,9 @@ class Kind(NamedTuple):
     loss: float = 0.0
     late_s: float = 0.0
     old_s: float = 0.0
+    mission: Mapping[str, Any] = MappingProxyType({})
+    waypoints: int = 0
+    records: bool = False
 
 
 class Fault(Enum):
@@ -106,10 +114,10 @@ class Fault(Enum):
         "pilot lands it, stops that low, and hands back", 8, courses.hand_back_low
     )
     TAKEN_IN_HASTE = Kind(
-        "pilot takes over while commands of ours wait", 16, courses.taken_in_haste
+        "pilot takes over while commands of ours wait", 16, requests.taken_in_haste
     )
     PAUSE = Kind("pilot pauses or diverts it in our own mode", 12, courses.paused)
-    DIVERTED = Kind("diverted, or flown by the sticks, while we have it hold", 8, courses.diverted)
+    DIVERTED = Kind("diverted, or flown by the sticks, while we have it hold", 8, requests.diverted)
     TWO_STATIONS = Kind("two stations command at once", 16, courses.two_stations)
     DISARMED = Kind("disarmed by a station right after the arming", 8, courses.disarmed, "armed")
     KILLED_IN_AIR = Kind("disarmed by force in the air", 12, one("disarm", value=True))
@@ -152,8 +160,21 @@ class Fault(Enum):
     ZONE_IN_HASTE = Kind(
         "a zone is drawn over a way that waits", 12, courses.zone_in_haste, "SEARCH"
     )
-    CORNERS = Kind("sent around a corner that it does not stop at", 12, courses.corners, "INIT")
-    REQUESTS = Kind("requests at random moments", 16, courses.requests, "climb")
+    CORNERS = Kind("sent around a corner that it does not stop at", 12, requests.corners, "INIT")
+    REQUESTS = Kind("requests at random moments", 16, requests.at_random, "climb")
+    SENT = Kind("sent to several points, held, and on", 10, requests.sent, "INIT")
+    EXPLORED = Kind(
+        *("a short mission explored, by two companions", 10, requests.explored, "climb"),
+        waypoints=9,
+        records=True,
+        mission={"duration_s": 190, "timers": {"init_s": 400, "search_s": 10}},
+    )
+    LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
+    HOME_FOR_GOOD = Kind("requests on a way home for a fault", 10, requests.home_for_good, "INIT")
+    ENDURANCE = Kind(
+        *("a way home that takes more than the reserve", 6, one("battery", 250.0), "ready"),
+        mission={"endurance_s": 250, "battery_reserve": 0.1, "duration_s": 600},
+    )
     # Two at once, and what only the real programs fly.
     TWO = Kind("two of these at once", 40)
     MOVED_LINK = Kind("the vehicle is heard from another port", 0)
@@ -175,7 +196,8 @@ _ALONE: Final = frozenset(
         *(Fault.NONE, Fault.PUSHED, Fault.BLIND_AND_EMPTY, Fault.UPLOAD, Fault.ALTERED),
         *(Fault.READY_TAKEN, Fault.HANDED_BACK_LOW, Fault.TAKEN_IN_HASTE, Fault.DIVERTED),
         *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
-        *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO),
+        *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
+        *(Fault.LANDED_HERE, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
     }
 )

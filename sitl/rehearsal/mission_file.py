@@ -9,7 +9,7 @@ import copy
 import functools
 import math
 import random
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -69,6 +69,11 @@ def hurried(path: Path) -> dict[str, Any]:
     if "no_fly_files" in document:
         document["no_fly_files"] = [str(folder / name) for name in document["no_fly_files"]]
     return {**document, "timers": _TIMERS, "speed_m_s": 5, "duration_s": 170}
+
+
+def changed(document: dict[str, Any], keys: Mapping[str, Any], waypoints: int) -> dict[str, Any]:
+    """A mission with other keys, and only its first waypoints; 0: all."""
+    return {**document, **keys, "waypoints": document["waypoints"][: waypoints or None]}
 
 
 def with_room(document: dict[str, Any]) -> dict[str, Any]:

@@ -12,19 +12,17 @@ from typing import Final
 
 from air_router.controller.model.requests import (
     AnyRequest,
-    ComeHome,
-    ExploreNow,
     GoOn,
     GoTo,
     HoldNow,
+    LandNow,
     Reload,
-    SeekNow,
 )
-from air_router.mission.mission import Mission
 from geo.frame import Point
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.mission_file import SIDES, FlyableSpace
+from sitl.rehearsal.requests import request_of, words_of
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
@@ -35,19 +33,6 @@ _PATIENCE_S: Final = 60.0
 _READ_S: Final = 4.0
 """What reading a changed file may take."""
 
-_VERBS: Final = {
-    GoOn: "resume",
-    HoldNow: "hold",
-    ComeHome: "home",
-    SeekNow: "seek",
-    ExploreNow: "explore",
-    GoTo: "goto",
-    Reload: "reload",
-}
-
-_ROBOTS: Final = ("callisto", "europa", "io", "phantom")
-_HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
-_BESIDE_M: Final = 40.0
 _COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT", "MISSION_SET_CURRENT")
 
 _FAST_M_S, _SLOW_M_S = 3.5, 2.0
@@ -112,8 +97,8 @@ class Operator:
         """Ask the companion for something, if there is one."""
         companion = self._flight.companion
         if companion is not None:
-            verb = _VERBS.get(type(request), "another")
-            self._flight.happened(SceneEventKind.REQUEST, verb)
+            words = words_of(request, self._flight.mission)
+            self._flight.happened(SceneEventKind.REQUEST, words)
             self._flight.call(lambda: companion.ask(request))
 
     def do_request(self, choice: float) -> None:
@@ -124,6 +109,23 @@ class Operator:
     def do_hold(self, _: None) -> None:
         """Have it hold."""
         self.ask(HoldNow())
+
+    def do_resume(self, _: None) -> None:
+        """Have it go on with what it held for."""
+        self.ask(GoOn())
+
+    def do_land(self, _: None) -> None:
+        """Have it land where it is."""
+        self.ask(LandNow())
+
+    def do_tour(self, tour: tuple[int, float | None]) -> None:
+        """Send it to so many points, each in sight of the one before; how long to hover there."""
+        (count, hold_s), places = tour, [self.here]
+        for _ in range(count):
+            place = self.space.in_sight(places[-1], self._haste)
+            places += [] if place is None else [place]
+        if len(places) > 1:
+            self.ask(GoTo(tuple(map(self._point, places[1:])), hold_s))
 
     def do_send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after it was told to stop."""
@@ -321,26 +323,3 @@ class Operator:
     def wait_for(self, moment: Moment) -> None:
         """Do something in its moment, if that comes soon."""
         self._waiting.append((self._flight.now_s + _LOOKS_S, moment))
-
-
-def request_of(choice: float, dice: random.Random, mission: Mission, here: Point) -> AnyRequest:
-    """A request by a number from 0 to 1: all verbs, points near waypoints and the vehicle."""
-    if choice < _HOLD:
-        return HoldNow()
-    if choice < _GO_ON:
-        return GoOn()
-    if choice < _SEEK:
-        return SeekNow(dice.choice(_ROBOTS))
-    if choice < _EXPLORE:
-        return ExploreNow()
-    if choice < _HOME:
-        return ComeHome()
-    count, waits = dice.choice((1, 1, 2, 5)), dice.random() < 0.2
-    points = tuple(_place(dice, mission, here) for _ in range(count))
-    return GoTo(points, dice.choice((None, 0.0, 5.0)), waits)
-
-
-def _place(dice: random.Random, mission: Mission, here: Point) -> Point:
-    beside = (dice.uniform(-_BESIDE_M, _BESIDE_M), dice.uniform(-_BESIDE_M, _BESIDE_M))
-    east_m, north_m = dice.choice((here, dice.choice(mission.waypoints).position))
-    return Point(east_m + beside[0], north_m + beside[1])

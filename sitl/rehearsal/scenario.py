@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +15,6 @@ from air_router.mission.mission import Mission
 from air_router.mission.team import sought, team_of
 from geo.frame import Point
 from sitl.mavlink.codec import MessagePacker
-from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
@@ -28,8 +29,8 @@ from sitl.rehearsal.judge.evidence import (
     SceneEventKind,
     WireMessage,
 )
-from sitl.rehearsal.mission_file import MissionFile, hurried, with_room
-from sitl.rehearsal.seen import Ending, phases, true_degrees, true_state
+from sitl.rehearsal.mission_file import MissionFile, changed, hurried, with_room
+from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.stations import Stations
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
@@ -45,14 +46,6 @@ heard of a choice, sends nothing more."""
 BOOT_S: Final = 5.0
 SPARE_BYTES_S: Final = 1.0
 """What a socket keeps of the messages to a program that stands still: those of so many seconds."""
-
-_HEARD: Final = (
-    *("HEARTBEAT", "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "GLOBAL_POSITION_INT"),
-    *("HOME_POSITION", "EXTENDED_SYS_STATE", "CURRENT_MODE", "POSITION_TARGET_GLOBAL_INT"),
-)
-_FEWER_HZ: Final = {"GLOBAL_POSITION_INT": 10.0, "POSITION_TARGET_GLOBAL_INT": 2.0}
-RATES_HZ: Final = {name: ONBOARD_RATES_HZ[name] for name in _HEARD} | _FEWER_HZ
-"""PX4's, of what a companion listens to; positions as it asks for them."""
 
 
 class SceneOverError(BaseException):
@@ -99,6 +92,8 @@ class Scenario:
         self._ending = Ending()
         self._off_m = 0.0  # error of the estimate as it was recorded last
         self._seen = FlightRecord()  # for the judge
+        self._report: Mapping[str, Any] = {}
+        self._records: Path | None = None  # where the companion keeps its own
         self.file: MissionFile
         self.mission: Mission
         self.seek: tuple[str, ...]
@@ -126,13 +121,16 @@ class Scenario:
             mission_text=text,
             exit_code=exit_code,
             outcome=outcome,
+            report=self._report,
             uav=self.mission.uav,
             reaction_s=REACTION_S,
         )
 
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
-        document = dict(hurried(self._path))
+        kind = scene.fault.value
+        document = changed(hurried(self._path), kind.mission, kind.waypoints)
+        self._records = folder / "records" if kind.records else None
         if scene.draws:
             document = with_room(document)
         self.file = MissionFile(folder / "mission.yaml", document)
@@ -156,7 +154,8 @@ class Scenario:
         self.stations = Stations(self.vehicle, self._record)
         waypoints = [waypoint.position for waypoint in mission.waypoints]
         places = {name: anywhere(self._dice, waypoints) for name in self.seek}
-        self.robots = Robots(mission.frame, places, lambda: EPOCH_S + self.now_s)
+        met = functools.partial(self.happened, SceneEventKind.MET)
+        self.robots = Robots(mission.frame, places, lambda: EPOCH_S + self.now_s, met)
         link = self.link
         link.loss = scene.most("loss")
         if Fault.BURSTS in scene.faults:
@@ -187,7 +186,9 @@ class Scenario:
     def _live(self, *, resume: bool) -> tuple[int | None, str]:
         """One life of a companion, from start to end or power cut."""
         self.happened(SceneEventKind.STARTED)
-        companion = Companion(self.file.path, self, self.send, self._say, resume=resume)
+        companion = Companion(
+            self.file.path, self, self.send, self._say, resume=resume, records=self._records
+        )
         self.companion = companion
         try:
             companion.run()
@@ -196,6 +197,7 @@ class Scenario:
             return None, "killed"
         self.companion = None
         self.happened(SceneEventKind.ENDED)
+        self._report = companion.report
         return companion.exit_code, companion.outcome
 
     # World
@@ -276,7 +278,8 @@ class Scenario:
             self.link.late_s, self.link.old_s = map(self.scene.most, ("late_s", "old_s"))
         in_charge = None if companion is None else companion.in_charge
         armed = autopilot.armed
-        if self._ending.has_come(self.now_s, in_charge, armed=armed, done=not goes_on):
+        done = not goes_on and (companion is None or autopilot.mode not in LANDS)
+        if self._ending.has_come(self.now_s, in_charge, armed=armed, done=done):
             raise SceneOverError
 
     # What happens
@@ -303,6 +306,13 @@ class Scenario:
         """The companion's power is back, and the flight is to be resumed."""
         if self.companion is None and self.autopilot.armed:
             self._restarts = True
+            for path in self._records.glob("*") if self._records else ():
+                os.utime(path, times=(time.time() - self._down_s,) * 2)  # so long ago it ended
+
+    @property
+    def _down_s(self) -> float:
+        """For how long there has been no companion."""
+        return self.now_s - max(h.time_s for h in self._seen.told(SceneEventKind.KILLED))
 
     # What is seen
 

@@ -4,11 +4,24 @@ from __future__ import annotations
 
 from typing import Final
 
+from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.companion import Companion
 from sitl.rehearsal.judge.evidence import Sample
 
+_HEARD: Final = (
+    *("HEARTBEAT", "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "GLOBAL_POSITION_INT"),
+    *("HOME_POSITION", "EXTENDED_SYS_STATE", "CURRENT_MODE", "POSITION_TARGET_GLOBAL_INT"),
+)
+_FEWER_HZ: Final = {"GLOBAL_POSITION_INT": 10.0, "POSITION_TARGET_GLOBAL_INT": 2.0}
+RATES_HZ: Final = {name: ONBOARD_RATES_HZ[name] for name in _HEARD} | _FEWER_HZ
+"""PX4's, of what a companion listens to; positions as it asks for them."""
+
 MOST_S: Final = 600.0
+LANDS: Final = frozenset({FlightMode.AUTO_LAND, FlightMode.AUTO_RTL})
+"""Modes that end on the ground: what a companion then says of the flight is waited for."""
+
 PILOT_S: Final = 25.0
 """For so long a pilot (or nothing) is watched after the vehicle was given away."""
 
@@ -69,7 +82,7 @@ class Ending:
             now_s: Simulated seconds.
             in_charge: Whether the companion holds the vehicle for its own; None: there is none.
             armed: Whether the vehicle is.
-            done: Whether everything that can happen has happened.
+            done: Whether everything that can happen has happened, and it does not come down.
         """
         if armed:
             self.flown, self._disarmed_s = True, None

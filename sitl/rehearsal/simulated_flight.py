@@ -109,6 +109,14 @@ class SimulatedFlight(Scenario):
         """So many are in use."""
         self.stations.parameter("SIM_GPS_USED", number)
 
+    def do_fix(self, what: tuple[int, float]) -> None:
+        """The receiver says that its fix is of this kind, for so long."""
+        kind, seconds = what
+        self.link.trouble(
+            *(Way.DOWN, "GPS_RAW_INT", StreamFault.WRONG, self.now_s + seconds),
+            wrong=lambda fields, _: {**fields, "fix_type": kind},
+        )
+
     def do_battery(self, drain_s: float) -> None:
         """It takes so many seconds from full to empty."""
         self.stations.parameter("SIM_BAT_DRAIN", drain_s)
@@ -178,7 +186,8 @@ class SimulatedFlight(Scenario):
         else:
             pilot.sticks()
             pilot.choose(FlightMode[how])
-        self._taken("armed" if how == "arm" else how)
+        if how != "arm" or self.autopilot.armed:
+            self._taken("armed" if how == "arm" else how)
 
     def do_busy(self, on: bool) -> None:
         """A station downloads the plan."""
@@ -233,7 +242,7 @@ class SimulatedFlight(Scenario):
 
     def do_pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
-        autopilot, companion = self.autopilot, self.companion
+        autopilot, companion, dice = self.autopilot, self.companion, self._fault_dice
         if companion is None or self._operator.pilot or not self._operator.flies:
             return
         pending = companion.flight.controller.gate.pending
@@ -244,7 +253,10 @@ class SimulatedFlight(Scenario):
             if self.stations.divert():
                 self._taken("item")
         elif autopilot.mode is FlightMode.AUTO_LOITER and (divert or moving):
-            place = (autopilot.situation.north_m + 12.0, autopilot.situation.east_m)
+            away_m, angle_rad = dice.uniform(10.0, 38.0), dice.uniform(0.0, 2 * math.pi)
+            north_m, east_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
+            here = autopilot.situation
+            place = (here.north_m + north_m, here.east_m + east_m)
             autopilot.reposition(place if divert else None, None)
             self._taken("reposition")
 

@@ -19,6 +19,7 @@ class End(Enum):
     """How a flight ended."""
 
     LANDED = "landed at home"
+    ASKED = "landed where it was asked to"
     PILOT = "held or landed by the pilot"
     FAILSAFE = "in the autopilot's failsafe"
     HOVERS = "hovers where its last leg ended"
@@ -40,6 +41,7 @@ class Row:
         notice_s: How much longer than usual the companion has to notice that it was taken over.
         says: A pattern that one of its lines has to match; empty: nothing has to be said.
         shows_s: It has to be said if the vehicle cruised with it for so long; else always.
+        explores: It has the time to visit every waypoint.
     """
 
     ends: frozenset[End]
@@ -49,6 +51,7 @@ class Row:
     notice_s: float = 0.0
     says: str = ""
     shows_s: float = 0.0
+    explores: bool = False
 
     def with_(self, other: Row) -> Row:
         """What is accepted when both happen: what either may end as, and all that is excused."""
@@ -89,6 +92,12 @@ ACCEPTED: Final = MappingProxyType(
             ),
             _HOME,
         ),
+        # Nothing goes wrong: what is asked of it is done, or a way home not called off.
+        "SENT": _HOME,
+        "EXPLORED": _row(End.LANDED, explores=True),
+        "LANDED_HERE": _row(End.LANDED, End.ASKED),
+        "ENDURANCE": _HOME,
+        "HOME_FOR_GOOD": _HOME,
         # The weather and the estimate.
         "GUSTS": _row(End.LANDED, home_m=2.0),
         "STORM": _row(*End, room_m=30.0, height_m=10.0, home_m=60.0),

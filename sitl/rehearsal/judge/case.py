@@ -60,6 +60,7 @@ _SAID_S: Final = 3.0
 _SETTLED_S: Final = 8.0
 """A companion that was started has so long to connect."""
 
+_LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 
@@ -117,6 +118,7 @@ class Case(Track):
         row: What is accepted; a pilot's choice that was refused or came too late is no fault.
         uploads: Plans that the vehicle accepted.
         legs: The commands that lead to a place, and to which.
+        landing_place: Where it was when it was asked to land, and that was accepted; None: never.
     """
 
     def __init__(self, evidence: Evidence) -> None:
@@ -129,6 +131,8 @@ class Case(Track):
         pilot = any(given.by is Responsible.PILOT for given in self.given)
         self.row = accepted(evidence.faults - (set() if pilot else {"PILOT", "PAUSE"}))
         self.uploads = list(uploads_of(evidence.messages))
+        asked_s = [at_s for at_s, text in self.said if _LANDS_HERE in text]
+        self.landing_place = self.place(self.at(asked_s[0])) if asked_s else None
         self.legs = [(m, to) for m in self.commands if (to := self.target(m)) is not None]
 
     def target(self, message: WireMessage) -> Pair | None:

@@ -54,6 +54,11 @@ _FRESH_S: Final = 0.6
 """A repeat needs a HEARTBEAT that is no older."""
 
 _STANDS_M: Final = 0.2
+_STRAIGHT_UP_M: Final = 10.0
+"""A place so near is one to climb at: where a vehicle comes to rest that is told to."""
+
+_CONNECTS_S: Final = 1.0
+"""A companion that was started has looked at the vehicle no sooner."""
 
 
 def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
@@ -163,6 +168,34 @@ def legs_are_clear(case: Case) -> Iterator[Violation]:
         short = _falls_short(case, index, message.time_s, target)
         if short and case.flying[index]:
             yield Violation(message.time_s, "leg", f"a leg that {short}")
+
+
+def no_leg_begins_low(case: Case) -> Iterator[Violation]:
+    """A vehicle below the plan's altitudes, as one that was given back low, climbs where it is."""
+    mission = case.mission
+    low_m = min(mission.altitudes_m) - mission.vertical_margin_m - case.row.height_m
+    for message, target in case.legs:
+        index = case.at(message.time_s)
+        above_m, off_m = float(case.above_m[index]), float(case.off_m[index])
+        on_m = math.dist(case.place(index), target) - off_m
+        if case.flying[index] and above_m < low_m and on_m > _STRAIGHT_UP_M + case.row.room_m:
+            text = f"a leg of {on_m:.0f} m at {above_m:.1f} m, {low_m:.1f} m and more are flown"
+            yield Violation(message.time_s, "altitude", text)
+            return
+
+
+def nothing_is_put_on_board_of_an_armed_vehicle(case: Case) -> Iterator[Violation]:
+    """One that a pilot has armed on the ground is not prepared for a flight."""
+    for started in case.evidence.told(SceneEventKind.STARTED):
+        index = case.at(started.time_s + _CONNECTS_S)
+        if not case.armed[index] or case.flying[index]:
+            continue
+        for message in case.commands:
+            uploads = message.name == "MISSION_COUNT" and message.time_s >= started.time_s
+            if uploads and case.armed[case.at(message.time_s)]:
+                text = "a plan is put on board of a vehicle that the pilot has armed"
+                yield Violation(message.time_s, "authority", text)
+                return
 
 
 def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:

@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
@@ -15,6 +17,7 @@ from sitl.rehearsal.judge.evidence import (
     SceneEventKind,
     is_motion,
 )
+from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.space import leads_home
 
 _BRAKED_S: Final = 4.0
@@ -27,7 +30,10 @@ _DETOUR: Final = 2.0
 _SECOND: Final = 25
 """Samples of a second, about."""
 
-_ANSWER: Final = re.compile(r": (accepted|refused): (.*)$")
+_ANSWER: Final = re.compile(
+    r"the operator: (accepted|refused): (?!a newer request came|its time was)(.*)$"
+    r"|points from the operator (wait) until the vehicle flies on"
+)
 _ANSWERED_S: Final = 1.0
 _NO_MORE: Final = re.compile("already|as soon as|once the changed|before it begins|on the ground")
 """An answer that says so promises nothing more, or not yet."""
@@ -40,6 +46,18 @@ _HOLDS_S: Final = 12.0
 
 _SETS_OUT_S: Final = 5.0
 """Within that time the first motion of a way home is sent: one may be waited for that was lost."""
+
+_LEADS_TO: Final = {
+    "hold": "HOLD",
+    "goto": "GOTO",
+    "seek": "SEARCH",
+    "explore": "EXPL",
+    "home": "HOME",
+    "land": "LAND",
+}
+"""The state that an accepted request leads to at once."""
+
+_BESIDE_M, _STANDS_M_S = 3.0, 1.5
 
 _ENDS: Final = re.compile("coming home|hands off|leaving ")
 _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "GOTO", "HOLD"})
@@ -61,6 +79,13 @@ class News(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.what} at {self.began_s:.1f} s"
+
+
+class Answer(NamedTuple):
+    """What was answered: "accepted" or "refused" (empty: it waits), and in which words."""
+
+    what: str
+    words: str
 
 
 def says(
@@ -131,23 +156,32 @@ def comes_home(
 
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
-    """What followed an accepted "hold" or "home" of the operator, until the next request."""
-    requests = list(case.evidence.told(SceneEventKind.REQUEST))
-    ends_s = [*(request.time_s for request in requests), float(case.time_s[-1])]
-    for request, until_s in zip(requests, ends_s[1:], strict=True):
-        verb = str(request.value).split()[0] if _is_accepted(case, request) else ""
+    """What followed an accepted "hold", "home" or "goto", until the next request."""
+    answered = list(_answered(case))
+    ends_s = [*(request.time_s for request, _ in answered), float(case.time_s[-1])]
+    for (request, answer), until_s in zip(answered, ends_s[1:], strict=True):
+        verb = str(request.value).split()[0] if answer and _promises(answer) else ""
         if verb == "hold":
             yield from _holds(case, request.time_s, until_s)
-        elif verb == "home":
+        elif verb == "home" or (verb == "goto" and _is_far(case, request)):
             yield from _sets_out(case, request.time_s, until_s)
 
 
-def _is_accepted(case: Case, request: SceneEvent) -> bool:
+def _answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
+    """Every request with what the operator was answered at once, in the same order."""
+    answers = [(at_s, m) for at_s, text in case.said if (m := _ANSWER.search(text))]
+    for request in case.evidence.told(SceneEventKind.REQUEST):
+        asked_s = request.time_s
+        while answers and answers[0][0] < asked_s:
+            answers.pop(0)  # of one that waited
+        own = bool(answers) and answers[0][0] <= asked_s + _ANSWERED_S
+        found = answers.pop(0)[1] if own else None
+        yield request, Answer(found[1] or "", found[2] or "") if found else None
+
+
+def _promises(answer: Answer) -> bool:
     """Whether the companion promised to do it now."""
-    for at_s, text in case.said:
-        if 0.0 <= at_s - request.time_s <= _ANSWERED_S and (answer := _ANSWER.search(text)):
-            return answer[1] == "accepted" and not _NO_MORE.search(answer[2])
-    return False
+    return answer.what == "accepted" and not _NO_MORE.search(answer.words)
 
 
 def _holds(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
@@ -163,8 +197,67 @@ def _sets_out(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]
         return
     sent = any(asked_s <= m.time_s <= due_s for m in case.commands if is_motion(m))
     if case.answers(asked_s, due_s) and not sent:
-        text = f"nothing was sent, though a way home was accepted at {asked_s:.1f} s"
+        text = f"nothing was sent, though a way was accepted at {asked_s:.1f} s"
         yield Violation(due_s, "request", text)
+
+
+def _places(case: Case, request: SceneEvent) -> list[Pair]:
+    """The points of a "goto", in metres."""
+    pairs = re.findall(r"(-?[\d.]+),(-?[\d.]+)", str(request.value))
+    return [case.mission.frame.metres(float(lat), float(lon)) for lat, lon in pairs]
+
+
+def _is_far(case: Case, request: SceneEvent) -> bool:
+    here = case.place(case.at(request.time_s))
+    return any(math.dist(here, place) > _BESIDE_M for place in _places(case, request)[:1])
+
+
+def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Violation]:
+    """Each is answered at once; the state changes with it if it is accepted, else it does not."""
+    for request, answer in _answered(case) if case.evidence.heard else ():
+        asked_s, verb = request.time_s, str(request.value).split()[0]
+        if verb not in _LEADS_TO or not case.answers(asked_s, asked_s + _ANSWERED_S, ours=False):
+            continue
+        done = case.has_said(f" -> {_LEADS_TO[verb]}$", asked_s, asked_s + _ANSWERED_S)
+        if answer is None:
+            yield Violation(asked_s, "request", f"{verb} was not answered")
+        elif answer.what == "refused" and done:
+            yield Violation(asked_s, "request", f"{verb} was refused and done: {answer.words}")
+        elif _promises(answer) and not done:
+            yield Violation(asked_s, "request", f"{verb} was accepted, not done: {answer.words}")
+
+
+def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
+    """When it says that it is at the last of several points it was at all of them, in order."""
+    accepted = [(r, a) for r, a in _answered(case) if a and _promises(a)]
+    sent = [(r, a) for r, a in accepted if str(r.value).startswith("goto")]
+    for end_s in (at_s for at_s, text in case.said if text.endswith("at the last point")):
+        for request, answer in [each for each in sent if each[0].time_s < end_s][-1:]:
+            first, until = case.at(request.time_s), case.at(end_s) + 1
+            for count, place in enumerate(_places(case, request), 1):
+                if case.has_said(f"point {count} left out", request.time_s, end_s):
+                    continue
+                of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"
+                beside = re.search(of, answer.words)
+                near_m = case.mission.acceptance_m + _BESIDE_M + float(beside[1] if beside else 0)
+                away_m = np.hypot(*(case.places[first:until] - place).T)
+                hits = np.flatnonzero(away_m <= near_m + case.off_m[first:until])
+                if not len(hits):
+                    text = f"no nearer than {away_m.min():.1f} m to point {count}, though it says"
+                    yield Violation(end_s, "request", f"{text} that it is at the last one")
+                    return
+                first += int(hits[0])
+
+
+def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
+    """Asked to land where it hovers it stands, and comes down there."""
+    if case.landing_place is None:
+        return
+    asked_s = next(at_s for at_s, text in case.said if ": accepted: it lands where" in text)
+    index = case.at(asked_s)
+    speed_m_s = case.speed_m_s(max(index - 5, 0), index)
+    if speed_m_s > _STANDS_M_S:
+        yield Violation(asked_s, "landing", f"told to land at {speed_m_s:.1f} m/s")
 
 
 def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:

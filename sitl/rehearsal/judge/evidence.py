@@ -92,7 +92,8 @@ class SceneEventKind(StrEnum):
     PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
     DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
     REBOOTED = "rebooted"  # None: the autopilot was started anew, on the ground at home
-    REQUEST = "request"  # an operator's request as sent: its verb, "resume", "hold", "home" ...
+    REQUEST = "request"  # an operator's, as typed: "hold", "seek io", "goto 39.9,-75.2 39.9,-75.1"
+    MET = "robot met"  # the robot that was near enough to hand over its messages
     KILLED = "companion killed"  # None
     STARTED = "companion started"  # None; also the first time
     ENDED = "companion ended"  # None: its program is over
@@ -171,6 +172,7 @@ class Evidence(FlightRecord):
         mission_text: Its text at the start.
         exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
         outcome: The end that the companion announced: last line, or as its status says.
+        report: What its `--json` prints of the flight; empty: that was not kept.
         uav: Which of several UAVs this one is.
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
@@ -183,6 +185,7 @@ class Evidence(FlightRecord):
     mission_text: str
     exit_code: int | None = None
     outcome: str = ""
+    report: Mapping[str, Any] = field(default_factory=dict)
     uav: str | None = None
     reaction_s: float = 1.0
     speed: float = 1.0

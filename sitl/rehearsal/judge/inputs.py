@@ -17,7 +17,7 @@ import numpy as np
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
-from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
+from sitl.rehearsal.judge.evidence import WireMessage, number
 from sitl.rehearsal.judge.mission_reader import Area
 from sitl.rehearsal.judge.space import depths_m
 from sitl.rehearsal.judge.track import Floats
@@ -54,10 +54,6 @@ _SHORT_M, _SHORT_S = 1.0, 1.0
 _BACK_S: Final = 15.0
 """What a vehicle has to leave the place where a pilot gave it back."""
 
-_HOME_UP_M: Final = 3.0
-"""A home that is moved up or down by so much changes what the plan's heights mean."""
-
-_JUMP_M, _CLIMB_M_S = 4.0, 6.0
 _MOVES_CM_S: Final = 100
 
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
@@ -316,27 +312,3 @@ def _near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[
             least_m = area.clearance_m - _SHORT_M if room_m is None else room_m
             near = level & (depths_m(area, places) > -least_m)
             yield area, version.from_s, list(_spans(messages, near))
-
-
-def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:
-    """An altitude that no vehicle can have flown to is told, and the vehicle stops."""
-    for before, message in itertools.pairwise(_heard(case, "GLOBAL_POSITION_INT")):
-        seconds = (message.fields["time_boot_ms"] - before.fields["time_boot_ms"]) / 1e3
-        jump_m = abs(message.fields["alt"] - before.fields["alt"]) / 1e3
-        if not 0.0 < seconds <= 1.0 or jump_m <= _JUMP_M + _CLIMB_M_S * seconds:
-            continue
-        begin_s, due_s = message.time_s, message.time_s + case.reacts_s
-        if case.state(begin_s) in _CRUISE and case.answers(begin_s, due_s):
-            news = News(begin_s, f"the altitude jumped by {jump_m:.1f} m")
-            yield from says(case, news, "altitude|height", due_s)
-            yield from stops(case, news)
-
-
-def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
-    """When a station moves home up or down, the vehicle stops."""
-    before_m = case.ground_m
-    for moved in case.evidence.told(SceneEventKind.HOME_MOVED) if case.evidence.heard else ():
-        up_m, before_m = moved.value[2] - before_m, moved.value[2]
-        if abs(up_m) >= _HOME_UP_M and case.state(moved.time_s) in _CRUISE:
-            news = News(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
-            yield from stops(case, news)

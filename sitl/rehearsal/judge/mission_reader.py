@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -122,6 +122,10 @@ class RawMission:
         speed_m_s: To cruise at.
         battery_reserve: Come home at this share of a full battery.
         duration_s: Come home so long after the take-off; infinite: when all is explored.
+        endurance_s: How long a full battery lasts in cruise; infinite: the file does not say.
+        seek: Whom to seek in turn; empty: the file has no plain list.
+        timers_s: How long states last, by the names of the file; those that it leaves out are not
+            known.
     """
 
     frame: Frame
@@ -138,6 +142,9 @@ class RawMission:
     speed_m_s: float = _SPEED_M_S
     battery_reserve: float = _RESERVE
     duration_s: float = math.inf
+    endurance_s: float = math.inf
+    seek: tuple[str, ...] = ()
+    timers_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -240,6 +247,9 @@ class _YamlReader:
             speed_m_s=float(data.get("speed_m_s", _SPEED_M_S)),
             battery_reserve=float(data.get("battery_reserve", _RESERVE)),
             duration_s=float(data.get("duration_s", math.inf)),
+            endurance_s=float(data.get("endurance_s", math.inf)),
+            seek=tuple(seek if isinstance(seek := data.get("seek"), list) else ()),
+            timers_s={name: float(at_s) for name, at_s in (data.get("timers") or {}).items()},
         )
 
     def _area(

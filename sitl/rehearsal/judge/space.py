@@ -226,7 +226,8 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
             if before is not Responsible.OURS and beyond_m:  # farther off it may not get from here
                 excuse_m, back_at = beyond_m + DRIFT_M, index
             home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
-            begins = (lands and not landing) or not (up or excuse_m or lands)
+            here = case.landing_place is not None and lands  # `duties` look where
+            begins = (lands and not landing and not here) or not (up or excuse_m or lands)
             wrong: list[tuple[str, float, str]] = []
             if begins and home_m > allowed_m:
                 text = f"{home_m:.1f} m from home, {allowed_m:.1f} m are allowed"

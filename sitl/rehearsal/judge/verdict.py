@@ -10,13 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from sitl.rehearsal.judge import commands, duties, inputs, plan, space
+from sitl.rehearsal.judge import commands, duties, heights, inputs, plan, promises, space
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, EvidenceError, SceneEventKind, number
 
-_DONE, _REFUSED, _TAKEN_OVER = 0, 5, 6
-"""Exit codes of `air-router fly`: landed at home; refused, left as it is; the pilot took over."""
+_DONE, _OTHERWISE, _REFUSED, _TAKEN_OVER = 0, 1, 5, 6
+"""Exit codes of `air-router fly`: landed at home; ended otherwise; refused, left as it is; the
+pilot took over."""
 
 _LAG_S: Final = 0.5
 """Lines are stamped by the program that reads them, happenings by the one that does them."""
@@ -86,11 +87,16 @@ def end_of(case: Case) -> End:
     if case.flying[-1]:
         return _left_flying(case)
     last = int(case.flying.nonzero()[0][-1])
-    if case.by[last] in _HOLDER:
-        return _HOLDER[case.by[last]]
-    if samples[-1].armed:
+    return _HOLDER[case.by[last]] if case.by[last] in _HOLDER else _down(case, last)
+
+
+def _down(case: Case, last: int) -> End:
+    """The end of a flight that was ours to its last sample in the air."""
+    if case.evidence.samples[-1].armed:
         return End.NOT
     allowed_m = case.mission.acceptance_m + _BESIDE_M + case.row.home_m + case.off_m[last]
+    if case.landing_place and math.dist(case.landing_place, case.place(last)) <= allowed_m:
+        return End.ASKED
     return End.LANDED if case.from_home_m(last) <= allowed_m else End.ELSEWHERE
 
 
@@ -172,16 +178,19 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
     over = taken_s > over_s  # it had ended before that
     claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
-    end_s, landed = float(case.time_s[-1]), end is End.LANDED
+    end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ASKED}
     wrong = {
         f"exit 0, 'done': {end.value}": code == _DONE and not landed,
-        f"'{_LANDED}' was said: {end.value}": _LANDED in text and not landed,
+        f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
         f"exit {code}, though it landed at home by our command": (
             landed and code not in {_DONE, None} and not (lied_to or left)
         ),
         "exit 6: a pilot took over, but none did": code == _TAKEN_OVER and math.isinf(taken_s),
         f"exit {code}, though the pilot has the vehicle": (
             end is End.PILOT and code not in {_TAKEN_OVER, None} and not (disarmed or left or over)
+        ),
+        f"exit {code}, though a failsafe ended it": (
+            end is End.FAILSAFE and code not in {_OTHERWISE, None} and not (lied_to or left or over)
         ),
     }
     yield from (Violation(end_s, "told", words) for words, is_so in wrong.items() if is_so)
@@ -248,6 +257,8 @@ RULES: Final[tuple[Rule, ...]] = (
     commands.nothing_leaves_twice,
     commands.nothing_is_repeated_over_a_choice,
     commands.legs_are_clear,
+    commands.no_leg_begins_low,
+    commands.nothing_is_put_on_board_of_an_armed_vehicle,
     commands.what_is_drawn_across_a_leg_ends_it,
     inputs.silence_is_told,
     inputs.lost_streams_are_acted_on,
@@ -257,9 +268,20 @@ RULES: Final[tuple[Rule, ...]] = (
     inputs.a_failsafe_is_told,
     inputs.breaches_are_told,
     inputs.a_lost_clearance_is_held_for,
-    inputs.jumping_altitudes_are_held_for,
-    inputs.a_home_that_is_moved_is_held_for,
+    heights.jumping_altitudes_are_held_for,
+    heights.a_home_that_is_moved_is_held_for,
+    heights.a_drifting_altitude_is_told_and_ends_the_mission,
+    promises.states_follow_the_table,
+    promises.states_last_as_the_file_says,
+    promises.robots_are_sought_in_turn_and_found_where_they_are,
+    promises.all_waypoints_are_visited,
+    promises.what_is_resumed_is_known,
+    promises.the_charge_covers_the_way_home,
+    promises.the_report_is_what_happened,
     duties.accepted_requests_are_done,
+    duties.requests_are_answered_and_no_refused_one_is_done,
+    duties.all_points_are_flown_to,
+    duties.it_lands_where_it_stands,
     duties.changed_files_that_are_left_are_told,
     duties.announcements_reach_the_ground_station,
     ends_as_it_may,

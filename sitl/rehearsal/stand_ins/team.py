@@ -111,6 +111,7 @@ class Robots:
         frame: The mission's.
         places: Where they are.
         unix_s: The time.
+        met: Told of each that hands its messages over.
 
     Attributes:
         places: Where they are; one that is taken out has vanished.
@@ -119,9 +120,14 @@ class Robots:
     """
 
     def __init__(
-        self, frame: LocalFrame, places: dict[str, Point], unix_s: Callable[[], float]
+        self,
+        frame: LocalFrame,
+        places: dict[str, Point],
+        unix_s: Callable[[], float],
+        met: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._frame = frame
+        self._met = met
         self._unix_s = unix_s
         self._synced_s = dict.fromkeys(places, -math.inf)  # simulated, by robot
         self.places = places
@@ -135,6 +141,7 @@ class Robots:
             if near and now_s - self._synced_s[name] >= SYNC_EVERY_S:
                 self._synced_s[name] = now_s
                 told = self._told(name, place) if self.prank is None else self.prank(name, place)
+                self._met(name)
                 node.meet(name, told + self.others)
 
     def _told(self, name: str, place: Point) -> list[tuple[str, str, bytes]]:

@@ -1,0 +1,80 @@
+"""Rules of altitudes that are not true: one that jumps, one that drifts, a home that is moved."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Final
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.duties import News, comes_home, says, stops
+from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
+
+_HOME_UP_M: Final = 3.0
+"""A home that is moved up or down by so much changes what the plan's heights mean."""
+
+_JUMP_M, _CLIMB_M_S = 4.0, 6.0
+_FIX_3D: Final = 3
+_DRIFTS_S: Final = 8.0
+_DRIFTS_M: Final = ((4.5, False), (7.0, True))
+"""So far the satellites' altitude has left the autopilot's, on an average of 8 s: told; home."""
+
+_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
+
+
+def _positions(case: Case) -> list[WireMessage]:
+    return [m for m in case.evidence.heard if m.name == "GLOBAL_POSITION_INT"]
+
+
+def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:
+    """An altitude that no vehicle can have flown to is told, and the vehicle stops."""
+    for before, message in pairwise(_positions(case)):
+        seconds = (message.fields["time_boot_ms"] - before.fields["time_boot_ms"]) / 1e3
+        jump_m = abs(message.fields["alt"] - before.fields["alt"]) / 1e3
+        if not 0.0 < seconds <= 1.0 or jump_m <= _JUMP_M + _CLIMB_M_S * seconds:
+            continue
+        begin_s, due_s = message.time_s, message.time_s + case.reacts_s
+        if case.state(begin_s) in _CRUISE and case.answers(begin_s, due_s):
+            news = News(begin_s, f"the altitude jumped by {jump_m:.1f} m")
+            yield from says(case, news, "altitude|height", due_s)
+            yield from stops(case, news)
+
+
+def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
+    """When a station moves home up or down, the vehicle stops."""
+    before_m = case.ground_m
+    for moved in case.evidence.told(SceneEventKind.HOME_MOVED) if case.evidence.heard else ():
+        up_m, before_m = moved.value[2] - before_m, moved.value[2]
+        if abs(up_m) >= _HOME_UP_M and case.state(moved.time_s) in _CRUISE:
+            news = News(moved.time_s, f"home was moved by {up_m:.0f} m up or down")
+            yield from stops(case, news)
+
+
+def a_drifting_altitude_is_told_and_ends_the_mission(case: Case) -> Iterator[Violation]:
+    """The satellites' altitude has left the autopilot's since the take-off, and stays away."""
+    latest: deque[tuple[float, float]] = deque()  # when, and by how much it is higher
+    amsl_m, due = 0.0, list(_DRIFTS_M)
+    began_m: float | None = None
+    for message in case.evidence.heard:
+        if message.name == "GLOBAL_POSITION_INT":
+            amsl_m = message.fields["alt"] / 1e3
+        known = message.name == "GPS_RAW_INT" and number(message.fields, "fix_type") >= _FIX_3D
+        known = known and "alt" in message.fields
+        if not known or not amsl_m or not case.flying[case.at(message.time_s)]:
+            continue
+        at_s = message.time_s
+        latest.append((at_s, message.fields["alt"] / 1e3 - amsl_m))
+        if at_s - latest[0][0] < _DRIFTS_S:
+            continue
+        while at_s - latest[0][0] > _DRIFTS_S:
+            latest.popleft()
+        mean_m = sum(off_m for _, off_m in latest) / len(latest)
+        began_m = mean_m if began_m is None else began_m
+        if due and abs(mean_m - began_m) >= due[0][0] and case.state(at_s) in _CRUISE:
+            news = News(at_s, f"the altitude has drifted by {mean_m - began_m:.1f} m")
+            due_s, (_, ends) = at_s + case.reacts_s, due.pop(0)
+            if case.answers(at_s, due_s):
+                yield from says(case, news, "altitude|height", due_s, 60.0)
+            if ends:
+                yield from comes_home(case, news, due_s, [])

@@ -1,0 +1,288 @@
+"""Rules of the mission: its states and their times, its robots, its waypoints, the charge it needs.
+
+What the companion announced is held against the mission file, the scene and the true track.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.evidence import SceneEventKind, number
+
+_CHANGE: Final = re.compile(r"\b([A-Z]+) -> ([A-Z]+)$")
+_ENDS: Final = frozenset({"HOLD", "SEARCH", "EXPL", "GOTO", "HOME", "PASSIVE", "DONE"})
+_AFTER: Final = {
+    "READY": frozenset({"INIT", "HOME", "PASSIVE", "DONE"}),
+    "SEARCH": _ENDS | {"COMM"},
+    **dict.fromkeys(("INIT", "COMM", "EXPL", "GOTO"), _ENDS),
+    "HOLD": _ENDS - {"HOLD"} | {"LAND"},
+    "HOME": _ENDS - {"HOME"} | {"LAND"},
+    "LAND": frozenset({"DONE", "PASSIVE"}),
+    "PASSIVE": frozenset({"EXPL", "HOME", "DONE"}),
+    "DONE": frozenset(),
+}
+"""docs/state-machine.md, of a UAV that explores."""
+
+_BY_REQUEST: Final = {
+    ("", "HOLD"): "it stops and hovers",
+    ("", "GOTO"): "it flies",
+    ("HOLD", "SEARCH"): "it seeks",
+    ("HOLD", "EXPL"): "it goes on|it explores",
+    ("HOLD", "LAND"): "it lands where it hovers",
+}
+"""What begins on request only, from any state or from this one, and the answer beside it."""
+
+_TIMERS: Final = {
+    "INIT": "init_s",
+    "EXPL": "explore_s",
+    "SEARCH": "search_s",
+    "COMM": "communicate_s",
+    "GOTO": "hold_s",
+}
+_HOLD_S: Final = 20.0
+_ARRIVES: Final = {"SEARCH": "at the search position", "GOTO": "at the last point"}
+"""Their time begins with this line."""
+
+_BY_TIME: Final = {
+    **dict.fromkeys(("INIT", "EXPL"), "SEARCH"),
+    **dict.fromkeys(("SEARCH", "GOTO", "COMM"), "EXPL"),
+}
+_NO_WAY: Final = "no way|left out|no clear way|no robot"
+_CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "LANDED_HERE"})
+"""Faults in which nothing keeps the vehicle from its mission."""
+
+_AT_ONCE_S, _LATE_S, _EARLY_S, _MET_S = 0.5, 2.5, 1.0, 2.6
+_BESIDE_M: Final = 1.0
+_LANDING_M_S, _LEFT, _SLACK = 0.7, 0.10, 0.04
+_DETOUR, _CORNERS_S = 2.0, 40.0
+
+
+class Spell(NamedTuple):
+    """A time in one state, the one before, and the one after it; empty: the companion's end."""
+
+    before: str
+    state: str
+    begin_s: float
+    end_s: float
+    after: str
+
+
+def spells_of(case: Case) -> list[Spell]:
+    """The states that were announced, in order."""
+    found = [(at_s, m[1], m[2]) for at_s, text in case.said if (m := _CHANGE.search(text))]
+    ends = [*found[1:], (float(case.time_s[-1]), "", "")][: len(found)]
+    return [
+        Spell(before, state, at_s, end_s, after if left == state else "")
+        for (at_s, before, state), (end_s, left, after) in zip(found, ends, strict=True)
+    ]
+
+
+def _answered(case: Case, at_s: float, words: str) -> bool:
+    slack_s = _AT_ONCE_S * case.evidence.speed
+    return case.has_said(f"accepted: .*({words})", at_s - slack_s, at_s + slack_s)
+
+
+def states_follow_the_table(case: Case) -> Iterator[Violation]:
+    """One state follows another as documented; what begins on request, on an accepted one only."""
+    spells = spells_of(case)
+    for spell, later in pairwise(spells):
+        if later.before not in {spell.state, "READY"}:
+            text = f"{later.before} -> {later.state} follows {spell.state}"
+            yield Violation(later.begin_s, "state", text)
+    for before, state, at_s, _, _ in spells:
+        words = _BY_REQUEST.get((before, state)) or _BY_REQUEST.get(("", state))
+        if state not in _AFTER.get(before, ()):
+            yield Violation(at_s, "state", f"{before} -> {state}")
+        elif words and not _answered(case, at_s, words):
+            yield Violation(at_s, "state", f"{before} -> {state} without an accepted request")
+        if before == "HOME" and state in {"HOLD", "SEARCH", "EXPL", "GOTO"}:
+            said = [text for said_s, text in case.said if said_s < at_s and "coming home: " in text]
+            if not (said and said[-1].endswith("'s request")):
+                text = f"{before} -> {state}, though no request had it come home"
+                yield Violation(at_s, "state", text)
+
+
+def states_last_as_the_file_says(case: Case) -> Iterator[Violation]:
+    """Neither longer nor, if only the time ends them, shorter; held, a state keeps what is left."""
+    if not (case.evidence.heard and case.evidence.faults <= _CALM):
+        return
+    held_s: float | None = None  # what the state that was held had left
+    for spell in spells_of(case):
+        if spell.state == "HOLD":
+            continue
+        on = spell.before == "HOLD" and _answered(case, spell.begin_s, "it goes on|that are left")
+        limit_s = held_s if on and held_s is not None else _limit_s(case, spell)
+        from_s = _from_s(case, spell)
+        spent_s = spell.end_s - from_s
+        if spent_s > limit_s + _LATE_S:
+            text = f"{spell.state} lasted {spent_s:.1f} s, {limit_s:.1f} s are wanted"
+            yield Violation(spell.end_s, "state", text)
+        timed = _BY_TIME.get(spell.state) == spell.after and not _excused(case, spell)
+        if timed and spent_s < limit_s - _EARLY_S:
+            text = f"{spell.state} ended {max(spent_s, 0.0):.1f} s after its time began"
+            yield Violation(spell.end_s, "state", f"{text}, not {limit_s:.1f} s")
+        held_s = max(limit_s - spent_s, 0.0) if math.isfinite(spent_s) else None
+        held_s = None if spell.state in {"SEARCH", "COMM"} else held_s  # begun anew
+
+
+def _limit_s(case: Case, spell: Spell) -> float:
+    """How long a state lasts, by the request that it serves or the file; infinite: no matter."""
+    name = _TIMERS.get(spell.state, "")
+    asked = [h for h in case.evidence.told(SceneEventKind.REQUEST) if h.time_s <= spell.begin_s]
+    sent = [text for h in asked if (text := str(h.value)).startswith("goto")]
+    wanted = re.search(r"hold_s=([\d.]+)", sent[-1]) if spell.state == "GOTO" and sent else None
+    if wanted:
+        return float(wanted[1])
+    return case.mission.timers_s.get(name, _HOLD_S if name == "hold_s" else math.inf)
+
+
+def _from_s(case: Case, spell: Spell) -> float:
+    """When its time began; infinite: it did not."""
+    words = _ARRIVES.get(spell.state)
+    if words is None:
+        return spell.begin_s
+    told_s = (at_s for at_s, text in case.said if at_s >= spell.begin_s and words in text)
+    return next((at_s for at_s in told_s if at_s <= spell.end_s), math.inf)
+
+
+def _excused(case: Case, spell: Spell) -> bool:
+    """Whether a state may end before its time: asked, all explored, synced, or no way."""
+    end_s = spell.end_s
+    if spell.state in {"INIT", "EXPL"} and explored(case, end_s) == len(case.mission.waypoints):
+        return True
+    met_s = [h.time_s for h in case.evidence.told(SceneEventKind.MET)]
+    synced = any(spell.begin_s + _AT_ONCE_S < at_s <= end_s + _AT_ONCE_S for at_s in met_s)
+    no_way = case.has_said(_NO_WAY, end_s - _AT_ONCE_S, end_s + _AT_ONCE_S)
+    asked = _answered(case, end_s, "it seeks|it explores")
+    return asked or no_way or (spell.state == "COMM" and synced)
+
+
+def explored(case: Case, until_s: float) -> int:
+    """How many waypoints it has been at by then in their order, or left out: at most."""
+    exploring = np.zeros(len(case.time_s), dtype=bool)
+    for spell in spells_of(case):
+        if spell.state in {"INIT", "EXPL"}:
+            exploring |= (case.time_s >= spell.begin_s) & (case.time_s <= min(spell.end_s, until_s))
+    said = "\n".join(text for at_s, text in case.said if at_s <= until_s)
+    left_out = set(map(int, re.findall(r"waypoint (\d+) left out", said)))
+    near_m, first = case.mission.acceptance_m + _BESIDE_M + case.off_m, 0
+    for number_, waypoint in enumerate(case.mission.waypoints, 1):
+        there = np.hypot(*(case.places - waypoint).T) <= near_m
+        hits = np.flatnonzero((there & exploring)[first:])
+        if not len(hits) and number_ not in left_out:
+            return number_ - 1
+        first += int(hits[0]) if number_ not in left_out else 0
+    return len(case.mission.waypoints)
+
+
+def robots_are_sought_in_turn_and_found_where_they_are(case: Case) -> Iterator[Violation]:
+    """COMM begins with the robot's own messages, and with any of them; then the next is sought."""
+    met = [(h.time_s, h.value) for h in case.evidence.told(SceneEventKind.MET)]
+    calm, last = case.evidence.faults <= _CALM, ""
+    for spell in spells_of(case) if case.evidence.heard else ():
+        of = re.compile(f"{spell.state} ([a-z0-9_]+): ")
+        at_s = spell.begin_s
+        names = [m[1] for s, text in case.said if abs(s - at_s) < 0.1 and (m := of.search(text))]
+        if spell.state not in {"SEARCH", "COMM"} or not names:
+            continue
+        name = names[-1]
+        within_s = [at_s for at_s, who in met if who == name]
+        if spell.state == "COMM" and not any(abs(each_s - at_s) < 0.1 for each_s in within_s):
+            yield Violation(at_s, "state", f"COMM, though {name} was not heard")
+        if not calm or spell.state == "COMM":
+            continue
+        missed = [s for s in within_s if at_s < s < spell.end_s - _AT_ONCE_S]
+        if missed:
+            yield Violation(missed[0], "state", f"{name} was heard, and is sought on")
+        seek = case.mission.seek
+        if last in seek and name in seek and not _answered(case, at_s, "it seeks"):
+            turn = seek[(seek.index(last) + 1) % len(seek)]
+            if name != turn and not case.has_said(_NO_WAY, at_s - _AT_ONCE_S, at_s + 0.1):
+                yield Violation(at_s, "state", f"{name} is sought after {last}, not {turn}")
+        last = name
+
+
+def all_waypoints_are_visited(case: Case) -> Iterator[Violation]:
+    """Where the time is enough, each is visited in its turn, or told as left out."""
+    count = explored(case, math.inf)
+    if case.row.explores and not case.given and count < len(case.mission.waypoints):
+        text = f"waypoint {count + 1} was neither visited in its turn nor told as left out"
+        yield Violation(float(case.time_s[-1]), "state", text)
+
+
+def what_is_resumed_is_known(case: Case) -> Iterator[Violation]:
+    """A companion that is started anew knows since when it flies, and what its record says."""
+    words = re.compile(r"in the air for (\d+) s, (\d+) of \d+ waypoints explored \(by its record")
+    for at_s, text in case.said:
+        found = words.search(text)
+        if found is None:
+            continue
+        flown_s, most = at_s - float(case.time_s[int(case.flying.argmax())]), explored(case, at_s)
+        if not flown_s - 60.0 < float(found[1]) < flown_s + _LATE_S or int(found[2]) > most:
+            wrong = f"{found[0]}, but it flew {flown_s:.0f} s and was at {most} of them"
+            yield Violation(at_s, "told", wrong)
+
+
+def the_charge_covers_the_way_home(case: Case) -> Iterator[Violation]:
+    """With `endurance_s` it turns where the way home, landing and 10 % are left, not before."""
+    mission = case.mission
+    if not math.isfinite(mission.endurance_s):
+        return
+    charges = [
+        (m.time_s, number(m.fields, "battery_remaining") / 100.0)
+        for m in case.evidence.heard
+        if m.name == "SYS_STATUS"
+    ]
+    for at_s, charge in charges:
+        index = case.at(at_s)
+        straight_s = case.from_home_m(index) / mission.speed_m_s + mission.speed_m_s / 2.0
+        straight_s += max(mission.altitudes_m) / _LANDING_M_S
+        needed, most = (
+            way_s / mission.endurance_s + _LEFT
+            for way_s in (straight_s, _DETOUR * straight_s + _CORNERS_S)
+        )
+        out = case.state(at_s) in {"INIT", "SEARCH", "COMM", "EXPL", "GOTO"}
+        if out and case.cruises(index) and charge < needed - _SLACK:
+            text = f"stays out at {charge:.0%}: home and landing take {needed:.0%} at least"
+            yield Violation(at_s, "battery", text)
+            break
+        turns = case.has_said("coming home: battery", at_s - 0.6, at_s)
+        if turns and charge > max(most, mission.battery_reserve) + _SLACK:
+            yield Violation(at_s, "battery", f"comes home at {charge:.0%}, {most:.0%} are enough")
+            break
+    turned = case.has_said("coming home: battery", 0.0, math.inf)
+    if turned and not case.flying[-1] and charges[-1][1] < _LEFT - _SLACK / 2.0:
+        text = f"{charges[-1][1]:.0%} of the battery are left at the end, not {_LEFT:.0%}"
+        yield Violation(charges[-1][0], "battery", text)
+
+
+def the_report_is_what_happened(case: Case) -> Iterator[Violation]:
+    """Its states, times, meetings and distances are those of the flight; of one companion's."""
+    report, said = case.evidence.report, "\n".join(text for _, text in case.said)
+    if not report or not case.evidence.faults <= _CALM or "in the air for" in said:
+        return
+    armed_s = float(np.ptp(case.time_s[case.armed])) if case.armed.any() else 0.0
+    steps_m = np.hypot(*np.diff(case.places[case.flying], axis=0).T)
+    flown_m = float(steps_m.sum())
+    states = [*dict.fromkeys(spell.state for spell in spells_of(case))]
+    found = {name: len(re.findall(f"COMM {name}: found", said)) for name in report["robots"]}
+    wrong = {
+        f"{report['duration_s']} s, not {armed_s:.0f}": abs(report["duration_s"] - armed_s) > 3.0,
+        f"{report['distance_m']} m, not {flown_m:.0f}": (
+            abs(report["distance_m"] - flown_m) > 20.0 + 0.15 * flown_m
+        ),
+        f"states {report['states_visited']}": report["states_visited"] != states,
+        f"robots, not {found}": any(report["robots"][n]["found"] != found[n] for n in found),
+        f"came home because {report['came_home_because']}": (
+            "coming home: " in said and f"coming home: {report['came_home_because']}" not in said
+        ),
+    }
+    for words in (words for words, is_so in wrong.items() if is_so):
+        yield Violation(float(case.time_s[-1]), "told", f"the report says {words}")

@@ -1,0 +1,139 @@
+"""What operators ask for: requests drawn with dice, and flights in which nothing else happens."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import Final
+
+from air_router.controller.model.requests import (
+    AnyRequest,
+    ComeHome,
+    ExploreNow,
+    GoOn,
+    GoTo,
+    HoldNow,
+    LandNow,
+    Reload,
+    SeekNow,
+)
+from air_router.mission.mission import Mission
+from geo.frame import Point
+from sitl.rehearsal.courses import BATTERY, ITEM, SATELLITES, SURE, Row, choice, often, uniform
+from sitl.rehearsal.stand_ins.link import StreamFault
+
+_VERBS: Final = {
+    GoOn: "resume",
+    HoldNow: "hold",
+    ComeHome: "home",
+    SeekNow: "seek",
+    ExploreNow: "explore",
+    GoTo: "goto",
+    LandNow: "land",
+    Reload: "reload",
+}
+_ROBOTS: Final = ("callisto", "europa", "io", "phantom")
+_HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
+_BESIDE_M: Final = 40.0
+
+
+def words_of(request: AnyRequest, mission: Mission) -> str:
+    """A request as it is typed; of points also `hold_s=SECONDS`."""
+    words = [_VERBS.get(type(request), "another")]
+    if isinstance(request, SeekNow):
+        words.append(request.robot)
+    if isinstance(request, GoTo):
+        degrees = (mission.frame.to_geodetic(point) for point in request.points)
+        words += [f"{latitude:.8f},{longitude:.8f}" for latitude, longitude in degrees]
+        words += [] if request.hold_s is None else [f"hold_s={request.hold_s}"]
+    return " ".join(words)
+
+
+def request_of(choice: float, dice: random.Random, mission: Mission, here: Point) -> AnyRequest:
+    """A request by a number from 0 to 1: all verbs, points near waypoints and the vehicle."""
+    if choice < _HOLD:
+        return HoldNow()
+    if choice < _GO_ON:
+        return GoOn()
+    if choice < _SEEK:
+        return SeekNow(dice.choice(_ROBOTS))
+    if choice < _EXPLORE:
+        return ExploreNow()
+    if choice < _HOME:
+        return ComeHome()
+    count, waits = dice.choice((1, 1, 2, 5)), dice.random() < 0.2
+    points = tuple(_place(dice, mission, here) for _ in range(count))
+    return GoTo(points, dice.choice((None, 0.0, 5.0)), waits)
+
+
+def _place(dice: random.Random, mission: Mission, here: Point) -> Point:
+    beside = (dice.uniform(-_BESIDE_M, _BESIDE_M), dice.uniform(-_BESIDE_M, _BESIDE_M))
+    east_m, north_m = dice.choice((here, dice.choice(mission.waypoints).position))
+    return Point(east_m + beside[0], north_m + beside[1])
+
+
+# Courses.
+
+corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 0.7))
+"""Around a corner at once, or so long after it was told to stop."""
+
+at_random: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
+
+
+def taken_in_haste(dice: random.Random) -> Iterator[Row]:
+    """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
+    at_s = dice.uniform(2.0, 5.0)
+    yield 0.0, "send", at_s - 1.5
+    yield at_s - 1.6, "deaf", True
+    yield at_s - 0.8, "send again" if dice.randrange(2) else "hold"
+    yield at_s, "pilot", dice.choice(SURE)
+    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
+
+
+def diverted(dice: random.Random) -> Iterator[Row]:
+    """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
+    at_s = dice.uniform(40.0, 140.0)
+    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
+    yield at_s, "hold", None, "armed"
+    if dice.randrange(2):
+        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
+    else:
+        yield from ((each_s, "pause", True, "armed") for each_s in later_s)
+
+
+def sent(dice: random.Random) -> Iterator[Row]:
+    """To several points, held on the way or at the last, and on; then a robot or exploring."""
+    yield 0.0, "tour", (dice.choice((2, 3, 4)), dice.choice((None, 5.0, 12.0)))
+    held_s = dice.choice((6.0, 20.0, 50.0, 500.0))
+    yield held_s, "hold"
+    yield held_s + dice.uniform(3.0, 8.0), "resume"
+    yield 100.0, "request", dice.choice((0.5, 0.6))
+    yield 104.0, "hold"
+    yield 110.0, "resume"
+
+
+def explored(dice: random.Random) -> Iterator[Row]:
+    """No robot, few waypoints; the companion may be killed, and started with --resume."""
+    yield 0.0, "vanish"
+    if dice.randrange(5):
+        kill_s = dice.uniform(25.0, 90.0)
+        yield kill_s, "kill"
+        yield kill_s + dice.choice((0.5, 1.0, dice.uniform(2.0, 15.0))), "restart"
+
+
+def landed_here(dice: random.Random) -> Iterator[Row]:
+    """Told to hold, and to land: at first while it still moves, then while it hovers."""
+    at_s = dice.uniform(4.0, 60.0)
+    yield at_s, "hold"
+    yield from ((at_s + later_s, "land") for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0))
+
+
+def home_for_good(dice: random.Random) -> Iterator[Row]:
+    """Something ends the mission, and the operator asks for other things on the way home."""
+    names, ends_s = dice.choice(((BATTERY, 30.0), (SATELLITES, 30.0), (ITEM, 60.0), ((), 25.0)))
+    if names:
+        yield 0.0, "stream", (names, StreamFault.LOST, 600.0)
+    else:
+        yield from ((float(second), "drift", (0.0, 0.0, 0.3)) for second in range(30))
+    for again in range(12):
+        yield ends_s + 2.0 + 2.5 * again, "request", dice.choice((0.1, 0.3, 0.5, 0.6, 0.8, 0.9))

@@ -1,0 +1,165 @@
+"""The judge of promises: states and their times, robots, waypoints, points, charge and report."""
+
+import dataclasses
+
+import pytest
+
+from sitl.rehearsal.judge.acceptance import End
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
+from sitl.rehearsal.judge.verdict import judge
+from tests.sitl.rehearsal.judge.test_judge import FRAME, MISSION, TEXT, evidence, goto, track
+from tests.sitl.rehearsal.judge.test_judge_inputs import FLOWN, flight
+
+TIMED = f"{TEXT}timers: {{init_s: 20, search_s: 10, explore_s: 15}}\nseek: [io, europa]\n"
+SAID = [
+    (40.0, "40.0 s  READY -> INIT"),
+    (60.0, "60.0 s  INIT -> SEARCH"),
+    (60.0, "60.0 s  SEARCH io: never heard"),
+    (64.0, "64.0 s  at the search position of io"),
+    (74.0, "74.0 s  SEARCH -> EXPL"),
+    (89.0, "89.0 s  EXPL -> SEARCH"),
+    (89.0, "89.0 s  SEARCH europa: never heard"),
+    (90.0, "90.0 s  SEARCH -> COMM"),
+    (90.0, "90.0 s  COMM europa: found"),
+]
+
+
+def met(at_s, name="europa"):
+    return SceneEvent(at_s, SceneEventKind.MET, name)
+
+
+MET = (met(90.0),)
+
+
+def found(said, happenings=MET, text=TIMED, **others):
+    """What is found of the states and requests of a flight in which all of that was said."""
+    flown = flight(said=said, happenings=tuple(happenings), **others)
+    verdict = judge(dataclasses.replace(flown, mission_text=text))
+    return [str(v) for v in verdict.violations if v.kind in {"state", "request"}]
+
+
+def other(number, at_s, text=None):
+    return [*SAID[:number], (at_s, text or SAID[number][1]), *SAID[number + 1 :]]
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (SAID, None),
+        (other(1, 75.0), "INIT lasted 35.0 s, 20.0 s are wanted"),
+        (other(1, 50.0), "INIT ended 10.0 s after its time began, not 20.0 s"),
+        (other(3, 60.5), "SEARCH lasted 13.5 s"),
+        ([each for each in SAID if "position" not in each[1]], "SEARCH ended 0.0 s"),
+        (other(1, 60.0, "60.0 s  INIT -> COMM"), "INIT -> COMM"),
+        (other(1, 60.0, "60.0 s  INIT -> HOLD"), "INIT -> HOLD without an accepted request"),
+        (other(6, 89.0, "89.0 s  SEARCH io: never heard"), "io is sought after io, not europa"),
+    ],
+)
+def test_states_follow_the_table_and_last_as_the_file_says(said, words):
+    texts = found(said)
+    assert not texts if words is None else any(words in text for text in texts), texts
+
+
+def test_a_robot_is_found_when_it_is_heard():
+    assert "COMM, though europa was not heard" in found(SAID, ())[0]
+    assert "io was heard, and is sought on" in found(SAID, (met(66.0, "io"), met(90.0)))[0]
+
+
+def test_a_way_home_for_a_fault_is_not_called_off():
+    more = [
+        (91.0, "91.0 s  COMM -> HOME"),
+        (91.0, "91.0 s  coming home: battery not heard for 30 s"),
+        (93.0, "93.0 s  HOME -> GOTO"),
+        (93.0, "93.0 s  the operator: accepted: it flies to the point"),
+    ]
+    assert "though no request had it come home" in found([*SAID, *more])[0]
+    more[1] = (91.0, "91.0 s  coming home: the operator's request")
+    assert found([*SAID, *more]) == []
+
+
+def asked(verb, answer, *lines):
+    said = [*SAID, (100.0, f"100.0 s  the operator: {answer}"), *lines]
+    scene = (met(90.0), SceneEvent(100.0, SceneEventKind.REQUEST, verb))
+    return found(said, scene, more=[goto(101.0, 60, 0)])
+
+
+@pytest.mark.parametrize(
+    ("verb", "answer", "after", "words"),
+    [
+        ("seek io", "accepted: it seeks io: never heard", "COMM -> SEARCH", None),
+        ("seek io", "accepted: it seeks io: never heard", None, "accepted, not done"),
+        ("explore", "refused: it comes home", "COMM -> EXPL", "refused and done"),
+        ("explore", "is not an answer", None, "explore was not answered"),
+        ("goto 1,1", "accepted: it flies to the point", "COMM -> GOTO", None),
+    ],
+)
+def test_what_is_asked_is_answered_and_done_or_not(verb, answer, after, words):
+    lines = [] if after is None else [(100.0, f"100.0 s  {after}")]
+    texts = asked(verb, answer, *lines)
+    assert any(words in text for text in texts) if words else not any("was" in t for t in texts)
+
+
+@pytest.mark.parametrize(("east_m", "note"), [(60, False), (80, False), (80, True)])
+def test_all_points_are_flown_to(east_m, note):
+    points = [FRAME.degrees(east, north) for east, north in ((east_m, 0), (60, 60))]
+    beside = "; point 1: it is too close to a zone, so 20.0 m beside it" if note else ""
+    said = [
+        (40.0, "40.0 s  READY -> INIT"),
+        (70.0, "70.0 s  INIT -> GOTO"),
+        (70.0, f"70.0 s  the operator: accepted: it flies to 2 points{beside}"),
+        (96.0, "96.0 s  at the last point"),
+    ]
+    verb = "goto " + " ".join(f"{lat},{lon}" for lat, lon in points)
+    scene = [SceneEvent(70.0, SceneEventKind.REQUEST, verb)]
+    texts = found(said, scene, TEXT, more=[goto(71.0, 60, 0)])
+    assert any("says that it is at the last one" in text for text in texts) == (
+        east_m == 80 and not note
+    )
+
+
+def test_waypoints_are_visited_in_their_turn_or_told_as_left_out():
+    text = TEXT.replace("[0, 60]]", "[90, 90], [0, 60]]")
+    told = (70.0, "70.0 s  waypoint 3 left out: no clear way leads there")
+    for said, good in (([], False), ([told], True)):
+        flown = evidence(faults=("EXPLORED",), said=[(20.0, "20.0 s  READY -> INIT"), *said])
+        flown = dataclasses.replace(flown, mission_text=text)
+        assert ("waypoint 3 was neither visited" in str(judge(flown).violations)) != good
+
+
+def test_the_charge_covers_the_way_home():
+    text = f"{TEXT}endurance_s: 200\n"
+
+    def spoil(share):
+        return lambda m: (
+            m if m.name != "SYS_STATUS" else dataclasses.replace(m, fields={**m.fields, **share})
+        )
+
+    def texts(percent):
+        flown = flight(FLOWN, spoil({"battery_remaining": percent}), said=SAID[:1])
+        return str(judge(dataclasses.replace(flown, mission_text=text)).violations)
+
+    assert "stays out at 35%" in texts(35)
+    assert "stays out" not in texts(60)
+
+
+@pytest.mark.parametrize(("lands_at", "end"), [((60, 0), End.ASKED), ((60, 60), End.ELSEWHERE)])
+def test_it_may_land_where_it_was_asked_to(lands_at, end):
+    states = track(((0, 0), (60, 0), (60, 0), lands_at))
+    said = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]
+    flown = judge(evidence(states, said=said, faults=("LANDED_HERE",)))
+    assert flown.end is end
+    assert "landing" in {violation.kind for violation in flown.violations}  # it moved: 5 m/s
+
+
+def test_a_vehicle_that_a_pilot_has_armed_is_not_prepared():
+    started = SceneEvent(1.0, SceneEventKind.STARTED)
+    states = [(*s[:3], True, *s[4:]) for s in [track()[0]] * 200]
+    count = WireMessage(3.0, 1, 191, 1, "MISSION_COUNT", {"count": 3, "mission_type": 0})
+    flown = evidence(states, more=[count], happenings=(started,), faults=("READY_TAKEN",), code=5)
+    assert "authority" in {violation.kind for violation in judge(flown).violations}
+
+
+def test_a_failsafe_is_no_success():
+    states = track(land=False)[:1200] + [(60, 60, 0.0, False, True, MISSION)] * 20
+    flown = evidence(states, failsafe=((50.0, 99.0),), faults=("NO_FIX",), code=6)
+    assert "though a failsafe ended it" in str(judge(flown).violations)
