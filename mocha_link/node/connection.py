@@ -23,8 +23,7 @@ from mocha_link.team.keys import PublicKey, SecretKey
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
 MAX_REPLY_BYTES = wire.MAX_BYTES + 1024 * 1024
-# Requests leave so long after our handshake even if the peer's has not come: see `zmtp`.
-EAGER_S = 0.015
+EAGER_S = 0.015  # after our handshake, requests leave though the peer's has not come: see `zmtp`
 
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
@@ -56,7 +55,7 @@ class TcpConnection:
         self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []  # requests until it stands
-        self._watched: tuple[socket.socket, int] | None = None  # and its descriptor, in the poller
+        self._watched: socket.socket | None = None  # in the poller
         self._connect()
 
     def _connect(self) -> None:
@@ -78,18 +77,20 @@ class TcpConnection:
 
     def watch(self, poller: Watcher) -> None:
         """Have the poller wait for what this waits for."""
-        if self._watched is None or self._watched[0] is not self._socket:
-            self.forget(poller)  # the first connection, whose number this one may have
-            self._watched = self._socket, self._socket.fileno()
+        if self._watched is not self._socket:
+            self.forget(poller)  # the first connection
+            self._watched = self._socket
         writing = self._connected_s is None or self._out
-        poller.register(self._watched[1], zmq.POLLIN | (zmq.POLLOUT if writing else 0))
+        poller.register(self._socket.fileno(), zmq.POLLIN | (zmq.POLLOUT if writing else 0))
 
     def forget(self, poller: Watcher) -> None:
         """Take it out of the poller."""
-        if self._watched is not None:
+        watched, self._watched = self._watched, None
+        if watched is not None:
             with contextlib.suppress(KeyError):
-                poller.unregister(self._watched[1])
-            self._watched = None
+                poller.unregister(watched.fileno())
+            if watched is not self._socket:
+                watched.close()
 
     @property
     def is_restless(self) -> bool:
@@ -178,8 +179,7 @@ class TcpConnection:
                 return  # not together with the handshake
             self._unconfirmed = list(self._waiting)
             self._opened = True
-        for each in self._waiting:
-            self._out += each
+        self._out += b"".join(self._waiting)
         self._waiting.clear()
 
     def _flush(self) -> None:
@@ -218,7 +218,8 @@ class TcpConnection:
         if handshaking and self._opened and isinstance(error, OSError):
             # Our requests got there together with the handshake: this time wait for the peer.
             self.eager = False
-            self._socket.close()
+            if self._watched is None:  # in the poller its number must not become another one's
+                self._socket.close()
             self._waiting = self._unconfirmed + self._waiting
             self._connect()
         elif isinstance(error, zmtp.ZmtpError):
