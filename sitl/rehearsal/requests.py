@@ -102,7 +102,11 @@ def diverted(dice: random.Random) -> Iterator[Row]:
 
 
 def sent(dice: random.Random) -> Iterator[Row]:
-    """To several points, held on the way or at the last, and on; then a robot or exploring."""
+    """To several points, held on the way or at the last, and on; then a robot or exploring.
+
+    Robots carry each other's poses meanwhile: those move a search, and end none.
+    """
+    yield 0.0, "carry"
     yield 0.0, "tour", (dice.choice((2, 3, 4)), dice.choice((None, 5.0, 12.0)))
     held_s = dice.choice((6.0, 20.0, 50.0, 500.0))
     yield held_s, "hold"

@@ -317,6 +317,10 @@ class SimulatedFlight(Scenario):
         """No robot is heard any more."""
         self.robots.places.clear()
 
+    def do_carry(self, _: None) -> None:
+        """Robots carry each other's poses."""
+        self.robots.carry = True
+
     def do_mad(self, how: str) -> None:
         """Robots tell nonsense."""
         self.robots.prank = prank_of(how, self.mission, self._fault_dice, self._unix_s)

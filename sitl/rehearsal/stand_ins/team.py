@@ -117,6 +117,7 @@ class Robots:
         places: Where they are; one that is taken out has vanished.
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
+        carry: They carry each other's newest poses, too.
     """
 
     def __init__(
@@ -133,6 +134,7 @@ class Robots:
         self.places = places
         self.prank: Prank | None = None
         self.others: list[tuple[str, str, bytes]] = []
+        self.carry = False
 
     def step(self, node: NodeStandIn, vehicle: Point, now_s: float) -> None:
         """Meet whom the vehicle is near to."""
@@ -145,7 +147,8 @@ class Robots:
                 node.meet(name, told + self.others)
 
     def _told(self, name: str, place: Point) -> list[tuple[str, str, bytes]]:
-        return [(name, POSE_TOPIC, pose(self._frame, place, self._unix_s()))]
+        places = self.places if self.carry else {name: place}
+        return [(n, POSE_TOPIC, pose(self._frame, at, self._unix_s())) for n, at in places.items()]
 
 
 def pose(frame: LocalFrame, place: Point, stamp_s: float) -> bytes:
