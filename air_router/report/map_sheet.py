@@ -14,6 +14,7 @@ from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
+from air_router.report.labels import Labels
 from air_router.report.svg import colours
 from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import Point
@@ -39,6 +40,7 @@ GROUND, BEYOND, INK, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
 _WIDTH_INCH: Final = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
 _DPI: Final = 130
+_SMALL, _LETTER = 6.5, 0.6  # of words: their size in points, a letter's width by it
 
 
 class MapSheet:
@@ -66,6 +68,8 @@ class MapSheet:
         self._height_inch = _WIDTH_INCH * (north - south) / (east - west)
         self._figure = Figure(figsize=(_WIDTH_INCH, self._height_inch))
         self._labels: set[str] = set()  # in the legend
+        self._words = Labels()  # on the map, in points
+        self._points_per_m = 72 * _WIDTH_INCH / (east - west)
         self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=ground)
         self.axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
@@ -123,6 +127,8 @@ class MapSheet:
             self.axes.scatter(
                 east, north, s=size, marker=marker, color=colour, label=self._once(label), **look
             )
+            for place in places:  # words may touch it
+                self._words.mark(*self._in_points(place), math.sqrt(size) / 3)
 
     def home(self, home: Point) -> None:
         """Where the vehicle takes off and lands."""
@@ -131,14 +137,20 @@ class MapSheet:
     def name(
         self, text: str, place: Point, colours: tuple[str, str], *, below: bool = False, z: float
     ) -> None:
-        """A name in a colour and one around it, at a place or below what is there."""
-        self._write(text, place, (0, -10 if below else 0), *colours, zorder=z)
+        """A name in a colour and one around it, at a place, or below or beside what is there.
+
+        Not once more where it would cover itself.
+        """
+        aside = 6 + _LETTER * _SMALL * len(text) / 2
+        offs = [(0, -10), (0, 10), (aside, 0), (-aside, 0)] if below else [(0, 0)]
+        self._write(text, place, offs, *colours, zorder=z)
 
     def number(self, text: str, place: Point, angle: float, *, wrong: bool = False) -> None:
-        """The number of a waypoint, beside it."""
-        off = (7.5 * math.cos(angle), 6.5 * math.sin(angle))
+        """The number of a waypoint, beside it; in this direction, if nothing is there."""
+        turns = (math.radians(turn) for turn in (0, 45, -45, 90, -90, 135, -135, 180))
+        offs = [(7.5 * math.cos(angle + turn), 6.5 * math.sin(angle + turn)) for turn in turns]
         look = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
-        self._write(text, place, off, WRONG if wrong else INK, "white", **look)
+        self._write(text, place, offs, WRONG if wrong else INK, "white", **look)
 
     def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
         """Write what the picture shows around it, and the whole into a file.
@@ -189,11 +201,24 @@ class MapSheet:
         known, self._labels = label in self._labels, self._labels | {label}
         return "_" if known else label
 
+    def _in_points(self, place: Point) -> tuple[float, float]:
+        return place[0] * self._points_per_m, place[1] * self._points_per_m
+
     def _write(
-        self, text: str, place: Point, off: tuple[float, float], ink: str, halo: str, **style: Any
+        self,
+        text: str,
+        place: Point,
+        offs: Sequence[tuple[float, float]],
+        ink: str,
+        halo: str,
+        **style: Any,
     ) -> None:
-        """Words at so many points off a place."""
-        look: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "va": "center"} | style
+        """Words at so many points off a place, where they cover least."""
+        look: dict[str, Any] = {"fontsize": _SMALL, "ha": "center", "va": "center"} | style
+        size = _LETTER * look["fontsize"] * len(text), look["fontsize"]
+        off = self._words.place(text, self._in_points(place), size, offs)
+        if off is None:
+            return
         self.axes.annotate(
             text,
             place,

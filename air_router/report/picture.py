@@ -101,9 +101,9 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
         _draw_route(sheet, *route)
     if faults is not None:
         _draw_faults(sheet, faults)
-    _draw_places(sheet, mission, graph, faults)
     places = [place for _, place in meetings]
     sheet.marks(places, "s", 34, ROBOT, "robot found", zorder=8.2)
+    _draw_places(sheet, mission, graph, faults)
     for name, place in meetings:
         sheet.name(name, place, (ROBOT, "white"), below=True, z=8.3)
     sheet.save(path, mission.name, _subtitle(mission), _verdict(faults))
@@ -138,6 +138,7 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     for place in home:
         sheet.home(place)
     sheet.marks([plan.rows[0].start], "o", 36, ROUTE, "first row")
+    told = told.replace(" m2", " m²").replace(" deg", "°")
     sheet.save(path, sanitize(field.draft.name), told)
 
 

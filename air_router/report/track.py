@@ -7,12 +7,14 @@ from typing import Final
 from air_router.mission.mission import Mission
 from air_router.report.charts import Figure, robot_css
 from air_router.report.flight_summary import FlightSummary
+from air_router.report.labels import Labels
 from air_router.report.svg import NARROW, clock, element, in_both_widths, picture
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
 
 _MARGIN_M: Final = 25.0
 _DOT_PX: Final = 4.0
+_LETTER_PX, _LINE_PX = 7.5, 13.0  # of a name
 _MOST_DOTS: Final = 250
 """So near to each other, and so many, are the places of one robot that are drawn."""
 
@@ -64,9 +66,9 @@ class _Canvas:
                 kept.append(place)
         return element("path", f"line {css}", d=self.path(kept)) if len(kept) > 1 else ""
 
-    def text(self, x: float, y: float, words: str, css: str = "") -> str:
+    def text(self, x: float, y: float, words: str, css: str = "", anchor: str = "") -> str:
         """Words beside a place in pixels."""
-        return element("text", css, "", words, x=x, y=y)
+        return element("text", css, "", words, x=x, y=y, text_anchor=anchor)
 
 
 def track_figure(summary: FlightSummary) -> Figure | None:
@@ -130,7 +132,8 @@ def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
 
 def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[str]]:
     """Where robots were, for below the track, and their names, for above it."""
-    dots, names = [], []
+    dots, names, words = [], [], Labels()
+    ends: dict[str, tuple[float, float]] = {}
     for name, heard in sorted(summary.robots.items()):
         if name not in summary.exchanges.names():
             continue
@@ -143,5 +146,12 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
         for t, spot in list(spots.values())[::step]:
             title = f"{name}, heard at {clock(t - summary.from_s)}"
             dots.append(canvas.circle(css, spot, 3.0, title))
-        names.append(canvas.text(x + 6, y + 4, name, "name"))
+            words.mark(*canvas.at(spot), 3.0)
+        ends[name] = x, y
+    for name, (x, y) in ends.items():
+        width = _LETTER_PX * len(name)
+        aside = 6 + width / 2
+        offs = [(aside, 0.0), (-aside, 0.0), (0.0, -14.0), (0.0, 14.0)]
+        dx, dy = words.place(name, (x, y), (width, _LINE_PX), offs) or offs[0]
+        names.append(canvas.text(x + dx, y + dy + 4, name, "name", "middle"))
     return dots, names

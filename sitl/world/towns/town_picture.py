@@ -40,15 +40,15 @@ def draw_town(town: Town, path: Path, *, waypoints: Sequence[Point] = ()) -> Non
     buildings = shapely.union_all([shapely.Polygon(ring) for ring in town.buildings])
     yards = shapely.union_all([shapely.Polygon(ring) for ring in town.yards])
     crowns = shapely.union_all([shapely.Polygon(ring) for ring in town.vegetation])
-    for shape, colour, edge in (
-        (shapely.Polygon(town.outline), PAVED, "none"),
-        (crowns, CROWN, "none"),
-        (roads, ROAD, "none"),
-        (buildings.difference(yards), HOUSE, HOUSE_EDGE),
-        (yards, OPEN, "none"),
+    for shape, label, colour, edge in (
+        (shapely.Polygon(town.outline), "_", PAVED, "none"),
+        (crowns, "vegetation", CROWN, "none"),
+        (roads, "road", ROAD, "none"),
+        (buildings.difference(yards), "building", HOUSE, HOUSE_EDGE),
+        (yards, "_", OPEN, "none"),
     ):
         if not shape.is_empty:
-            sheet.shape(shape, facecolor=colour, edgecolor=edge, linewidth=0.6)
+            sheet.shape(shape, label, facecolor=colour, edgecolor=edge, linewidth=0.6)
     if waypoints:
         sheet.axes.plot(
             *zip(*waypoints, strict=True), ".", color=INK, markersize=2.5, label="waypoint"
