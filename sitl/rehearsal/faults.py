@@ -25,6 +25,7 @@ from sitl.rehearsal.courses import (
     Schedule,
     choice,
     drift,
+    often,
     on_board,
     one,
     placed,
@@ -153,6 +154,24 @@ class Fault(Enum):
     MAD_ROBOTS = Kind(
         "robots tell nonsense: future, NaN, jumps, zones", 20, courses.mad_robots, "climb"
     )
+    WEAK_LINKS = Kind(
+        *("links are slow, break, or are heard of falsely; robots drive", 12),
+        mission={"timers": {"init_s": 8, "explore_s": 6, "search_s": 10, "communicate_s": 10}},
+    )
+    GOALS = Kind(
+        "robots send goals, some that the mission does not name",
+        *(12, often("goals", 6, uniform(8.0, 25.0), lambda d: (d.random() < 0.5, d.random()))),
+        "INIT",
+        mission={"goals_from": ["callisto"]},
+    )
+    LAYERS = Kind(
+        "pilot takes one of two UAVs above its layer, hands it back there, and then lower",
+        12,
+        steps(
+            *((0.0, "pilot", "AUTO_LOITER"), (1.0, "climb", choice(3.0, 8.0, 9.0, 11.0))),
+            *((10.0, "hand back"), (25.0, "climb", 0.0), (33.0, "hand back")),
+        ),
+    )
     # The operator.
     RELOAD = Kind("no-fly zones added by reload in flight", 16, courses.zones)
     WALL = Kind("walled in by reload in flight", 12, courses.walls)
@@ -198,6 +217,7 @@ _ALONE: Final = frozenset(
         *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.LANDED_HERE, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
+        *(Fault.WEAK_LINKS, Fault.GOALS, Fault.LAYERS),
         *(Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
     }
 )

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from air_router.mission.loading import load_mission
 from geo.frame import Point
-from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.judge.mission_reader import Frame, Pair, RawMission, read_mission
 
 _HOME_CLEAR_M: Final = 8.0
 """Nearer to home than this a zone would be refused."""
@@ -47,6 +47,10 @@ _SHORT_M: Final = 1.3
 """So much less than the clearance a way keeps that the judge calls bad."""
 
 _TRIES: Final = 120
+_ANOTHER, _ADDRESS = "zephyr", {"address": "127.0.1.99", "base_port": 30_000, "clients": []}
+_APART_M, _AROUND_M, _HOMES_M = 12.0, 18.0, 25.0
+"""How far the layers of two UAVs are apart; waypoints, and the other home, at least from a home."""
+
 _FAR_M: Final = 2000.0
 
 
@@ -83,6 +87,33 @@ def with_room(document: dict[str, Any]) -> dict[str, Any]:
     while zones and corners + sum(len(zone.get("polygon", "1")) for zone in zones) > _POINTS:
         zones.pop()
     return {**document, "no_fly_zones": zones}
+
+
+def with_another_uav(document: dict[str, Any], folder: Path, dice: random.Random) -> dict[str, Any]:
+    """A mission that a second UAV flies as well: mostly above the first, from a home in the middle.
+
+    Waypoints beside that home are taken out, and the team gets the UAV.
+    """
+    if "uavs" in document:
+        return document
+    uav, layer_m = document["uav"], float(document["altitude_m"])
+    own = Frame(tuple(document["home"]["position"]))
+    far = [p for p in document["waypoints"] if math.hypot(*own.metres(*p)) > _HOMES_M]
+    home = dice.choice(far)
+    above_m = dice.choice((_APART_M, _APART_M, _APART_M, -_APART_M))
+    around = (own, Frame(tuple(home)))
+    kept = [
+        place
+        for place in document["waypoints"]
+        if min(math.hypot(*frame.metres(*place)) for frame in around) > _AROUND_M
+    ]
+    team = yaml.safe_load(Path(document["team"]).read_text(encoding="utf-8"))
+    team["robots"][_ANOTHER] = {"kind": team["robots"][uav]["kind"], **_ADDRESS}
+    path = folder / "team.yaml"
+    path.write_text(yaml.safe_dump(team), encoding="utf-8")
+    uavs = {uav: {}, _ANOTHER: {"altitude_m": layer_m + above_m, "home": home}}
+    rest = {key: value for key, value in document.items() if key not in {"uav", "rally_points"}}
+    return {**rest, "waypoints": kept, "uavs": uavs, "team": str(path)}
 
 
 class MissionFile:

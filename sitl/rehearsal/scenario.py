@@ -29,7 +29,7 @@ from sitl.rehearsal.judge.evidence import (
     SceneEventKind,
     WireMessage,
 )
-from sitl.rehearsal.mission_file import MissionFile, changed, hurried, with_room
+from sitl.rehearsal.mission_file import MissionFile, changed, hurried, with_another_uav, with_room
 from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.stations import Stations
@@ -133,6 +133,8 @@ class Scenario:
         self._records = folder / "records" if kind.records else None
         if scene.draws:
             document = with_room(document)
+        if scene.fault is Fault.LAYERS:
+            document = with_another_uav(document, folder, scene.chance("layers"))
         self.file = MissionFile(folder / "mission.yaml", document)
         mission = self.mission = self.file.mission
         team, uav = team_of(mission, None)
@@ -154,8 +156,8 @@ class Scenario:
         self.stations = Stations(self.vehicle, self._record)
         waypoints = [waypoint.position for waypoint in mission.waypoints]
         places = {name: anywhere(self._dice, waypoints) for name in self.seek}
-        met = functools.partial(self.happened, SceneEventKind.MET)
-        self.robots = Robots(mission.frame, places, lambda: EPOCH_S + self.now_s, met)
+        weak = scene.chance("links") if scene.fault is Fault.WEAK_LINKS else None
+        self.robots = Robots(mission, places, lambda: EPOCH_S + self.now_s, self.happened, weak)
         link = self.link
         link.loss = scene.most("loss")
         if Fault.BURSTS in scene.faults:

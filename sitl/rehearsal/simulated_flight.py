@@ -51,7 +51,7 @@ class SimulatedFlight(Scenario):
         now_s = self.now_s
         for scheduled in self.agenda.take(now_s):
             self.happened(SceneEventKind.FAULT, scheduled.what)
-            carry_out(scheduled, self, self._operator)
+            carry_out(scheduled, self, self._operator, self.robots)
         self._operator.step(now_s)
         if now_s >= self._sticks_from_s:
             moved = now_s < self._moved_until_s
@@ -228,6 +228,13 @@ class SimulatedFlight(Scenario):
         if self._operator.pilot and self._operator.flies:
             self.stations.first.choose(FlightMode.AUTO_LOITER)
             self._operator.resume(after_s=_RESUME_S)
+
+    def do_climb(self, up_m: float) -> None:
+        """The pilot has it go so far above its altitude, and hover there."""
+        if self._operator.pilot and self._operator.flies:
+            self.stations.first.choose(FlightMode.AUTO_LOITER)
+            amsl_m = self.autopilot.situation.home_altitude_m + self.mission.altitude_above_home_m
+            self.autopilot.reposition(None, amsl_m + up_m)
 
     def do_too_early(self, _: None) -> None:
         """The operator asks for the vehicle while the pilot still flies it in another mode."""

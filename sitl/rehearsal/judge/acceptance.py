@@ -89,6 +89,7 @@ ACCEPTED: Final = MappingProxyType(
                 *("LOST_FIX", "LOST_LANDED", "STICKS_ONLY", "RESTART", "STOPPED", "MOVED_LINK"),
                 *("VANISH", "MAD_ROBOTS", "ONE_DEAD", "HOSTILE", "TWO_VEHICLES", "RELOAD"),
                 *("REQUESTS", "ZONE_ACROSS", "ZONE_IN_HASTE", "CORNERS"),
+                *("WEAK_LINKS", "GOALS"),
             ),
             _HOME,
         ),
@@ -129,6 +130,8 @@ ACCEPTED: Final = MappingProxyType(
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
+        # Its own layer reaches up to halfway to the next.
+        "LAYERS": _row(End.LANDED, End.PILOT, height_m=2.0),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),

@@ -36,6 +36,9 @@ _GIVEN_BACK_IN: Final = frozenset({0x03040000, 0x04040000})
 _RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 """Requests by which an operator gives the vehicle back to the companion."""
 
+_TOO_HIGH_M: Final = 1.0
+"""How wrong a vehicle may be about its height in a layer."""
+
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
@@ -221,9 +224,11 @@ class Case(Track):
         return next((at_s for at_s in moved if self._free(at_s)), math.inf)
 
     def _free(self, time_s: float) -> bool:
-        """Whether the vehicle is in a mode, and in no failsafe, that it can be given back in."""
-        sample = self.evidence.samples[self.at(time_s)]
-        return sample.custom_mode in _GIVEN_BACK_IN and not sample.failsafe
+        """Whether the vehicle can be given back: its mode, no failsafe, not near a higher layer."""
+        index = self.at(time_s)
+        sample = self.evidence.samples[index]
+        level = self.above_m[index] <= self.mission.layer_top_m + _TOO_HIGH_M
+        return sample.custom_mode in _GIVEN_BACK_IN and not sample.failsafe and bool(level)
 
     def _responsible(self, time_s: float) -> Responsible:
         holders = [given.by for given in self.given if given.begin_s <= time_s < given.end_s]

@@ -124,6 +124,8 @@ class RawMission:
         duration_s: Come home so long after the take-off; infinite: when all is explored.
         endurance_s: How long a full battery lasts in cruise; infinite: the file does not say.
         seek: Whom to seek in turn; empty: the file has no plain list.
+        layer_top_m: So high above home another UAV's layer is nearer than its own.
+        goals_from: The robots whose goals count.
         timers_s: How long states last, by the names of the file; those that it leaves out are not
             known.
     """
@@ -144,6 +146,8 @@ class RawMission:
     duration_s: float = math.inf
     endurance_s: float = math.inf
     seek: tuple[str, ...] = ()
+    layer_top_m: float = math.inf
+    goals_from: tuple[str, ...] = ()
     timers_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -201,16 +205,15 @@ class _YamlReader:
         self, path: Path, data: dict[str, Any], uav: str | None, ground_amsl_m: float | None
     ) -> None:
         self._path = path
-        own = (data.get("uavs") or {}).get(uav) or {}
-        if data.get("uavs") and uav is None:
-            own = next(iter(data["uavs"].values())) or {}
-        self._data = {**data, **own}  # the UAV's own values come first
+        flown = {name: _flown(data, own or {}) for name, own in (data.get("uavs") or {}).items()}
+        uav = next(iter(flown), "") if uav is None else uav
+        self._data = flown.pop(uav) if uav in flown else _flown(data, {})
+        self._others = flown.values()
         self._planner = data.get("planner") or {}  # section of the file
         self._clearance_m = float(self._planner.get("clearance_m", _CLEARANCE_M))  # without another
-        home = self._data["home"] if isinstance(self._data["home"], dict) else {}
-        amsl = home.get("altitude_amsl_m")
+        amsl = self._data["home"].get("altitude_amsl_m")
         self._ground_m = ground_amsl_m if amsl is None else float(amsl)  # AMSL, at home
-        place, source = home.get("position", self._data["home"]), None
+        place, source = self._data["home"]["position"], None
         if data.get("coordinates", "degrees") == "local":
             origin = (data.get("frame") or {}).get("origin")
             if origin is None:
@@ -223,6 +226,7 @@ class _YamlReader:
     def read(self) -> RawMission:
         data, planner, metres = self._data, self._planner, self._pairs.metres
         places = [p if isinstance(p, dict) else {"position": p} for p in data["waypoints"]]
+        above = {u: o for o in self._others if (u := o["level_m"] - data["level_m"]) > 0.0}
         altitudes, alone = {float(data["altitude_m"])}, "uavs" not in data
         altitudes |= {float(p["altitude_m"]) for p in places if "altitude_m" in p}
         fences = data.get("fences") or ([data["fence"]] if data.get("fence") else [])
@@ -230,6 +234,10 @@ class _YamlReader:
         for entry in data.get("no_fly_files") or []:
             named = entry if isinstance(entry, dict) else {"file": entry}
             zones += self._zones_of_file(self._path.parent / named["file"])
+        radius_m = float(planner.get("home_separation_m", 20.0)) / 2
+        for other in above.values():  # it climbs and lands through this layer
+            circle = {"centre": other["home"]["position"], "radius_m": radius_m}
+            zones.append(self._area({"circle": circle}, "the climb corridor of another UAV"))
         return RawMission(
             frame=self._pairs.home,
             home=self._home,
@@ -249,6 +257,8 @@ class _YamlReader:
             duration_s=float(data.get("duration_s", math.inf)),
             endurance_s=float(data.get("endurance_s", math.inf)),
             seek=tuple(seek if isinstance(seek := data.get("seek"), list) else ()),
+            layer_top_m=max(altitudes) + min(above, default=math.inf) / 2,
+            goals_from=tuple(data.get("goals_from") or ()),
             timers_s={name: float(at_s) for name, at_s in (data.get("timers") or {}).items()},
         )
 
@@ -310,6 +320,14 @@ class _YamlReader:
                     yield self._area(
                         kept | shape, str(title or f"{path.stem} {number}"), pairs=pairs
                     )
+
+
+def _flown(data: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """A mission with a UAV's own values, and the level of its layer, above the sea if known."""
+    homes = [h if isinstance(h, dict) else {"position": h} for h in (data["home"], own.get("home"))]
+    known = [float(h.get("altitude_amsl_m") or 0.0) for h in homes if "altitude_amsl_m" in h]
+    both = {**data, **own, "home": homes["home" in own]}
+    return {**both, "level_m": float(both["altitude_m"]) + [0.0, *known][-1]}
 
 
 def _shapes(

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from sitl.rehearsal.judge import commands, duties, heights, inputs, plan, promises, space
+from sitl.rehearsal.judge import commands, duties, heights, inputs, plan, promises, robots, space
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, EvidenceError, SceneEventKind, number
@@ -284,6 +284,10 @@ RULES: Final[tuple[Rule, ...]] = (
     duties.it_lands_where_it_stands,
     duties.changed_files_that_are_left_are_told,
     duties.announcements_reach_the_ground_station,
+    robots.contact_begins_it,
+    robots.exchange_or_time_ends_it,
+    robots.it_waits_where_the_robot_is,
+    robots.only_named_robots_send_it,
     ends_as_it_may,
     the_track_is_whole,
     the_battery_lasts,

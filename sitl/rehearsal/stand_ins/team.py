@@ -4,27 +4,44 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from air_router.messages import POSE_TOPIC, PoseMessage
+from air_router.messages import GOALS_TOPIC, POSE_TOPIC, GoalsMessage, PoseMessage
 from air_router.mission.mission import Mission
 from geo.frame import LocalFrame, Point
 from mocha_link import Message
 from mocha_link.links.metrics import (
+    ContactBegan,
+    ContactEnded,
     Direction,
     LinkEvent,
     LinkMetrics,
     MessageStored,
     SyncEnded,
     SyncStarted,
+    SyncTimedOut,
 )
+from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 from mocha_link.team.team import Priority, Robot, Team
+from sitl.rehearsal.judge.evidence import SceneEventKind
 
 HEARD_M: Final = 60.0
 SYNC_EVERY_S: Final = 2.0
 _SIZE: Final = 100
+_TAKES_S, _BREAKS = (0.5, 9.0), 0.15
+"""How long one direction of an exchange over a weak link takes, and the share that never ends."""
+
+_FALSE_S, _FALSE_DBM = 15.0, -45.0
+"""So often a weak radio claims to hear a robot, wherever that is, and so strongly."""
+
+_DRIVES_M, _DRIVES_M_S, _CARRIED_S = 25.0, (0.2, 1.2), 30.0
+"""How far up and down robots of weak links drive, how fast, and how old what they carry is."""
+
+Told = tuple[str, str, bytes]
+"""A message: which robot made it, topic, data."""
 
 
 class NodeStandIn:
@@ -84,71 +101,161 @@ class NodeStandIn:
         """All of them."""
         return list(self._messages.values())
 
-    def meet(self, peer: str, messages: list[tuple[str, str, bytes]]) -> None:
-        """A peer hands over messages (robot, topic, data) in a sync both ways."""
-        if self._listener is None:
-            return
+    def tell(self, event: LinkEvent) -> None:
+        """Something happens on a link."""
+        if self._listener is not None:
+            self._listener(event)
+
+    def take(self, peer: str, messages: Sequence[Told]) -> None:
+        """A peer hands messages over."""
         now_s = self._unix_s()
-        for direction in Direction:
-            self._listener(SyncStarted(peer, now_s, direction))
         for robot, topic, data in messages:
             header = Header.at(0, 0, round(now_s * 1e3))
             stored = Message(robot, topic, header, Priority.HIGH, data, now_s, now_s)
             self._messages[(robot, topic)] = stored
-            self._listener(MessageStored(peer, now_s, robot, topic, header, _SIZE))
-        for direction in Direction:
-            self._listener(SyncEnded(peer, now_s, direction, 1, _SIZE, 0.1))
+            self.tell(MessageStored(peer, now_s, robot, topic, header, _SIZE))
 
 
-Prank = Callable[[str, Point], list[tuple[str, str, bytes]]]
+Prank = Callable[[str, Point], list[Told]]
 """What a mad robot tells (robot, topic, data) of a name and a true place."""
+
+
+@dataclass(slots=True, eq=False)
+class _Sync:
+    """One direction of an exchange that is under way, and when it ends (infinite: never)."""
+
+    robot: str
+    direction: Direction
+    began_s: float
+    ends_s: float
 
 
 class Robots:
     """Robots that stand about and are heard from near by.
 
     Args:
-        frame: The mission's.
+        mission: Of the UAV that meets them.
         places: Where they are.
         unix_s: The time.
-        met: Told of each that hands its messages over.
+        happened: Told, for the judge, of each that hands its messages over, and of each direction
+            of an exchange that is over.
+        weak: Dice of weak links: exchanges take long, or never end, radios are heard that are far
+            away; robots drive, and carry what others have said. None: links are good, robots stand.
 
     Attributes:
         places: Where they are; one that is taken out has vanished.
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
-        carry: They carry each other's newest poses, too.
+        carry: They carry each other's poses, too.
     """
 
     def __init__(
         self,
-        frame: LocalFrame,
+        mission: Mission,
         places: dict[str, Point],
         unix_s: Callable[[], float],
-        met: Callable[[str], None] = lambda _: None,
+        happened: Callable[[SceneEventKind, object], None],
+        weak: random.Random | None = None,
     ) -> None:
-        self._frame = frame
-        self._met = met
+        self._mission = mission
         self._unix_s = unix_s
+        self._happened = happened
+        self._weak = weak
         self._synced_s = dict.fromkeys(places, -math.inf)  # simulated, by robot
+        self._speeds_m_s = {n: weak.uniform(*_DRIVES_M_S) if weak else 0.0 for n in places}
+        self._under_way: list[_Sync] = []
+        self._node: NodeStandIn | None = None  # that took part in these
+        self._false_at_s = _FALSE_S  # when a radio is heard that is not there, next
         self.places = places
         self.prank: Prank | None = None
-        self.others: list[tuple[str, str, bytes]] = []
-        self.carry = False
+        self.others: list[Told] = []
+        self.carry = weak is not None
 
     def step(self, node: NodeStandIn, vehicle: Point, now_s: float) -> None:
         """Meet whom the vehicle is near to."""
-        for name, place in self.places.items():
-            near = math.dist(place, vehicle) <= HEARD_M
-            if near and now_s - self._synced_s[name] >= SYNC_EVERY_S:
+        if node is not self._node:
+            self._node, self._under_way = node, []
+        if self._weak is not None and now_s >= self._false_at_s:
+            self._false_at_s = now_s + _FALSE_S
+            self._claim_to_hear(node, self._weak.choice(list(self._synced_s)))
+        for name in self.places:
+            near = math.dist(self._place(name, now_s), vehicle) <= HEARD_M
+            due = now_s - self._synced_s[name] >= SYNC_EVERY_S
+            if near and due and not any(sync.robot == name for sync in self._under_way):
                 self._synced_s[name] = now_s
-                told = self._told(name, place) if self.prank is None else self.prank(name, place)
-                self._met(name)
-                node.meet(name, told + self.others)
+                for direction in Direction:
+                    self._under_way.append(_Sync(name, direction, now_s, self._ends_s(now_s)))
+                    node.tell(SyncStarted(name, self._unix_s(), direction))
+            if any(sync.robot == name for sync in self._under_way):
+                self._go_on(node, name, now_s, near=near)
 
-    def _told(self, name: str, place: Point) -> list[tuple[str, str, bytes]]:
-        places = self.places if self.carry else {name: place}
-        return [(n, POSE_TOPIC, pose(self._frame, at, self._unix_s())) for n, at in places.items()]
+    def do_goals(self, which: tuple[bool, float]) -> None:
+        """A robot, one that the mission names or another one, sends goals by all that meet it."""
+        named, seed = which
+        mission, dice = self._mission, random.Random(seed)  # noqa: S311 - rehearsal
+        others = tuple(robot for robot in self._synced_s if robot not in mission.goals_from)
+        robot = dice.choice((named and mission.goals_from) or others)
+        places = [mission.frame.to_geodetic(w.position) for w in mission.waypoints]
+        now_s = self._unix_s()
+        goals = GoalsMessage(
+            stamp_s=now_s,
+            id=f"{seed}",
+            points=tuple(dice.sample(places, dice.choice((1, 1, 2)))),
+            hold_s=2.0,
+            to=dice.choice((None, mission.uav, "another")),
+            until_s=dice.choice((None, now_s + 1000.0, now_s - 10.0)),
+        )
+        self.others = [told for told in self.others if told[:2] != (robot, GOALS_TOPIC)]
+        self.others.append((robot, GOALS_TOPIC, goals.encode()))
+
+    def _ends_s(self, now_s: float) -> float:
+        """When one direction of an exchange that begins now is over."""
+        if self._weak is None:
+            return now_s
+        return math.inf if self._weak.random() < _BREAKS else now_s + self._weak.uniform(*_TAKES_S)
+
+    def _go_on(self, node: NodeStandIn, name: str, now_s: float, *, near: bool) -> None:
+        for sync in [sync for sync in self._under_way if sync.robot == name]:
+            if near and now_s < sync.ends_s and now_s - sync.began_s < _TAKES_S[1]:
+                continue
+            self._under_way.remove(sync)
+            if not near or now_s < sync.ends_s:
+                node.tell(SyncTimedOut(name, self._unix_s(), sync.direction, "out of reach"))
+                continue
+            told: list[Told] = []
+            if sync.direction is Direction.IN:
+                told = self._told(name, self._place(name, now_s), now_s) + self.others
+                self._happened(SceneEventKind.MET, name)
+                node.take(name, told)
+            value = (name, sync.direction.value, sync.began_s, told)
+            self._happened(SceneEventKind.SYNCED, value)
+            node.tell(SyncEnded(name, self._unix_s(), sync.direction, 1, _SIZE, 0.1))
+
+    def _claim_to_hear(self, node: NodeStandIn, name: str) -> None:
+        """The radio says of a robot that it is near, for a moment."""
+        reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
+        node.tell(ContactBegan(name, self._unix_s(), reading))
+        node.tell(ContactEnded(name, self._unix_s(), 1.0, "not heard"))
+
+    def _place(self, name: str, now_s: float) -> Point:
+        east_m, north_m = self.places[name]
+        along_m = (self._speeds_m_s[name] * now_s) % (2 * _DRIVES_M)
+        return Point(east_m + min(along_m, 2 * _DRIVES_M - along_m), north_m)
+
+    def _told(self, name: str, place: Point, now_s: float) -> list[Told]:
+        if self.prank is not None:
+            return self.prank(name, place)
+        frame, unix_s, old_s = (
+            self._mission.frame,
+            self._unix_s(),
+            _CARRIED_S if self._weak else 0.0,
+        )
+        told = []
+        for robot in self.places if self.carry else (name,):
+            age_s = 0.0 if robot == name else old_s
+            at = self._place(robot, now_s - age_s)
+            told.append((robot, POSE_TOPIC, pose(frame, at, unix_s - age_s)))
+        return told
 
 
 def pose(frame: LocalFrame, place: Point, stamp_s: float) -> bytes:
@@ -170,7 +277,7 @@ def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[
     """What a mad robot tells instead of where it is."""
     frame = mission.frame
 
-    def told(name: str, place: Point) -> list[tuple[str, str, bytes]]:
+    def told(name: str, place: Point) -> list[Told]:
         match how:
             case "future":
                 data = pose(frame, place, 9.9e10)
@@ -185,7 +292,9 @@ def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[
                 inside = dice.choice(mission.zones).polygon.representative_point()
                 data = pose(frame, Point(inside.x, inside.y), unix_s())
             case _:
-                far = {"latitude_deg": -33.0, "longitude_deg": 151.0, "heading_deg": 1.0}
+                north_deg, east_deg = frame.to_geodetic(place)
+                away = dice.choice(((-33.0, 151.0), (north_deg + 0.3, east_deg)))
+                far = dict(zip(("latitude_deg", "longitude_deg"), away, strict=True))
                 data = str({"stamp_s": unix_s(), **far}).replace("'", '"').encode()
         return [(name, POSE_TOPIC, data)]
 

@@ -14,7 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
-from sitl.rehearsal.judge import commands, duties, heights, inputs, plan, promises, space, verdict
+from sitl.rehearsal.judge import (
+    commands,
+    duties,
+    heights,
+    inputs,
+    plan,
+    promises,
+    robots,
+    space,
+    verdict,
+)
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
 from sitl.rehearsal.judge.evidence import (
     Evidence,
@@ -389,7 +399,7 @@ def test_what_is_drawn_where_it_cannot_stop_is_left_and_counts_from_then_on():
 def test_every_rule_is_asked():
     rules = {
         each
-        for module in (commands, duties, heights, inputs, plan, promises, space, verdict)
+        for module in (commands, duties, heights, inputs, plan, promises, robots, space, verdict)
         for name, each in vars(module).items()
         if inspect.isgeneratorfunction(each) and each.__module__ == module.__name__
         if not name.startswith("_") and len(inspect.signature(each).parameters) == 1

@@ -1,0 +1,236 @@
+"""Rules of the robots: whom the companion seeks and where, how long it stays, whose goals count.
+
+They work on what robots really handed over and took (`SYNCED`), and on where the vehicle really is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.evidence import SceneEventKind
+from sitl.rehearsal.judge.mission_reader import Pair, RawMission
+from sitl.rehearsal.judge.promises import Spell, spells_of
+
+_SEEKS: Final = re.compile(r"\bSEARCH (\w+): ")
+_MET_S: Final = 1.0
+"""So soon after a robot has said where it is, COMM begins."""
+
+_ENDS_S: Final = 1.5
+"""So soon after it has all, or its time is over, COMM ends."""
+
+_FARTHEST_M: Final = 10_000.0
+"""Nothing is flown to a place that is farther away."""
+
+_MARGIN_M, _FOLLOWS_M, _SLACK_M = 1.5, 8.0, 5.0
+"""What ways keep on top of the clearance, how far a robot may drive on before it is followed, and
+how far from the nearest possible place the vehicle may hover."""
+
+_STANDS_M_S: Final = 0.5
+_COMM_S: Final = 20.0
+"""So long it stays with a robot where the file does not say."""
+
+_GOES_S: Final = 12.0
+"""Within that time goals are flown to, or refused."""
+
+
+class Told(NamedTuple):
+    """A message that a robot handed over.
+
+    Attributes:
+        time_s: When.
+        peer: Which robot had it.
+        maker: Which robot it is of.
+        said: What it says; empty: it cannot be read.
+    """
+
+    time_s: float
+    peer: str
+    maker: str
+    said: dict[str, Any]
+
+
+def _spells(case: Case) -> list[Spell]:
+    """Those in a state; none where it was not written down what robots handed over."""
+    return spells_of(case) if any(case.evidence.told(SceneEventKind.SYNCED)) else []
+
+
+def _told(case: Case, topic: str) -> Iterator[Told]:
+    """What robots said on a topic, in order of time."""
+    for synced in case.evidence.told(SceneEventKind.SYNCED):
+        peer, _, _, handed_over = synced.value
+        for maker, its_topic, data in handed_over:
+            if its_topic == topic:
+                yield Told(synced.time_s, peer, maker, _read(data))
+
+
+def _read(data: bytes) -> dict[str, Any]:
+    def refuse(text: str) -> float:
+        raise ValueError(text)
+
+    try:
+        said = json.loads(data, parse_constant=refuse)
+    except ValueError:
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def _place(case: Case, told: Told) -> Pair | None:
+    """Where a robot said that it is, in metres; None: nowhere that can be flown to."""
+    degrees = told.said.get("latitude_deg", math.inf), told.said.get("longitude_deg", math.inf)
+    if not (abs(degrees[0]) <= 90.0 and abs(degrees[1]) <= 180.0):
+        return None
+    east_m, north_m = map(float, case.mission.frame.metres(*degrees))
+    return (east_m, north_m) if math.hypot(east_m, north_m) <= _FARTHEST_M else None
+
+
+def _sought(case: Case, stay: Spell) -> str:
+    """The robot that was announced last before the end of a search; empty: none."""
+    lines = [m[1] for at_s, text in case.said if at_s < stay.end_s and (m := _SEEKS.search(text))]
+    return lines[-1] if lines else ""
+
+
+def _asked(case: Case, begin_s: float, end_s: float, *verbs: str) -> bool:
+    """Whether an operator asked for something then (of these, if any are given)."""
+    requests = case.evidence.told(SceneEventKind.REQUEST)
+    return any(
+        begin_s <= h.time_s <= end_s and (not verbs or str(h.value).split()[0] in verbs)
+        for h in requests
+    )
+
+
+def contact_begins_it(case: Case) -> Iterator[Violation]:
+    """COMM begins when the robot that is sought has just said, itself, where it is."""
+    poses = [told for told in _told(case, "/pose") if told.peer == told.maker]
+    for stay in _spells(case):
+        if stay.state != "COMM":
+            continue
+        robot = _sought(case, stay)
+        met = any(
+            told.maker == robot
+            and stay.begin_s - _MET_S <= told.time_s <= stay.begin_s + 0.1
+            and _place(case, told) is not None
+            for told in poses
+        )
+        if not met:
+            text = f"COMM begins, though {robot} has not just said where it is"
+            yield Violation(stay.begin_s, "contact", text)
+
+
+def exchange_or_time_ends_it(case: Case) -> Iterator[Violation]:
+    """COMM ends when both have all that the other had when it began, or its time is over."""
+    synced = [(h.time_s, *h.value[:3]) for h in case.evidence.told(SceneEventKind.SYNCED)]
+    for stay in _spells(case):
+        begin_s, end_s = stay.begin_s, stay.end_s
+        if stay.state != "COMM" or not case.answers(begin_s, end_s + _ENDS_S):
+            continue
+        robot, time_s = _sought(case, stay), case.mission.timers_s.get("communicate_s", _COMM_S)
+
+        def both_s(since_s: float, robot: str = robot) -> float:
+            """When both directions of syncs that began since then were over."""
+            firsts = (
+                next((s[0] for s in synced if s[1:3] == (robot, way) and s[3] > since_s), math.inf)
+                for way in ("in", "out")
+            )
+            return max(firsts)
+
+        if _asked(case, begin_s, end_s + 0.1) or stay.after not in {"EXPL", "SEARCH"}:
+            continue
+        if end_s - begin_s < time_s - _ENDS_S and both_s(begin_s - 0.2) > end_s + 0.1:
+            text = f"COMM ends after {end_s - begin_s:.1f} s, before {robot} was exchanged with"
+            yield Violation(end_s, "contact", text)
+        due_s = min(begin_s + time_s, both_s(begin_s + 0.1)) + _ENDS_S + case.row.notice_s
+        if end_s > due_s:
+            text = f"COMM with {robot} goes on, though it was to end at {due_s - _ENDS_S:.1f} s"
+            yield Violation(due_s, "contact", text)
+
+
+def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
+    """What waited for a robot, or stayed with it, to the end of its time hovers over it."""
+    poses = list(_told(case, "/pose"))
+    comm_s = case.mission.timers_s.get("communicate_s", _COMM_S)
+    for stay in _spells(case):
+        until_s, index = stay.end_s - 0.2, case.at(stay.end_s - 0.2)
+        timed = stay.state == "COMM" and stay.end_s - stay.begin_s > comm_s - 0.5
+        timed |= case.has_said("at the search position", stay.begin_s, until_s)
+        asked = _asked(case, stay.begin_s, stay.end_s)
+        if not timed or asked or stay.after != "EXPL" or not case.answers(stay.begin_s, until_s):
+            continue
+        if case.speed_m_s(case.at(until_s - 1.0), index) > _STANDS_M_S:
+            continue  # it follows
+        robot, here = _sought(case, stay), case.place(index)
+        heard = [told for told in poses if told.maker == robot and told.time_s < until_s]
+        if "MAD_ROBOTS" not in case.evidence.faults:  # else any of what it said may have counted
+            heard = sorted(heard, key=lambda told: told.said.get("stamp_s", 0.0))[-1:]
+        places = [place for told in heard if (place := _place(case, told)) is not None]
+        beside_m = _SLACK_M + float(case.off_m[index])
+        if places:
+            clear = _clear(case.version_at(until_s).mission)
+            off_m = min(
+                math.dist(here, place) - _FOLLOWS_M - clear.distance(shapely.Point(place))
+                for place in places
+            )
+        else:
+            off_m = min(math.dist(here, waypoint) for waypoint in case.mission.waypoints)
+        if off_m > beside_m:
+            where = "where it said that it is" if places else "any waypoint, and it is not known"
+            text = f"{stay.state} {robot} {off_m:.0f} m away from {where}"
+            yield Violation(until_s, "contact", text)
+
+
+def _clear(mission: RawMission) -> BaseGeometry:
+    """Where one may hover, zones counting at any height."""
+    room: BaseGeometry = shapely.Point(0.0, 0.0).buffer(2 * _FARTHEST_M)
+    for area in mission.areas:
+        kept_m = area.clearance_m + _MARGIN_M
+        if area.fence:
+            room = room.intersection(area.polygon.buffer(-kept_m))
+        else:
+            room = room.difference(area.polygon.buffer(kept_m))
+    return room
+
+
+def only_named_robots_send_it(case: Case) -> Iterator[Violation]:
+    """Goals of robots that the mission names, for this UAV and in time, are flown to; no others."""
+    named = [told for told in _told(case, "/goals") if told.maker in case.mission.goals_from]
+    goals = {told.said["id"]: told for told in reversed(named) if _is_for_it(case, told)}
+    stays = _spells(case)
+    begun = 0
+    for stay in stays:
+        begun += stay.state == "GOTO" and stay.before != "HOLD"
+        if stay.state != "GOTO" or _asked(case, 0.0, stay.begin_s, "goto"):
+            continue
+        ours = [told for told in goals.values() if told.time_s <= stay.begin_s]
+        if len(ours) < begun:  # each is done once
+            yield Violation(
+                stay.begin_s, "goals", "GOTO, though no robot that may send it has sent new goals"
+            )
+        elif stay.after == "EXPL" and case.answers(stay.begin_s, stay.end_s):
+            here = case.place(case.at(stay.end_s))
+            lasts = [case.mission.frame.metres(*told.said["points"][-1]) for told in ours]
+            off_m = min(math.dist(here, last) for last in lasts)
+            if off_m > case.mission.acceptance_m + _SLACK_M:
+                text = f"GOTO ends {off_m:.0f} m from the last of the points"
+                yield Violation(stay.end_s, "goals", text)
+    for told in goals.values():
+        due_s = told.time_s + _GOES_S
+        states = {case.state(told.time_s), case.state(due_s)}
+        done = any(s.state == "GOTO" and told.time_s - 0.1 <= s.begin_s <= due_s for s in stays)
+        done |= case.has_said(f"{told.maker}.*(refused|accepted)", told.time_s - 0.1, due_s)
+        open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"} and case.answers(told.time_s, due_s)
+        if open_to and not done:
+            yield Violation(due_s, "goals", f"goals of {told.maker} are not flown to")
+
+
+def _is_for_it(case: Case, told: Told) -> bool:
+    """Whether goals are for this UAV, and not too late."""
+    until_s, stamp_s = told.said.get("until_s"), told.said.get("stamp_s", 0.0)
+    late = until_s is not None and until_s < stamp_s
+    return told.said.get("to") in {None, case.evidence.uav} and not late

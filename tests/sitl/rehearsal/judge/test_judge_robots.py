@@ -1,0 +1,156 @@
+"""The judge about robots: by hand, what they said and took, and what was made of it."""
+
+import dataclasses
+import json
+
+import pytest
+
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind
+from sitl.rehearsal.judge.mission_reader import read_mission
+from sitl.rehearsal.judge.verdict import judge
+from tests.sitl.rehearsal.judge.test_judge import FRAME, HOLD, TEXT, command, evidence, heart
+from tests.sitl.rehearsal.judge.test_judge_inputs import HOVERS
+
+HERE = HOVERS[1500][:2]
+"""Where it stands from 70 s to 90 s."""
+
+MORE = """
+timers: {search_s: 10, communicate_s: 8}
+seek: [io, europa]
+goals_from: [europa]
+"""
+
+
+def pose(robot, at=HERE, **fields):
+    latitude, longitude = FRAME.degrees(*at)
+    said = {"stamp_s": 1.0, "latitude_deg": latitude, "longitude_deg": longitude, **fields}
+    return robot, "/pose", json.dumps(said).encode()
+
+
+def goals(robot, last=HERE, **fields):
+    said = {"stamp_s": 5.0, "id": "1", "points": [FRAME.degrees(*last)], **fields}
+    return robot, "/goals", json.dumps(said).encode()
+
+
+def synced(at_s, way="in", began_s=None, robot="io", told=()):
+    began_s = at_s - 1.0 if began_s is None else began_s
+    return SceneEvent(at_s, SceneEventKind.SYNCED, (robot, way, began_s, list(told)))
+
+
+def changes(*states, robot="io"):
+    """The mission's states, and when each begins; what it seeks is said as well."""
+    before = "READY"
+    for at_s, state in states:
+        yield at_s, f"  {at_s:.1f} s  {before} -> {state}"
+        before = state
+        if state == "SEARCH":
+            yield at_s, f"  {at_s:.1f} s  SEARCH {robot}: its last position"
+
+
+def found(*states, happenings, robot="io", also=()):
+    flown = evidence(HOVERS, said=[*changes((10.0, "INIT"), *states, robot=robot), *also])
+    flown = dataclasses.replace(
+        flown, mission_text=TEXT + MORE, happenings=[MET, *happenings], uav="titan"
+    )
+    return [str(v) for v in judge(flown).violations if v.kind in {"contact", "goals"}]
+
+
+MET = synced(1.0, robot="ariel")
+MEETS = ((60.0, "SEARCH"), (75.0, "COMM"), (77.5, "EXPL"))
+HEARD = synced(75.0, told=[pose("io")])
+BOTH = (HEARD, synced(77.5, began_s=76.0), synced(77.4, "out", began_s=76.0))
+
+
+def test_who_is_met_and_exchanged_with_is_left():
+    assert not found(*MEETS, happenings=BOTH)
+
+
+@pytest.mark.parametrize(
+    ("states", "happenings", "words"),
+    [
+        (MEETS, BOTH[1:], "COMM begins"),
+        (MEETS, (synced(75.0, robot="europa", told=[pose("io")]), *BOTH[1:]), "COMM begins"),
+        (MEETS, (synced(75.0, told=[pose("io", (0, 2e6))]), *BOTH[1:]), "COMM begins"),
+        (MEETS, (synced(75.0, told=[pose("io", stamp_s=float("nan"))]), *BOTH[1:]), "COMM begins"),
+        (MEETS, BOTH[:2], "COMM ends after 2.5 s"),
+        (MEETS, (*BOTH[:2], synced(77.4, "out", began_s=70.0)), "COMM ends after 2.5 s"),
+        (MEETS, (*BOTH[:2], synced(77.4, "out", robot="europa")), "COMM ends after 2.5 s"),
+        ((*MEETS[:2], (80.0, "EXPL")), BOTH, "goes on"),
+        ((*MEETS[:2], (88.0, "EXPL")), BOTH[:1], "goes on"),
+    ],
+)
+def test_contact_begins_it_and_exchange_ends_it(states, happenings, words):
+    assert any(words in text for text in found(*states, happenings=happenings))
+
+
+@pytest.mark.parametrize(
+    ("told", "good"),
+    [
+        ([pose("io")], True),
+        ([pose("io", (HERE[0] - 10.0, HERE[1]))], True),
+        ([pose("io", (HERE[0] - 40.0, HERE[1]))], False),
+        ([pose("io", (HERE[0] - 40.0, HERE[1])), pose("io", stamp_s=9.0)], True),
+        ([pose("io", (0, 2e6))], False),
+        ([], False),
+    ],
+)
+def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
+    waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
+    heard = [synced(50.0, robot="europa", told=told)]
+    arrives = [(75.0, "at the search position of io")]
+    assert bool(found(*waits, happenings=heard, also=arrives)) is not good
+
+
+GOES = ((60.0, "GOTO"), (88.0, "EXPL"))
+
+
+@pytest.mark.parametrize(
+    ("states", "told", "words"),
+    [
+        (GOES, goals("europa"), ""),
+        (GOES, goals("io"), "no robot that may send it"),
+        (GOES, goals("europa", to="another"), "no robot that may send it"),
+        (GOES, goals("europa", until_s=4.0), "no robot that may send it"),
+        (GOES, goals("europa", (-30.0, 0.0)), "from the last of the points"),
+        (((60.0, "SEARCH"),), goals("europa"), "not flown to"),
+        (((60.0, "SEARCH"),), goals("io"), ""),
+    ],
+)
+def test_only_goals_of_named_robots_are_flown_to(states, told, words):
+    wrong = found(*states, happenings=[synced(59.9, told=[told])])
+    assert words in "".join(wrong)
+    assert bool(wrong) is bool(words)
+
+
+TWO = """
+uavs:
+  titan: {}
+  zephyr: {altitude_m: 52, home: [150, 0]}
+"""
+
+
+def test_several_uavs_have_layers_and_climb_corridors(tmp_path):
+    low = read_mission(tmp_path / "m.yaml", TEXT + TWO, "titan")
+    assert low.layer_top_m == pytest.approx(46.0)
+    corridor = low.zones[-1]
+    assert corridor.radius_m == pytest.approx(10.0)
+    assert corridor.polygon.centroid.x == pytest.approx(150.0, abs=0.5)
+    high = read_mission(tmp_path / "m.yaml", TEXT + TWO, "zephyr")
+    assert high.layer_top_m == float("inf")
+    assert len(high.zones) == len(low.zones) - 1
+
+
+@pytest.mark.parametrize(("up_m", "good"), [(44.0, True), (49.0, False)])
+def test_above_its_layer_a_vehicle_is_not_given_back(up_m, good):
+    states = [
+        (e, n, up_m if 1400 <= at < 1800 else up, armed, landed, HOLD if at >= 1400 else mode)
+        for at, (e, n, up, armed, landed, mode) in enumerate(HOVERS)
+    ]
+    happenings = [
+        SceneEvent(70.0, SceneEventKind.PILOT, "AUTO_LOITER"),
+        SceneEvent(80.0, SceneEventKind.REQUEST, "resume"),
+    ]
+    hearts = [heart(at_s, HOLD) for at_s in (71.0, 79.0)]
+    flown = evidence(states, more=[*hearts, command(81.0, 176)], faults=("HAND_BACK",))
+    flown = dataclasses.replace(flown, mission_text=TEXT + TWO, happenings=happenings, uav="titan")
+    assert ("authority" in {v.kind for v in judge(flown).violations}) is not good
