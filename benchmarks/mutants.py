@@ -134,7 +134,7 @@ MUTANTS = (
     # Beside those of the review: the controller,
     _row("take-off anywhere", "air_router.ready_state", "away_m > HOME_TOLERANCE_M", "away_m > 1e4",
          "safety_monitor faults_in_flight"),
-    _row("reserve ignored", "air_router.return_monitor", "charge <= mission.battery_reserve",
+    _row("reserve ignored", "air_router.envelope", "charge <= mission.battery_reserve",
          "charge < 0", "deviations controller"),
     _row("through other layers", "air_router.ready_state",
          "telemetry.altitude_m > context.layer_top_m", "False", "safety_monitor several"),

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Final
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.control_authority import ControlAuthority
+from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
 from air_router.controller.model.mission_context import Ending, MissionContext, OnBoard, ZoneChange
 from air_router.controller.model.requests import (
@@ -28,7 +29,6 @@ from air_router.controller.model.requests import (
     SeekNow,
 )
 from air_router.controller.model.states import Requests, Signal, State
-from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.states.goto_state import Accepted, GotoValidator
 from air_router.controller.states.table import StateHandlers
 from air_router.vehicle.input_limits import NO_FIX

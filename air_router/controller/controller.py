@@ -19,6 +19,7 @@ from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority, SilenceReminder
 from air_router.controller.deviations import Deviations
+from air_router.controller.envelope import Envelope, ReturnMonitor
 from air_router.controller.missing_inputs import MissingInputs
 from air_router.controller.model.actions import (
     Action,
@@ -47,9 +48,8 @@ from air_router.controller.model.states import From, Requests, Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
-from air_router.controller.states.explore_state import PASSING_M, Exploration
+from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoValidator
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.table import STATES, StateHandlers, transitions
@@ -113,7 +113,8 @@ class Controller:
         self._home = HomeWatch(context)
         self._silence = SilenceReminder()
         self._monitor = SafetyMonitor(context, gate, plan)
-        self._deviations = Deviations(context, gate, self._home)
+        self._envelope = Envelope(context, gate, self._home)
+        self._deviations = Deviations(context, gate)
         self.returns = ReturnMonitor(context, states.reachability)
         self._missing = MissingInputs(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
@@ -191,7 +192,7 @@ class Controller:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:
             authority.look_on(telemetry)
-            self._deviations.forget()
+            self._envelope.forget()
         elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
             authority.give_up(f"{breach} is not resumed by itself")
         elif ours:
@@ -223,17 +224,16 @@ class Controller:
         status = context.inputs.look(telemetry)
         if status is not CALM and self._missing.follow(status, telemetry):
             return
-        climbs = self._climb.climb is not None
-        if context.spec.cruises and context.zones is None and not climbs:
-            self._deviations.keep(telemetry, moved)
-        else:
-            self._deviations.stand_aside(moved)
-        exploration.here = telemetry.position
-        if exploration.began_s is None:
-            exploration.began_s = context.now_s
-        for waypoint in exploration.waypoints:
-            if math.dist(telemetry.position, waypoint.position) <= PASSING_M:
-                exploration.passed(waypoint.number, context.now_s)
+        cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
+        if moved is not None:
+            self._deviations.home_moved(moved, cruises=cruises)
+        if not cruises:
+            self._envelope.forget()
+        elif found := self._envelope.look(telemetry):
+            self._deviations.follow(found)
+        here = exploration.here = telemetry.position
+        if math.dist(here, exploration.looked_from) >= exploration.alike_m:
+            exploration.look_around(here, context.now_s)
         self.returns.check(telemetry)
         held_up = context.zones is not None or self._climb.climb is not None or context.jumped
         if held_up and self._waits(telemetry):

@@ -23,16 +23,15 @@ flies, zones are being changed, or the vehicle lands.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
-from air_router.controller.envelope import ClearanceWatch, HeightWatch, SpeedWatch
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.safety_monitor import DOUBT_M, HomeWatch, Response
-from air_router.vehicle.vehicle import Telemetry
+from air_router.controller.safety_monitor import Deviation, Response
 
 HOLD_S: Final = 2.0
 """A vehicle that holds for a deviation stands after so long, and goes on."""
@@ -44,59 +43,37 @@ WITHIN_S: Final = 180.0
 
 @dataclass(slots=True, eq=False)
 class Deviations:
-    """Looks at every telemetry of a vehicle that flies its mission by our commands.
+    """Has a vehicle that flies its mission by our commands keep to what was planned.
 
     Args:
-        context: What was planned.
-        gate: What the vehicle was told last; has it hold.
-        home: Where the autopilot's home is, and what the satellites say of the altitude.
+        context: Where it says what is off, and has it come home.
+        gate: Has it hold.
     """
 
     _context: MissionContext
     _gate: CommandGate
-    _home: HomeWatch
-    _height: HeightWatch = field(init=False)
-    _clearance: ClearanceWatch = field(init=False)
-    _speed: SpeedWatch = field(init=False)
     _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
 
-    def __post_init__(self) -> None:
-        self._height = HeightWatch(self._context)
-        self._clearance = ClearanceWatch(self._context)
-        self._speed = SpeedWatch(self._context, self._gate)
-
-    def keep(self, telemetry: Telemetry, moved: Response | None) -> None:
-        """Have the vehicle keep to what was planned, and say where it does not.
-
-        Args:
-            telemetry: What is looked at.
-            moved: What follows home having been moved just now, which is told already.
-        """
-        if moved is not None:
-            self._respond(moved, "home was moved", said=True)
-        in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
-        found = (
-            self._height.look(telemetry),
-            self._home.doubt(telemetry) if in_doubt else None,
-            self._clearance.look(telemetry),
-            self._speed.look(telemetry),
-        )
-        for deviation in filter(None, found):
-            again = deviation.counts and self._happens_again(telemetry.time_s)
+    def follow(self, found: Collection[Deviation]) -> None:
+        """Say what is off, or is over, and do what follows."""
+        for deviation in found:
+            again = deviation.counts and self._happens_again(self._context.heard.time_s)
             self._respond(Response.HOME if again else deviation.response, deviation.words)
 
-    def stand_aside(self, moved: Response | None) -> None:
-        """It does not fly at its altitudes just now; on a leg a home that moves is held for."""
-        self.forget()
-        if moved is Response.HOLD and self._context.zones is not None:
+    def home_moved(self, moved: Response, *, cruises: bool) -> None:
+        """Do what follows home having been moved just now, which is told already.
+
+        Args:
+            moved: What that is.
+            cruises: The vehicle flies at its altitudes; if not, only a leg on which it is while
+                zones change is held for.
+        """
+        if cruises:
+            self._respond(moved, "home was moved", said=True)
+        elif moved is Response.HOLD and self._context.zones is not None:
             self._gate.stop()
             self._context.has_to_stop = True
             self._gate.hold("home was moved")
-
-    def forget(self) -> None:
-        """It does not fly its mission by our commands just now."""
-        for watch in (self._height, self._clearance, self._speed):
-            watch.forget()
 
     def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
         context = self._context

@@ -1,4 +1,4 @@
-"""Looks whether the vehicle keeps to what was planned: its height, its clearance, its speed.
+"""Looks whether the flight keeps to what was planned: height, clearance, speed, charge and time.
 
 Each is looked at in every telemetry while the vehicle flies its mission by our commands. What
 follows from what is found, `deviations` has in one table.
@@ -7,15 +7,18 @@ follows from what is found, `deviations` has in one table.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.safety_monitor import Deviation, Response
+from air_router.controller.safety_monitor import DOUBT_M, Deviation, HomeWatch, Response
+from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
+from air_router.routing.return_planner import LANDING_MARGIN, WayHome
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -246,3 +249,99 @@ class SpeedWatch:
         """It does not fly its mission by our commands just now: out of another's it brakes."""
         self._fast_since_s = self._slow_since_s = None
         self._fast_told = True
+
+
+@dataclass(slots=True, eq=False)
+class Envelope:
+    """Looks at height, clearance and speed together.
+
+    Args:
+        context: What was planned.
+        gate: What the vehicle was told last.
+        home: What the satellites say of the altitude.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    _home: HomeWatch
+    _height: HeightWatch = field(init=False)
+    _clearance: ClearanceWatch = field(init=False)
+    _speed: SpeedWatch = field(init=False)
+    _looks: bool = False  # the telemetry before was looked at
+
+    def __post_init__(self) -> None:
+        self._height = HeightWatch(self._context)
+        self._clearance = ClearanceWatch(self._context)
+        self._speed = SpeedWatch(self._context, self._gate)
+
+    def look(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
+        """What begins, or is over, of a vehicle that flies its mission by our commands."""
+        self._looks = True
+        in_doubt = abs(self._home.receiver_off_m) >= DOUBT_M
+        found = (
+            self._height.look(telemetry),
+            self._home.doubt(telemetry) if in_doubt else None,
+            self._clearance.look(telemetry),
+            self._speed.look(telemetry),
+        )
+        return tuple(filter(None, found))
+
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now."""
+        if self._looks:
+            self._looks = False
+            for watch in (self._height, self._clearance, self._speed):
+                watch.forget()
+
+
+@dataclass(slots=True, eq=False)
+class ReturnMonitor:
+    """Decides when the mission ends, and says where no way leads home.
+
+    Args:
+        context: The charge, and since when the mission is in the air.
+        reachability: Whether zones leave a way home.
+    """
+
+    _context: MissionContext
+    _reachability: HomeReachability
+    _way_home: WayHome = field(default_factory=WayHome)
+
+    @property
+    def need_home(self) -> float | None:
+        """The charge that flying home from here takes; None when unknown, or on the way already."""
+        return self._way_home.need_now if self._context.knows(Signal.COME_HOME) else None
+
+    def check(self, telemetry: Telemetry) -> None:
+        """End the mission if it is time; say it, loudly, where no way leads home."""
+        context, reachability = self._context, self._reachability
+        if context.state is not State.LAND and (
+            telemetry.time_s >= reachability.look_at_s
+            or reachability.walls is not None
+            or reachability.among is not context.mission
+        ):
+            news = reachability.look(telemetry, due=context.state is State.HOME)
+            if news is not None:
+                context.say(news)
+        if Signal.COME_HOME in context.spec.on:
+            why = self.due(telemetry)
+            if why is not None:
+                context.come_home(why)
+
+    def due(self, telemetry: Telemetry) -> str | None:
+        """Why the vehicle comes home now; None to stay out."""
+        context, mission, charge = self._context, self._context.mission, telemetry.battery
+        need_home = None
+        if context.pace.endurance_s is not None:
+            need_home = self._way_home.need(telemetry, context.router)
+        if charge is not None and charge <= mission.battery_reserve:
+            return f"battery at {charge:.0%}"
+        if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
+            return (
+                f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
+                f"{LANDING_MARGIN:.0%} are to be left on the ground"
+            )
+        airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
+        if mission.duration_s is not None and airborne_s >= mission.duration_s:
+            return f"{mission.duration_s:.0f} s of mission are over"
+        return None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.return_monitor import ReturnMonitor
 from air_router.vehicle.input_limits import InputStatus, Stop
 from air_router.vehicle.vehicle import Telemetry
 

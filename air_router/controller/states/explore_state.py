@@ -23,6 +23,8 @@ from geo.frame import Point
 PASSING_M: Final = 15.0
 """Passing a waypoint so closely counts as having been there when we look for a lost robot."""
 
+_NOWHERE: Final = Point(math.inf, math.inf)
+
 
 @dataclass(slots=True)
 class Exploration:
@@ -33,6 +35,8 @@ class Exploration:
         left_out: Numbers of those that could not be visited.
         here: Where the vehicle was last told to be; None before it flies.
         began_s: When that was told first.
+        looked_from: Where it was looked last which waypoints are near.
+        alike_m: Nearer than this to that place the same ones are.
     """
 
     waypoints: Sequence[Waypoint]
@@ -40,8 +44,11 @@ class Exploration:
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None
+    looked_from: Point = _NOWHERE
+    alike_m: float = 0.0
     _next: int = 0  # index of the next waypoint
-    _passed_s: dict[int, float] = field(default_factory=dict)  # when each waypoint was passed last
+    # when each waypoint was passed last; infinite: it is near now
+    _passed_s: dict[int, float] = field(default_factory=dict)
 
     @property
     def remaining(self) -> int:
@@ -99,9 +106,18 @@ class Exploration:
         self._next, left_out = mark
         del self.left_out[left_out:]
 
-    def passed(self, number: int, now_s: float) -> None:
-        """A waypoint is near."""
-        self._passed_s[number] = now_s
+    def look_around(self, here: Point, now_s: float) -> None:
+        """Note which waypoints are near; others are, or are not, only `alike_m` from here."""
+        self.looked_from, self.alike_m = here, math.inf
+        if self.began_s is None:
+            self.began_s = now_s
+        for waypoint in self.waypoints:
+            away_m = math.dist(here, waypoint.position)
+            self.alike_m = min(self.alike_m, abs(away_m - PASSING_M))
+            if away_m <= PASSING_M:
+                self._passed_s[waypoint.number] = math.inf
+            elif self._passed_s.get(waypoint.number) == math.inf:
+                self._passed_s[waypoint.number] = now_s
 
     def longest_unseen(self) -> Goal:
         """Where a robot may be that was never heard: the waypoint passed longest ago.

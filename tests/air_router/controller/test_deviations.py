@@ -5,13 +5,12 @@ import math
 
 import pytest
 
-from air_router.controller.envelope import FAST_S, OFF_HOME_S, OFF_S
+from air_router.controller.envelope import FAST_S, OFF_HOME_S, OFF_S, ReturnMonitor
 from air_router.controller.model.actions import CommandAck, FlyToNode, FlyToPoint, HoldHere, Refusal
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, HoldNow
 from air_router.controller.model.states import State
-from air_router.controller.return_monitor import ReturnMonitor
 from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
