@@ -39,7 +39,7 @@ from mocha_link.sync.protocol import (
     Route,
     random_id,
 )
-from mocha_link.team.team import Team, Topic
+from mocha_link.team.team import Team, Topic, UnknownRobotError
 
 TIMEOUT_S = 5.0
 UNGUARDED = nullcontext()
@@ -127,7 +127,7 @@ class Gossip:
 
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         begins = self._trigger.heard(peer, reading, now.unix_s)
         self._tell_contacts(now)
         if begins:
@@ -143,7 +143,7 @@ class Gossip:
 
         Nothing begins either when the contact's budget is used up. `both`: the peer pulls, too.
         """
-        link = self._links.touch(peer)
+        link = self._link(peer)
         if both:
             link.server.invite()
         if self._by_timer and not link.puller.pull:
@@ -156,7 +156,7 @@ class Gossip:
 
     def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came in on the port for a peer."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         reply = link.server.answer(route, parts, now)
         if reply is not None:
             self._link_table.count(peer, bytes_out=len(reply))
@@ -176,26 +176,26 @@ class Gossip:
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
         """Take in a datagram that came to the port for a peer; says whether to answer there."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         is_there = link.server.packet(packet, now)
         self._serve(link, now)
         return is_there
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.reply(parts, now)
         self._tell(link, now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.packet(packet, now)
         self._tell(link, now)
 
     def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
         """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
-        self._links.touch(peer).puller.progress(now, rtt_s)
+        self._link(peer).puller.progress(now, rtt_s)
 
     def leaves(self, peer: str) -> bool:
         """Whether the connection to a peer is to be closed or replaced, once the transport does it.
@@ -207,7 +207,7 @@ class Gossip:
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
-        link = self._links.touch(peer)
+        link = self._link(peer)
         link.puller.lost(reason, now)
         self._tell(link, now)
 
@@ -281,19 +281,11 @@ class Gossip:
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
         """The ages of the newest messages by peer and topic; any thread may ask at any time."""
-        newest = self.database.newest
-        return {
-            peer: {
-                topic.name: now.unix_s - min(record.stamp_s, record.received_s)
-                for topic in self._team.topics_of(peer)
-                if (record := newest(self._team.robot(peer).robot_id, topic.topic_id))
-            }
-            for peer in self.me.peers
-        }
+        return self._links.ages_s(now.unix_s)
 
     def held(self, peer: str) -> dict[int, int]:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
-        return self._links.touch(peer).peer.newest
+        return self._link(peer).peer.newest
 
     def _count(self) -> None:
         """Bring the link table up to date."""
@@ -345,6 +337,13 @@ class Gossip:
         for event in self._trigger.news():
             self._events.append(event)
             if isinstance(event, ContactEnded):
-                link = self._links.touch(event.peer)
+                link = self._link(event.peer)
                 link.puller.unfollow()
                 self._tell(link, now)
+
+    def _link(self, peer: str) -> PeerLink:
+        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
+        if peer not in self._links.by_peer:
+            raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
+        self._links.touched.add(peer)
+        return self._links.by_peer[peer]

@@ -13,7 +13,7 @@ from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NodeContext
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
-from mocha_link.team.team import Robot, Trust, UnknownRobotError
+from mocha_link.team.team import Robot, Trust
 
 
 @dataclass(slots=True)
@@ -50,7 +50,7 @@ class PeerLinks:
     def __init__(
         self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
     ) -> None:
-        self._me = me  # whose links they are
+        self._database, self._team = context.database, context.team
         self.by_peer = _links(context, me, link_table, datagrams=datagrams)
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
@@ -60,13 +60,6 @@ class PeerLinks:
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self.by_peer.values())
 
-    def touch(self, peer: str) -> PeerLink:
-        """What belongs to a peer of whom something comes. Raises UnknownRobotError."""
-        if peer not in self.by_peer:
-            raise UnknownRobotError(peer, self._me.peers, f"among the clients of {self._me.name}")
-        self.touched.add(peer)
-        return self.by_peer[peer]
-
     def take_bytes(self) -> Iterator[tuple[str, int]]:
         """How many bytes have come from peers since the last call."""
         for peer in self.touched:
@@ -74,6 +67,18 @@ class PeerLinks:
             if side.bytes_in:
                 yield peer, side.bytes_in
                 side.bytes_in = 0
+
+    def ages_s(self, now_s: float) -> dict[str, dict[str, float]]:
+        """The ages of the newest messages by peer and topic, at that Unix time."""
+        newest = self._database.newest
+        return {
+            peer: {
+                topic.name: now_s - min(record.stamp_s, record.received_s)
+                for topic in self._team.topics_of(peer)
+                if (record := newest(self._team.robot(peer).robot_id, topic.topic_id))
+            }
+            for peer in self.by_peer
+        }
 
     def stored(self, robot_ids: AbstractSet[int]) -> None:
         """Messages of robots were stored: that comes of the peers that are to hear of it."""
