@@ -1,5 +1,19 @@
 """The one way to command the vehicle: past all that may stand against a motion, or to hold.
 
+A hold always leaves (while the flight mode is not heard: only one that the operator asks for). What
+keeps a leg, or a landing, from leaving, in the order in which it is looked at:
+
+| what stands against it | what lifts that, and what follows |
+|---|---|
+| no fix, or another input is missing | all have come for 3 s: on; some too long missing: home |
+| the altitude has jumped | it is back for 2 s: on; it is not within 30 s: home |
+| an order shows that is not ours | ours shows: what was put off goes on; after 1.5 s: hands off |
+| a jump would not show which order is followed | the hold that leaves instead: planned anew |
+| hands will be off | it holds, or was told to six times: hands off |
+| what was replaced on board is compared | it flies the same: planned anew; or not: hands off |
+| zones are changed; only the way out of one leaves | they are on board: planned anew |
+| it was taken over, or stopped, below its altitude | the climb that leaves instead: planned anew |
+
 The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
 under way (or has failed) the vehicle may be in the mode before it or in the one that it asks for;
 once it is confirmed only in that one. Any other mode was chosen by a pilot or a failsafe.
@@ -202,22 +216,18 @@ class CommandGate:
         if isinstance(motion, HoldHere):
             self.send(motion)
             return
-        # Where is it, how high, or whose?
         context.put_off |= context.doubts
         lost_fix = context.telemetry is not None and not context.telemetry.fix
         if lost_fix or context.inputs.stopped or context.jumped or context.doubts:
             if isinstance(motion, LandHere):
                 context.retry_in(RETRY_S)  # in LAND nothing else has it land
             return
-        # Which of several orders would it follow?
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             context.way.brake()
             self.send(HoldHere("an order from before may be under way; stopping to look again"))
             return
-        # Hands are off in a moment, or the plan on board is compared.
         if context.giving_up is not None or context.compares is not None:
             return
-        # Zones are being changed: nothing is begun but the way out of one.
         if context.zones is not None:
             if context.zones is ZoneChange.UPLOADING:
                 # It is wanted elsewhere than its leg leads; there, it would not be watched.
@@ -225,7 +235,6 @@ class CommandGate:
                 context.has_to_stop = True
                 self.hold("zones are being changed")
             return
-        # It is lower than legs are checked for.
         allowed = self.climb_first(motion) if context.climbs_first else motion
         if allowed is not None:
             self.send(allowed)

@@ -2,9 +2,11 @@ import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, ZoneChange
+from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
 from air_router.routing.departure import PendingSetpoint
+from air_router.vehicle.input_limits import InputWatch, Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -48,6 +50,52 @@ def test_a_late_confirmation_of_an_older_command_changes_nothing(gate):
     assert gate.pending is second
     gate.failed(CommandFailed(first, "deaf"))
     assert gate.pending is second
+
+
+# What stands against a motion.
+
+
+@pytest.mark.parametrize(
+    ("stands", "value"),
+    [
+        ("telemetry", Telemetry(1.0, HERE, 40.0, fix=False)),
+        ("inputs", InputWatch(stopped={"position not heard": Stop.HOLD})),
+        ("jumped", True),
+        ("doubts", True),
+        ("giving_up", "a breach"),
+        ("compares", "the plan on board was replaced"),
+        ("zones", ZoneChange.CLEARING),
+    ],
+)
+def test_while_something_stands_against_a_motion_only_a_hold_leaves(gate, stands, value):
+    context, leg, hold = gate._context, FlyToPoint(HERE, 40.0), HoldHere("why")
+    before = getattr(context, stands)
+    setattr(context, stands, value)
+    gate.command(leg)
+    gate.command(LandHere())
+    assert context.actions == []
+    gate.command(hold)
+    setattr(context, stands, before)
+    gate.command(leg)
+    assert context.actions == [hold, leg]
+
+
+def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(gate):
+    context, hold = gate._context, HoldHere("why")
+    context.inputs.silent = True
+    gate.command(hold)
+    assert context.actions == []
+    context.state = State.HOLD
+    gate.command(hold)
+    assert context.actions == [hold]
+
+
+def test_a_leg_while_zones_are_put_on_board_has_it_hold(gate):
+    gate._context.zones = ZoneChange.UPLOADING
+    gate.command(FlyToPoint(HERE, 40.0))
+    (hold,) = gate._context.actions
+    assert isinstance(hold, HoldHere)
+    assert gate._context.has_to_stop
 
 
 # What it may be flying to.
