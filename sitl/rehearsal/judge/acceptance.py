@@ -130,8 +130,7 @@ ACCEPTED: Final = MappingProxyType(
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
-        # Its own layer reaches up to halfway to the next.
-        "LAYERS": _row(End.LANDED, End.PILOT, height_m=2.0),
+        "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),

@@ -236,7 +236,7 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
                 text = f"at {above_m:.1f} m, the plan flies {low_m:.1f} to {high_m:.1f} m"
                 wrong.append(("altitude", beyond_m, text))
             on_m = math.dist(case.place(back_at), case.place(index)) - case.off_m[index]
-            if excuse_m and not lands and on_m > _CLIMBS_M + row.room_m:
+            if excuse_m and above_m < low_m and not lands and on_m > _CLIMBS_M + row.room_m:
                 text = f"flew {on_m:.0f} m on at {above_m:.1f} m, where it was given back"
                 wrong.append(("altitude", on_m - _CLIMBS_M, text))
             for kind, excess_m, text in wrong:
