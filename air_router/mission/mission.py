@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -106,10 +108,15 @@ class Mission:
     accepts: tuple[Accepted, ...] = ()
 
     def airspace_at(self, altitude_m: float) -> Airspace:
-        """The airspace that counts at an altitude above home, with its clearance."""
+        """The airspace that counts at an altitude above home, with its clearance.
+
+        Above or below the cruise altitudes: what applies from there to them.
+        """
         if altitude_m > self.cruise.upper_m:
-            return self.above_airspace
-        return self.airspace if altitude_m >= self.cruise.lower_m else self.climb_airspace
+            return _between(self.above_airspace, -math.inf, altitude_m)
+        if altitude_m < self.cruise.lower_m:
+            return _between(self.climb_airspace, altitude_m, math.inf)
+        return self.airspace
 
     @property
     def ceiling_m(self) -> float:
@@ -168,3 +175,16 @@ class Mission:
         """After this the zones may be others; None when they are the same at all times."""
         timed = any(zone.validity is not None for zone in self.zones)
         return self.window.latest_start if timed else None
+
+
+def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:
+    """The airspace with only the zones that apply somewhere between."""
+    bands = ((zone, zone.band) for zone in airspace.zones)
+    zones = tuple(zone for zone, band in bands if band is None or band.meets(low_m, high_m))
+    return airspace if len(zones) == len(airspace.zones) else _among(airspace, zones)
+
+
+@lru_cache(maxsize=8)
+def _among(airspace: Airspace, zones: tuple[Zone, ...]) -> Airspace:
+    """Of a vehicle off its altitudes in one telemetry after the other: mostly the same zones."""
+    return Airspace(airspace.fences, zones, airspace.clearance_m)

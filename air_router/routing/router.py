@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 from air_router.routing.departure import Departure, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
@@ -129,9 +129,13 @@ class Router:
             altitude_m: how high above home the vehicle is.
             swept: what it may sweep, from where it is to the end of the leg.
         """
-        low = altitude_m < self._mission.cruise.lower_m
-        airspace = self._below_cruise if low else self._above_cruise
-        if airspace is None or airspace.swept_clear(swept):
+        mission = self._mission
+        low = altitude_m < mission.cruise.lower_m
+        airspace = mission.climb_airspace if low else mission.airspace_at(altitude_m)
+        if len(airspace.zones) == len(mission.airspace.zones):
+            return None
+        airspace = _with_margin(airspace, mission.planner.departure_margin_m)
+        if airspace.swept_clear(swept):
             return None
         names = airspace.blockers(swept[0], swept[-1])
         where, way_out = ("lower", "climb") if low else ("higher", "descend")
@@ -140,20 +144,6 @@ class Router:
             f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
             names,
         )
-
-    @cached_property
-    def _below_cruise(self) -> Airspace | None:
-        return self._with_more_zones(self._mission.climb_airspace)
-
-    @cached_property
-    def _above_cruise(self) -> Airspace | None:
-        return self._with_more_zones(self._mission.above_airspace)
-
-    def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
-        """What legs are checked with off the cruise altitudes; None where that is the same."""
-        if len(airspace.zones) == len(self._mission.airspace.zones):
-            return None
-        return airspace.with_margin(self._mission.planner.departure_margin_m)
 
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
         """Straight there where that is clear, else as the mission's planner finds."""
@@ -215,3 +205,9 @@ def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) ->
         length_m += math.dist(here, leg.to)
         here = leg.to
     return Route(tuple(legs), length_m, warnings)
+
+
+@lru_cache(maxsize=8)
+def _with_margin(airspace: Airspace, margin_m: float) -> Airspace:
+    """Kept for the next leg that begins off the cruise altitudes."""
+    return airspace.with_margin(margin_m)

@@ -300,4 +300,5 @@ def test_above_its_altitudes_the_zones_that_begin_there_count(pennovation):
     gliders = Zone("gliders", Circle(place, 30.0), band=Band(80.0, math.inf))
     mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, gliders))
     assert list(mission.airspace_at(mission.altitude_above_home_m).holders(place)) == []
+    assert list(mission.airspace_at(79.0).holders(place)) == []  # it begins higher
     assert list(mission.airspace_at(90.0).holders(place)) == ["gliders"]

@@ -181,7 +181,8 @@ def test_a_zone_has_its_own_clearance(tmp_path):
 def test_the_airspace_at_an_altitude(tmp_path):
     mission = load(tmp_path, zone([50, 200], "altitude: {upper_m: 10}"))
     assert mission.airspace_at(35) is mission.airspace
-    assert mission.airspace_at(34.9) is mission.climb_airspace
+    assert mission.airspace_at(9.9) is mission.climb_airspace
+    assert mission.airspace_at(34.9).zones == mission.airspace.zones  # it is below
 
 
 def telemetry(altitude_m):
