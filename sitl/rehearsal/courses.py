@@ -51,6 +51,7 @@ SATELLITES: Final = ("GPS_RAW_INT",)
 LANDED: Final = ("EXTENDED_SYS_STATE",)
 ITEM: Final = ("MISSION_CURRENT",)
 MODE: Final = ("HEARTBEAT", "CURRENT_MODE")
+MISSION, FENCE = 0, 1  # MAV_MISSION_TYPE
 
 WRONG_STREAMS: Final = {
     POSITION: "LOST_POSITION",
@@ -235,8 +236,8 @@ blind_and_empty: Final = steps(
 )
 """No position comes any more, and the battery reaches its reserve meanwhile."""
 
-altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf))))
-"""Which item, and for how long its place is altered on the way."""
+altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math.inf)), MISSION))
+"""Which item, for how long its place is altered on the way, and of which list it is."""
 
 busy: Final = spells(6, 160.0, ("busy", True), ("busy", False), uniform(1.0, 8.0))
 hand_back: Final = steps(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.rehearsal import courses, requests
 from sitl.rehearsal.courses import (
     BATTERY,
+    FENCE,
     ITEM,
     LANDED,
     MODE,
@@ -68,6 +70,25 @@ class Kind(NamedTuple):
     records: bool = False
 
 
+_HIGH: Final = steps(
+    (0.0, "pilot", "AUTO_RTL"),
+    (1.0, "pilot", "AUTO_LOITER"),
+    (2.0, "climb", 26.0),
+    (28.0, "hand back"),
+    (uniform(40.0, 46.0), "climb", 12.0),
+)
+
+
+def _refused(dice: random.Random) -> Iterator[courses.Row]:
+    """For a while or for good, and a zone is drawn near the vehicle."""
+    for_good = dice.randrange(2)
+    if dice.randrange(2):
+        yield 0.0, "reject", for_good
+    else:
+        yield 0.0, "alter", (dice.randrange(12), math.inf if for_good else 6.0, FENCE)
+    yield 1.0, "reload", dice.uniform(15.0, 40.0)
+
+
 class Fault(Enum):
     """One kind of thing that goes wrong."""
 
@@ -113,6 +134,9 @@ class Fault(Enum):
     HAND_BACK = Kind("pilot takes over and hands back", 20, courses.hand_back)
     HANDED_BACK_LOW = Kind(
         "pilot lands it, stops that low, and hands back", 8, courses.hand_back_low
+    )
+    HANDED_BACK_HIGH = Kind(
+        "pilot climbs with it into a zone, and hands back there and below", 8, _HIGH
     )
     TAKEN_IN_HASTE = Kind(
         "pilot takes over while commands of ours wait", 16, requests.taken_in_haste
@@ -174,6 +198,7 @@ class Fault(Enum):
     )
     # The operator.
     RELOAD = Kind("no-fly zones added by reload in flight", 16, courses.zones)
+    REFUSED = Kind("a changed fence is refused, or stored otherwise", 10, _refused)
     WALL = Kind("walled in by reload in flight", 12, courses.walls)
     ZONE_ACROSS = Kind("a zone is drawn across the leg under way", 12, courses.zones_across)
     ZONE_IN_HASTE = Kind(
@@ -210,10 +235,14 @@ class Fault(Enum):
         return self.value.words
 
 
+WIDE: Final = frozenset({Fault.NONE, Fault.GUSTS, Fault.REQUESTS})
+"""In these one zone is kept from by more than the others."""
+
 _ALONE: Final = frozenset(
     {
         *(Fault.NONE, Fault.PUSHED, Fault.BLIND_AND_EMPTY, Fault.UPLOAD, Fault.ALTERED),
         *(Fault.READY_TAKEN, Fault.HANDED_BACK_LOW, Fault.TAKEN_IN_HASTE, Fault.DIVERTED),
+        *(Fault.HANDED_BACK_HIGH, Fault.REFUSED),
         *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.LANDED_HERE, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),

@@ -19,7 +19,9 @@ from shapely.geometry.base import BaseGeometry
 
 from air_router.mission.loading import load_mission
 from geo.frame import Point
-from sitl.rehearsal.judge.mission_reader import Frame, Pair, RawMission, read_mission
+from sitl.rehearsal.judge.evidence import Frame
+from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.zone_terms import OVER_RALLY, WIDER_M, over_a_rally_point
 
 _HOME_CLEAR_M: Final = 8.0
 """Nearer to home than this a zone would be refused."""
@@ -197,10 +199,11 @@ class MissionFile:
         self._write(self._before)
 
     def _draw(self, shapes: dict[str, Any]) -> None:
-        changed = copy.deepcopy(self._document)
-        changed["no_fly_zones"] += [
-            {"name": name, "crosses_fence": True, **shape} for name, shape in shapes.items()
-        ]
+        changed, clearance_m = copy.deepcopy(self._document), self.space.mission.clearance_m
+        terms = {"crosses_fence": True, "clearance_m": clearance_m - WIDER_M}
+        changed["no_fly_zones"] += [{"name": n, **terms, **shape} for n, shape in shapes.items()]
+        if not any(zone.get("name") == OVER_RALLY for zone in changed["no_fly_zones"]):
+            changed["no_fly_zones"] += over_a_rally_point(self.space.mission)
         self._write(changed)
 
     def _write(self, document: dict[str, Any]) -> None:
@@ -221,7 +224,7 @@ class Turn(NamedTuple):
 
 
 class FlyableSpace:
-    """Where ways may be flown, and where they are much too near: all zones count at any height.
+    """Where ways may be flown where it cruises, and where they are much too near.
 
     Args:
         mission: As the judge reads it.
@@ -235,11 +238,11 @@ class FlyableSpace:
 
         def kept(less_m: float) -> BaseGeometry:
             """What is left to fly in."""
-            room = [f.polygon.buffer(less_m - f.clearance_m) for f in mission.fences]
-            zones = [z.polygon.buffer(z.clearance_m - less_m) for z in mission.zones]
+            room = [a.polygon.buffer(less_m - a.clearance_m) for a in mission.cruised if a.fence]
+            zones = [a for a in mission.cruised if not a.fence]
             everywhere = shapely.Point(0.0, 0.0).buffer(_FAR_M)
             return shapely.intersection_all([everywhere, *room]).difference(
-                shapely.union_all(zones)
+                shapely.union_all([a.polygon.buffer(a.clearance_m - less_m) for a in zones])
             )
 
         self._clear, self._leaving = kept(-_MARGIN_M), kept(-_LEAVING_M)  # of goals; of ways
@@ -249,7 +252,7 @@ class FlyableSpace:
     def nearest(self, here: Pair) -> tuple[float, Pair]:
         """How far the next zone or fence is, and its direction: east and north, of length 1."""
         point = shapely.Point(here)
-        near = min((area.border for area in self.mission.areas), key=point.distance)
+        near = min((area.border for area in self.mission.cruised), key=point.distance)
         to = shapely.get_coordinates(shapely.shortest_line(point, near))[1]
         away_m = max(float(point.distance(near)), 1e-6)
         return away_m, ((to[0] - here[0]) / away_m, (to[1] - here[1]) / away_m)

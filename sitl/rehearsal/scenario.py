@@ -20,7 +20,7 @@ from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.courses import Agenda
-from sitl.rehearsal.faults import Fault, Scene, wind_of
+from sitl.rehearsal.faults import WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
     Evidence,
@@ -34,6 +34,7 @@ from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, t
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.stations import Stations
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
+from sitl.rehearsal.zone_terms import with_terms
 
 STEP_S: Final = 0.04
 """Of the vehicle, and so often its true state is noted: 25 times a second."""
@@ -127,14 +128,14 @@ class Scenario:
         )
 
     def _set_up(self, folder: Path) -> None:
-        scene = self.scene
-        kind = scene.fault.value
+        scene, kind = self.scene, self.scene.fault.value
         document = changed(hurried(self._path), kind.mission, kind.waypoints)
         self._records = folder / "records" if kind.records else None
-        if scene.draws:
-            document = with_room(document)
+        document = with_room(document) if scene.draws else document
         if scene.fault is Fault.LAYERS:
             document = with_another_uav(document, folder, scene.chance("layers"))
+        else:
+            document = with_terms(document, wide=scene.fault in WIDE)
         self.file = MissionFile(folder / "mission.yaml", document)
         mission = self.mission = self.file.mission
         team, uav = team_of(mission, None)

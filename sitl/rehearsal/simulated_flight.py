@@ -164,12 +164,12 @@ class SimulatedFlight(Scenario):
             wrong=lambda fields, _: {**fields, "type": result},
         )
 
-    def do_alter(self, what: tuple[int, float]) -> None:
-        """One item of every mission that is put on board arrives with another place."""
-        number, seconds = what
+    def do_alter(self, what: tuple[int, float, int]) -> None:
+        """One item of every mission, or fence, that is put on board arrives with another place."""
+        number, seconds, kind = what
 
         def alter(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
-            it = fields["mission_type"] == MissionType.MISSION and fields["seq"] == number
+            it = fields["mission_type"] == kind and fields["seq"] == number
             return {**fields, "x": fields["x"] + (_ALTERED if it else 0)}
 
         self.link.trouble(

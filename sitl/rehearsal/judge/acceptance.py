@@ -129,6 +129,7 @@ ACCEPTED: Final = MappingProxyType(
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
+        "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
         "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
@@ -153,6 +154,7 @@ ACCEPTED: Final = MappingProxyType(
         "REBOOT": _row(*End, says="reboot|restart|start|silent|anew"),
         "BATTERY": _HOME_OR_FAILSAFE,  # where home could not be reached in time
         "BATTERY_LIES": _HOME_OR_FAILSAFE,
+        "REFUSED": _HOME_OR_FAILSAFE,  # the fence on board may be none of ours
         "WALL": _HOME_OR_FAILSAFE,  # walled in for good it hovers until the battery's failsafe
     }
 )

@@ -224,8 +224,12 @@ def _falls_short(case: Case, index: int, time_s: float, target: Pair) -> str:
     stops = shapely.LineString([here, rest])
     height_m = float(case.above_m[index]) + case.ground_m
     slack_m = _LEG_M + case.row.room_m + float(case.off_m[index])
-    for area in case.version_at(time_s).mission.areas:
-        if not area.lower_m <= height_m <= area.upper_m:
+    mission = case.version_at(time_s).mission
+    low_m, high_m = mission.cruise_m
+    # Where it cruises a zone counts at every altitude if it does at one.
+    level_m = (low_m, high_m) if low_m <= height_m <= high_m else (height_m, height_m)
+    for area in mission.areas:
+        if not area.meets(*level_m):
             continue
         kept_m = room_m(area, swept)
         limit_m = min(area.clearance_m - slack_m, room_m(area, stops) - DRIFT_M)

@@ -68,6 +68,7 @@ _ANNOUNCED: Final = re.compile(
 _SENT_S: Final = 1.0
 """It is sent so long before or after the line, at most."""
 
+_NOT_ON_BOARD: Final = re.compile(" is not on board: ")
 _NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 
 
@@ -258,6 +259,13 @@ def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
     speed_m_s = case.speed_m_s(max(index - 5, 0), index)
     if speed_m_s > _STANDS_M_S:
         yield Violation(asked_s, "landing", f"told to land at {speed_m_s:.1f} m/s")
+
+
+def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violation]:
+    """Where it says that its zones did not get on board it comes home: there is no second wall."""
+    for at_s, text in case.said:
+        if _NOT_ON_BOARD.search(text):
+            yield from comes_home(case, News(at_s, "its fence is not on board"), at_s, [])
 
 
 def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:

@@ -14,6 +14,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
+from pyproj import Proj
+
 AUTOPILOT: Final = 1
 """MAVLink component of the autopilot."""
 
@@ -21,7 +23,7 @@ COMPANION: Final = 191
 """MAVLink component of the companion (MAV_COMP_ID_ONBOARD_COMPUTER)."""
 
 WAYPOINT, RETURN, TAKEOFF = 16, 20, 22  # MAV_CMD
-SPEED, SET_HOME, TERMINATE, REPOSITION, ARM = 178, 179, 185, 192, 400
+SET_MODE, SPEED, SET_HOME, TERMINATE, REPOSITION, ARM = 176, 178, 179, 185, 192, 400
 MISSION, FENCE, RALLY, EVERYTHING = 0, 1, 2, 255  # MAV_MISSION_TYPE
 _MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
 _MOVING: Final = frozenset({"MISSION_SET_CURRENT", "SET_MODE", "MANUAL_CONTROL"})
@@ -248,3 +250,29 @@ def uploads_of(messages: Sequence[WireMessage]) -> Iterator[Upload]:
         if accepts and int(message.fields["type"]) == 0 and kind in begun:
             items = begun.pop(kind)
             yield Upload(message.time_s, kind, tuple(items[seq] for seq in sorted(items)))
+
+
+class Frame:
+    """Metres east and north of a place, on the ellipsoid.
+
+    Args:
+        origin: Latitude and longitude in degrees.
+    """
+
+    def __init__(self, origin: tuple[float, float]) -> None:
+        self._project = Proj(proj="aeqd", lat_0=origin[0], lon_0=origin[1], datum="WGS84")
+
+    def metres(self, latitude_deg: Any, longitude_deg: Any) -> tuple[Any, Any]:
+        """East and north of places: numbers or arrays."""
+        east, north = self._project(longitude_deg, latitude_deg)
+        return east, north
+
+    def item_place(self, fields: Mapping[str, Any]) -> tuple[float, float]:
+        """East and north of what has its latitude and longitude in `x` and `y`, as plans do."""
+        east, north = self.metres(fields["x"] / 1e7, fields["y"] / 1e7)
+        return float(east), float(north)
+
+    def degrees(self, east_m: Any, north_m: Any) -> tuple[Any, Any]:
+        """Latitude and longitude of places: numbers or arrays."""
+        longitude, latitude = self._project(east_m, north_m, inverse=True)
+        return latitude, longitude

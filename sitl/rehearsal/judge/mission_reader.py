@@ -16,11 +16,10 @@ from typing import Any, Final, NamedTuple
 
 import shapely
 import yaml
-from pyproj import Proj
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.evidence import EvidenceError
+from sitl.rehearsal.judge.evidence import EvidenceError, Frame
 
 Pair = tuple[float, float]
 
@@ -32,32 +31,7 @@ _KNOWN: Final = frozenset(
     {"name", "polygon", "holes", "circle", "clearance_m", "altitude", "active", "crosses_fence"}
 )
 _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.0, 0.25
-
-
-class Frame:
-    """Metres east and north of a place, on the ellipsoid.
-
-    Args:
-        origin: Latitude and longitude in degrees.
-    """
-
-    def __init__(self, origin: Pair) -> None:
-        self._project = Proj(proj="aeqd", lat_0=origin[0], lon_0=origin[1], datum="WGS84")
-
-    def metres(self, latitude_deg: Any, longitude_deg: Any) -> tuple[Any, Any]:
-        """East and north of places: numbers or arrays."""
-        east, north = self._project(longitude_deg, latitude_deg)
-        return east, north
-
-    def item_place(self, fields: Mapping[str, Any]) -> Pair:
-        """East and north of what has its latitude and longitude in `x` and `y`, as plans do."""
-        east, north = self.metres(fields["x"] / 1e7, fields["y"] / 1e7)
-        return float(east), float(north)
-
-    def degrees(self, east_m: Any, north_m: Any) -> tuple[Any, Any]:
-        """Latitude and longitude of places: numbers or arrays."""
-        longitude, latitude = self._project(east_m, north_m, inverse=True)
-        return latitude, longitude
+_PAST, _FUTURE = "2020", "2090"  # all rehearsals lie between
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +68,14 @@ class Area:
         """What a vehicle must not come near to: a zone, or the edge of a fence."""
         return self.polygon.boundary if self.fence else self.polygon
 
+    def meets(self, low_m: float, high_m: float) -> bool:
+        """Whether it applies anywhere between these altitudes, above mean sea level."""
+        return self.lower_m <= high_m and low_m <= self.upper_m
+
     def same(self, other: Area) -> bool:
         """Whether two files draw the same, at the same heights, and want the same clearance."""
-        limits = (
-            (area.fence, area.radius_m, area.clearance_m, area.lower_m, area.upper_m)
-            for area in (self, other)
-        )
-        return len(set(limits)) == 1 and bool(self.outline.equals(other.outline))
+        rest = ((a.fence, a.radius_m, a.clearance_m, a.lower_m, a.upper_m) for a in (self, other))
+        return len(set(rest)) == 1 and bool(self.outline.equals(other.outline))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +89,7 @@ class RawMission:
         altitudes_m: All that it cruises at, above home.
         waypoints: Where to, in metres.
         rally: Where it may land in need, in metres; of several UAVs none is put on board.
-        zones: To stay outside of.
+        zones: To stay outside of, but for those whose periods are over.
         fences: To stay inside of, all of them.
         clearance_m: To be kept from fences, and from zones without one of their own.
         vertical_margin_m: How far the vehicle may be off its altitudes.
@@ -154,6 +129,17 @@ class RawMission:
     def areas(self) -> tuple[Area, ...]:
         """Zones and fences."""
         return self.zones + self.fences
+
+    @property
+    def cruise_m(self) -> Pair:
+        """From where to where it may fly between take-off and landing, above mean sea level."""
+        low_m, high_m = (self.altitudes_m[end] + (self.ground_amsl_m or 0.0) for end in (0, -1))
+        return low_m - self.vertical_margin_m, high_m + self.vertical_margin_m
+
+    @property
+    def cruised(self) -> tuple[Area, ...]:
+        """The zones that apply there, and fences."""
+        return tuple(area for area in self.areas if area.meets(*self.cruise_m))
 
 
 def read_mission(
@@ -244,10 +230,8 @@ class _YamlReader:
             ground_amsl_m=self._ground_m,
             altitudes_m=tuple(sorted(altitudes)),
             waypoints=tuple(metres(p["position"]) for p in places),
-            zones=tuple(zones),
-            fences=tuple(
-                self._area(area, f"fence {n}", fence=True) for n, area in enumerate(fences, 1)
-            ),
+            zones=tuple(zone for zone in zones if not _over(zone.periods)),
+            fences=tuple(self._area(a, f"fence {n}", fence=True) for n, a in enumerate(fences, 1)),
             rally=tuple(metres(p) for p in data.get("rally_points") or () if alone),
             clearance_m=self._clearance_m,
             vertical_margin_m=float(planner.get("vertical_margin_m", _MARGIN_M)),
@@ -273,30 +257,29 @@ class _YamlReader:
         if "circle" in area:
             shape: BaseGeometry = Point(pairs.metres(area["circle"]["centre"]))
         else:
-            rings = [pairs.ring(hole) for hole in area.get("holes") or []]
-            shape = Polygon(pairs.ring(area["polygon"]), rings)
-        limits = area.get("altitude") or {}
-        both = limits.get("reference", "home")
+            shape = Polygon(
+                pairs.ring(area["polygon"]), [*map(pairs.ring, area.get("holes") or ())]
+            )
+        limits, periods = area.get("altitude") or {}, tuple(area.get("active") or ())
         return Area(
             name=str(area.get("name", name)),
             outline=shape,
             radius_m=float(area.get("circle", {}).get("radius_m", 0.0)),
             clearance_m=float(area.get("clearance_m", self._clearance_m)),
-            lower_m=self._amsl(
-                limits.get("lower_m"), limits.get("lower_reference", both), -math.inf
-            ),
-            upper_m=self._amsl(
-                limits.get("upper_m"), limits.get("upper_reference", both), math.inf
-            ),
-            periods=tuple(area.get("active") or ()),
+            lower_m=self._amsl(limits, "lower", -math.inf),
+            upper_m=self._amsl(limits, "upper", math.inf),
+            periods=() if any(map(_always, periods)) else periods,
             fence=fence,
         )
 
-    def _amsl(self, limit: float | None, reference: str, otherwise_m: float) -> float:
-        """Above mean sea level; the ground is as high everywhere as at home."""
-        if limit is None:
-            return otherwise_m
-        return float(limit) + (0.0 if reference == "amsl" else self._ground_m or 0.0)
+    def _amsl(self, limits: Mapping[str, Any], end: str, otherwise_m: float) -> float:
+        """Above mean sea level; the ground may be as much higher or lower as the file says."""
+        limit = limits.get(f"{end}_m")
+        reference = limits.get(f"{end}_reference", limits.get("reference", "home"))
+        if limit is None or reference == "amsl":
+            return otherwise_m if limit is None else float(limit)
+        relief_m = self._planner.get("terrain_relief_m", 20.0) if reference == "ground" else 0.0
+        return float(limit) + math.copysign(relief_m, otherwise_m) + (self._ground_m or 0.0)
 
     def _zones_of_file(self, path: Path) -> Iterator[Area]:
         document = json.loads(path.read_text(encoding="utf-8")) if path.suffix != ".kml" else None
@@ -317,9 +300,17 @@ class _YamlReader:
             radius_m = given.get("radius_m", given.get("radius"))
             for shape in _shapes(path, feature["geometry"], radius_m):
                 if given.get("kind", "zone") == "zone":
-                    yield self._area(
-                        kept | shape, str(title or f"{path.stem} {number}"), pairs=pairs
-                    )
+                    name = str(title or f"{path.stem} {number}")
+                    yield self._area(kept | shape, name, pairs=pairs)
+
+
+def _over(periods: Sequence[Mapping[str, Any]]) -> bool:
+    return bool(periods) and all(str(each.get("until", "9")) < _PAST for each in periods)
+
+
+def _always(period: Mapping[str, Any]) -> bool:
+    begins, ends = str(period.get("from", "9")), str(period.get("until", "9"))
+    return set(period) <= {"from", "until"} and begins < _PAST < _FUTURE < ends
 
 
 def _flown(data: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

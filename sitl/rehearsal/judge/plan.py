@@ -17,14 +17,19 @@ from sitl.rehearsal.judge.evidence import (
     FENCE,
     MISSION,
     RALLY,
+    REPOSITION,
+    SET_MODE,
     TAKEOFF,
     WAYPOINT,
+    Frame,
     SceneEventKind,
     Upload,
     WireMessage,
+    command_of,
+    is_motion,
     number,
 )
-from sitl.rehearsal.judge.mission_reader import Frame, RawMission
+from sitl.rehearsal.judge.mission_reader import RawMission
 from sitl.rehearsal.judge.track import MissionVersion
 
 _IN_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5003, 5004
@@ -37,6 +42,8 @@ _COMPARED_S: Final = 20.0
 """Within this what another station has put on board is known to be another."""
 
 _FAR_M: Final = 2000.0
+_STANDS_M_S: Final = 1.0
+_HOLD: Final = (4.0, 3.0)  # AUTO, LOITER
 
 
 def items_are_the_plans(case: Case) -> Iterator[Violation]:
@@ -106,34 +113,66 @@ def _items_on_board(case: Case, time_s: float, *kinds: int) -> tuple[WireMessage
 
 
 def rally_points_are_on_board(case: Case) -> Iterator[Violation]:
-    """Where the autopilot may land in need: all places of the file that are clear by far."""
+    """Where the autopilot may land in need: the file's places that are clear by far, none other.
+
+    So when it is armed, and after a changed file was taken.
+    """
+    for time_s, version in _moments(case):
+        mission = version.mission
+        items = _items_on_board(case, time_s, RALLY)
+        there = [Point(case.mission.frame.item_place(item.fields)) for item in items]
+        low = [area for area in mission.areas if area.lower_m <= mission.cruise_m[1]]
+        for place in map(Point, mission.rally):
+            clear = all(a.border.distance(place) > 2.0 * a.clearance_m for a in low)
+            if clear and all(place.distance(each) > _PLACE_M for each in there):
+                text = f"no rally point is on board at {place.x:.0f}, {place.y:.0f}"
+                yield Violation(time_s, "plan", text)
+        for place in there:
+            near = [a.name for a in low if a.border.distance(place) < a.clearance_m - _PLACE_M]
+            if near:
+                text = f"a rally point is on board at {place.x:.0f}, {place.y:.0f}, near {near[0]}"
+                yield Violation(time_s, "plan", text)
+
+
+def _moments(case: Case) -> list[tuple[float, MissionVersion]]:
+    """When what is on board has to be a file's: when it is armed, and once another was taken."""
     armed_s = _armed_s(case)
     if not case.uploads or armed_s == math.inf:
-        return
-    mission = case.version_at(armed_s).mission
-    items = _items_on_board(case, armed_s, RALLY)
-    there = MultiPoint([case.mission.frame.item_place(item.fields) for item in items])
-    for place in map(Point, mission.rally):
-        clear_m = min((a.border.distance(place) for a in mission.areas), default=math.inf)
-        clear = clear_m > 2.0 * mission.clearance_m
-        if clear and (there.is_empty or there.distance(place) > _PLACE_M):
-            text = f"no rally point is on board at {place.x:.0f}, {place.y:.0f}"
-            yield Violation(armed_s, "plan", text)
-            return
+        return []
+    changed = [(v.from_s + _SETTLES_S, v) for v in case.versions[1:] if _has_to_settle(case, v)]
+    return [(armed_s, case.version_at(armed_s)), *changed]
 
 
 def fence_is_the_files(case: Case) -> Iterator[Violation]:
     """The fence on board is the file's when it is armed, and later that of a changed file."""
-    armed_s = _armed_s(case)
-    if not case.uploads or armed_s == math.inf:
-        return
-    moments = [(armed_s, case.version_at(armed_s))]
-    moments += [(v.from_s + _SETTLES_S, v) for v in case.versions[1:] if _has_to_settle(case, v)]
-    for time_s, version in moments:
+    for time_s, version in _moments(case):
         items = _items_on_board(case, time_s, FENCE, EVERYTHING)
-        wrong = _differs(items, case.mission.frame, version.mission, case.ground_m)
+        wrong = _differs(items, case.mission.frame, version.mission)
         if wrong:
             yield Violation(time_s, "plan", f"the fence on board: {wrong}")
+
+
+def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
+    """A vehicle that was told to stop gets no other fence while it still moves: it might act."""
+    kinds = {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
+    motions = [m for m in case.commands if is_motion(m)]
+    for message in case.commands:
+        index = case.at(message.time_s)
+        if message.name not in kinds or message.fields.get("mission_type") != FENCE:
+            continue
+        stops = any(_stops(case, m) for m in [m for m in motions if m.time_s < message.time_s][-1:])
+        speed_m_s = case.speed_m_s(max(index - 5, 0), index)
+        if stops and case.cruises(index) and speed_m_s > _STANDS_M_S + case.row.room_m:
+            text = f"another fence is put on board at {speed_m_s:.1f} m/s, told to stop before"
+            yield Violation(message.time_s, "plan", text)
+
+
+def _stops(case: Case, motion: WireMessage) -> bool:
+    """Whether a motion is Hold mode, or a place to go to that is none."""
+    if command_of(motion) == REPOSITION:
+        return case.target(motion) is None
+    mode = number(motion.fields, "param2"), number(motion.fields, "param3")
+    return command_of(motion) == SET_MODE and mode == _HOLD
 
 
 def no_leg_begins_beside_anothers_fence(case: Case) -> Iterator[Violation]:
@@ -164,9 +203,7 @@ def _has_to_settle(case: Case, version: MissionVersion) -> bool:
     return flying and not (taken or told) and version.until_s > end_s
 
 
-def _differs(
-    items: tuple[WireMessage, ...], frame: Frame, mission: RawMission, ground_m: float
-) -> str:
+def _differs(items: tuple[WireMessage, ...], frame: Frame, mission: RawMission) -> str:
     """How the fence on board differs from the file's; empty: not at all."""
     on_board = _shapes(items, frame)
     if isinstance(on_board, str):
@@ -174,19 +211,15 @@ def _differs(
     places = MultiPoint([*mission.waypoints, (0.0, 0.0)])
     near = shapely.union_all([places, *(f.polygon for f in mission.fences)])
     everywhere = shapely.box(*near.buffer(_FAR_M).bounds)
-    low_m, high_m = (mission.altitudes_m[end] + ground_m for end in (0, -1))
-    needed = [  # those that apply always where the mission cruises
-        zone.polygon
-        for zone in mission.zones
-        if low_m <= zone.upper_m and zone.lower_m <= high_m and not zone.periods
-    ]
+    level = [area for area in mission.cruised if not area.fence]
+    needed = [zone.polygon for zone in level if not zone.periods]
     fences = [fence.polygon for fence in mission.fences]
     flown = _open(everywhere, *on_board)
     asked = _open(everywhere, fences, needed)
     more = _around_home(flown).difference(asked).buffer(-_AREA_M)
     if not more.is_empty:
         return f"{more.area:.0f} m2 are open that the file closes"
-    optional = shapely.union_all([zone.polygon for zone in mission.zones])
+    optional = shapely.union_all([zone.polygon for zone in level if zone.periods])
     less = _around_home(asked).difference(flown.union(optional)).buffer(-_AREA_M)
     return f"{less.area:.0f} m2 are closed that the file opens" if not less.is_empty else ""
 

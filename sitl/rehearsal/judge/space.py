@@ -38,6 +38,10 @@ _BESIDE_HOME_M: Final = 3.0
 """So far beyond the acceptance radius it may climb, and begin to land."""
 
 
+_INSIDE_M: Final = 1.0
+"""By so much a vehicle may be deeper in a zone than it knows."""
+
+
 class Rooms(NamedTuple):
     """What a vehicle kept from an area while a mission file counted.
 
@@ -150,11 +154,11 @@ def depths_m(area: Area, places: Floats) -> Floats:
 def leads_home(mission: RawMission, place: Pair) -> bool:
     """Whether zones and fences, and what is to be kept from them, leave a way home from there.
 
-    Those with limits of altitude or time count as no obstacle.
+    Those that do not apply where it cruises, or not always, count as no obstacle.
     """
     free: BaseGeometry = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
-    for area in mission.areas:
-        if area.periods or math.isfinite(area.lower_m) or math.isfinite(area.upper_m):
+    for area in mission.cruised:
+        if area.periods:
             continue
         if area.fence:
             free = free.intersection(area.polygon.buffer(-area.clearance_m))
@@ -198,6 +202,20 @@ def _nearest(case: Case, rooms: Rooms, *, new: bool) -> Iterator[Violation]:
         where = f"{room_m:.2f} m from" if room_m > 0 else f"{-room_m:.2f} m {side} of"
         text = f"{where} {area.name}, {allowed_m:.2f} m are to be kept"
         yield Violation(float(case.time_s[index]), "room", text)
+
+
+def it_is_not_taken_back_in_a_zone(case: Case) -> Iterator[Violation]:
+    """What a pilot or a failsafe had is ours again only outside of every zone, within fences."""
+    for given in case.given:
+        index = case.at(given.end_s)
+        if given.end_s > case.time_s[-1] or not case.flying[index]:
+            continue
+        height_m = float(case.above_m[index]) + case.ground_m
+        for area in case.version_at(given.end_s).mission.areas:
+            deep_m = float(depths_m(area, case.places[index : index + 1])[0])
+            if area.meets(height_m, height_m) and deep_m > _INSIDE_M + case.off_m[index]:
+                text = f"taken back {deep_m:.1f} m deep in {area.name}, {given.by} before"
+                yield Violation(given.end_s, "authority", text)
 
 
 def keeps_its_heights(case: Case) -> Iterator[Violation]:

@@ -244,11 +244,13 @@ def _cruised_s(case: Case, since_s: float) -> float:
 
 RULES: Final[tuple[Rule, ...]] = (
     space.keeps_its_room,
+    space.it_is_not_taken_back_in_a_zone,
     space.keeps_its_heights,
     plan.items_are_the_plans,
     plan.what_was_read_back_is_what_was_sent,
     plan.rally_points_are_on_board,
     plan.fence_is_the_files,
+    plan.a_fence_is_changed_once_it_stands,
     plan.no_leg_begins_beside_anothers_fence,
     commands.nothing_is_commanded_that_is_anothers,
     commands.it_is_armed_once_and_not_disarmed_in_the_air,
@@ -282,6 +284,7 @@ RULES: Final[tuple[Rule, ...]] = (
     duties.requests_are_answered_and_no_refused_one_is_done,
     duties.all_points_are_flown_to,
     duties.it_lands_where_it_stands,
+    duties.a_fence_that_is_not_on_board_ends_the_mission,
     duties.changed_files_that_are_left_are_told,
     duties.announcements_reach_the_ground_station,
     robots.contact_begins_it,

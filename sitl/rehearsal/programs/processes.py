@@ -26,6 +26,7 @@ from sitl.rehearsal.judge.evidence import Line
 from sitl.rehearsal.mission_file import MissionFile, hurried
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
+from sitl.rehearsal.zone_terms import with_terms
 from sitl.team.free_ports import derive_team
 
 EPOCH: Final = 1_800_000_000
@@ -180,7 +181,7 @@ def hurry(path: Path, folder: Path) -> MissionFile:
     """A copy of the mission in a hurry, low, with a team of its own, in a folder."""
     derive_team(Team.load(path.parent / "team.yaml"), folder)
     document = {**hurried(path), "team": "team.yaml", "altitude_m": 20, "timers": _TIMERS}
-    return MissionFile(folder / "mission.yaml", document)
+    return MissionFile(folder / "mission.yaml", with_terms(document))
 
 
 def draw_zone(file: MissionFile, dice: random.Random) -> None:

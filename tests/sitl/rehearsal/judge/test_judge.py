@@ -28,13 +28,14 @@ from sitl.rehearsal.judge import (
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
 from sitl.rehearsal.judge.evidence import (
     Evidence,
+    Frame,
     Line,
     Sample,
     SceneEvent,
     SceneEventKind,
     WireMessage,
 )
-from sitl.rehearsal.judge.mission_reader import Area, Frame, read_mission
+from sitl.rehearsal.judge.mission_reader import Area, read_mission
 from sitl.rehearsal.judge.space import room_m
 from sitl.rehearsal.judge.track import LAND_MODE
 from sitl.rehearsal.judge.verdict import judge

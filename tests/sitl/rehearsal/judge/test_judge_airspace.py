@@ -1,0 +1,118 @@
+"""The judge of zones with terms of their own, and of what is on board among changed zones."""
+
+import dataclasses
+
+import pytest
+import yaml
+
+from air_router.mission.loading import load_mission
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
+from sitl.rehearsal.judge.mission_reader import read_mission
+from sitl.rehearsal.judge.verdict import judge
+from sitl.rehearsal.mission_file import MissionFile, hurried, with_room
+from sitl.rehearsal.zone_terms import OVER_RALLY, with_terms
+from tests.sitl.rehearsal.judge.test_judge import (
+    AFTER,
+    FENCE,
+    MISSION,
+    PILOT,
+    ROOT,
+    ROUND,
+    TEXT,
+    command,
+    evidence,
+    kinds,
+    ours,
+    place,
+    polygon,
+    track,
+    upload,
+)
+
+FILE = yaml.safe_load(TEXT)
+PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
+
+
+@pytest.mark.parametrize("drawn_into", [False, True])
+def test_the_zones_of_a_rehearsal_are_read_alike(tmp_path, drawn_into):
+    document = hurried(PENNOVATION)
+    document = with_room(document) if drawn_into else document
+    text = yaml.safe_dump(with_terms(document, wide=not drawn_into))
+    path = tmp_path / "mission.yaml"
+    path.write_text(text, encoding="utf-8")
+    mission, raw = load_mission(path), read_mission(path)
+    assert [zone.name for zone in mission.airspace.zones] == [
+        area.name for area in raw.cruised if not area.fence
+    ]
+    assert {idle.zone.name for idle in mission.idle_zones} == {"under it", "expired", "over it"}
+    assert mission.cruise.lower_m + 550.0 == raw.cruise_m[0]
+    wide = [area.name for area in raw.zones if area.clearance_m > raw.clearance_m]
+    assert wide == ([] if drawn_into else ["zone 8"])
+
+
+def test_what_is_drawn_takes_a_rally_point(tmp_path):
+    document = with_terms(with_room(hurried(PENNOVATION)))
+    file = MissionFile(tmp_path / "mission.yaml", document)
+    assert file.circle(file.mission.waypoints[3].position, 5.0)
+    drawn = load_mission(file.path, in_flight=True)
+    assert OVER_RALLY in [zone.name for zone in drawn.zones]
+    assert len(drawn.landings) == len(drawn.rally_points) - 1
+
+
+@pytest.mark.parametrize(
+    ("terms", "counts"),
+    [
+        ({"altitude": {"lower_m": 60, "reference": "ground"}}, True),
+        ({"altitude": {"lower_m": 60}}, False),
+        ({"altitude": {"upper_m": 41, "reference": "amsl"}}, False),
+        ({"altitude": {"upper_m": 42, "reference": "amsl"}}, True),
+        ({"active": [{"until": "2001-01-01T00:00:00Z"}]}, False),
+        ({"active": [{"from": "2001-01-01T00:00:00Z"}]}, True),
+    ],
+)
+def test_a_zone_is_on_board_if_it_applies_where_the_mission_cruises(terms, counts):
+    zone = {"name": "more", "polygon": [[60, 80], [80, 80], [80, 90], [60, 90]], **terms}
+    text = yaml.safe_dump({**FILE, "no_fly_zones": [*FILE["no_fly_zones"], zone]})
+    for fence in (FENCE, [*FENCE, *polygon(5002, zone["polygon"])]):
+        there = fence is not FENCE
+        flown = evidence(messages=list(upload(fence=fence)))
+        wrong = kinds(dataclasses.replace(flown, mission_text=text))
+        assert ("plan" in wrong) == (there != counts)
+
+
+@pytest.mark.parametrize(("spot", "wrong"), [((30, 30), True), ((60, 60), False)])
+def test_it_is_not_taken_back_in_a_zone(spot, wrong):
+    states = [(*spot, *s[2:]) if 600 < n < 760 else s for n, s in enumerate(track())]
+    asked = (*PILOT, SceneEvent(35.0, SceneEventKind.REQUEST, "resume"))
+    back = [command(36.0, 176, param2=4.0), *AFTER]
+    verdict = judge(evidence(states, more=back, faults=("HAND_BACK",), happenings=asked))
+    assert any("taken back" in violation.text for violation in verdict.violations) == wrong
+
+
+@pytest.mark.parametrize(("at_s", "wrong"), [(30.0, True), (72.0, False)])
+def test_another_fence_waits_until_it_stands(at_s, wrong):
+    hold = command(at_s, 176, param2=4.0, param3=3.0)
+    count = ours(at_s + 0.5, "MISSION_COUNT", count=4, mission_type=1)
+    states = [*track(land=False), *([(0.0, 0.0, 40.0, True, False, MISSION)] * 200)]
+    assert ("plan" in kinds(evidence(states, more=[hold, count], code=None))) == wrong
+
+
+def test_without_its_fence_on_board_it_comes_home():
+    said = [(32.0, "the changed fence is not on board: refused")]
+    assert kinds(evidence(said=said)) == set()
+    assert kinds(evidence(track(ROUND * 3), said=said)) == {"home"}
+
+
+def test_no_rally_point_stays_in_a_zone():
+    wire = [
+        ours(0.2, "MISSION_COUNT", count=1, mission_type=2),
+        ours(0.2, "MISSION_ITEM_INT", seq=0, command=5100, mission_type=2, **place(150, 150)),
+        WireMessage(0.2, 1, 1, 1, "MISSION_ACK", {"type": 0, "mission_type": 2}),
+    ]
+    over = {"name": "over", "circle": {"centre": [150, 150], "radius_m": 2}}
+    circle = [(5004, 150, 150, 2.0)]
+    for zones, wrong in (([], False), ([over], True)):
+        document = {**FILE, "no_fly_zones": [*FILE["no_fly_zones"], *zones]}
+        sent = [*upload(fence=[*FENCE, *(circle if zones else ())]), *wire]
+        flown = dataclasses.replace(evidence(messages=sent), mission_text=yaml.safe_dump(document))
+        assert ("plan" in kinds(flown)) == wrong
