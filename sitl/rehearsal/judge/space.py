@@ -213,7 +213,8 @@ def it_is_not_taken_back_in_a_zone(case: Case) -> Iterator[Violation]:
         height_m = float(case.above_m[index]) + case.ground_m
         for area in case.version_at(given.end_s).mission.areas:
             deep_m = float(depths_m(area, case.places[index : index + 1])[0])
-            if area.meets(height_m, height_m) and deep_m > _INSIDE_M + case.off_m[index]:
+            high_m = min(height_m - area.lower_m, area.upper_m - height_m)  # in its altitudes
+            if high_m > DRIFT_M and deep_m > _INSIDE_M + case.off_m[index]:
                 text = f"taken back {deep_m:.1f} m deep in {area.name}, {given.by} before"
                 yield Violation(given.end_s, "authority", text)
 
