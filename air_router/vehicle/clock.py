@@ -17,6 +17,9 @@ ALLOWANCE_S: Final = 0.2
 _RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured."""
 
+_ALIKE: Final = 0.25
+"""Two windows that differ by no more than this share of the larger rate tell the same one."""
+
 _SILENCE_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
 
@@ -57,6 +60,7 @@ class VehicleClock:
         self._alive_s = 0.0  # when it was heard, monotonic
         self._carried_s = 0.0  # heard for so long without a newer time
         self._rate: float | None = None  # vehicle's seconds per second of ours; None: not measured
+        self._window_rate = 0.0  # what the last window alone told
         self._mark: tuple[float, float] | None = None  # both clocks where the rate was measured
         self._epoch_s: float | None = None  # Unix time at boot
         self._synchronised = False  # the vehicle told it
@@ -78,8 +82,15 @@ class VehicleClock:
                 self._mark = (boot_s, wall_s)
             elif wall_s - self._mark[1] >= _RATE_WINDOW_S:
                 rate = (boot_s - self._mark[0]) / (wall_s - self._mark[1])
-                self._rate = min(max(rate, 0.0), 200.0)
+                self._measured(min(max(rate, 0.0), 200.0))
                 self._mark = (boot_s, wall_s)
+
+    def _measured(self, rate: float) -> None:
+        """A window tells a rate. Of a link that stalls, then delivers all at once, two differ."""
+        alike = abs(rate - self._window_rate) <= _ALIKE * max(rate, self._window_rate)
+        if self._rate is None or alike:
+            self._rate = rate
+        self._window_rate = rate
 
     def alive(self) -> None:
         """A message came that says nothing of the time: the clock is carried on."""

@@ -98,3 +98,21 @@ def test_a_simulation_that_waits_for_us_is_ahead_by_no_more_than_it_may():
     heard_s = clock.boot_s()
     wall.now_s += 0.3  # busy: at 25 times real time that would be 7.5 s
     assert clock.boot_s() == pytest.approx(heard_s + ALLOWANCE_S)
+
+
+@pytest.mark.parametrize("stall_s", [0.5, 1.0, 1.9])
+def test_a_link_that_stalls_and_then_delivers_all_at_once_does_not_change_the_rate(stall_s):
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall)
+    clock.heard(7.0)
+    waiting = []
+    for step in range(1, 300):
+        wall.now_s = 100.0 + step * 0.1
+        waiting.append(7.0 + step * 0.1)
+        if step < 30 or step % 30 * 0.1 >= stall_s:
+            for boot_s in waiting:
+                clock.heard(boot_s)
+            waiting.clear()
+        wall.now_s += 0.05
+        assert clock.boot_s() == pytest.approx(7.05 + step * 0.1, abs=0.15)
+    assert clock.rate == pytest.approx(1.0, abs=0.1)
