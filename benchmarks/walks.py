@@ -32,8 +32,8 @@ from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, read
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("air_router", "mocha_link", "geo")
 FLIGHT, RUN, SESSION = "pair-one-dead-1", "run-two-uavs", "sync-connections-2"
-ASK_S: Final = 60.0
-"""When the page asks, simulated seconds: the vehicle is in cruise."""
+ASK_S: Final = 70.0
+"""When the page asks, simulated seconds: in cruise, with a clear way to the place."""
 
 
 class Counts(NamedTuple):
