@@ -77,14 +77,14 @@ def _limits(mission: RawMission, relief_m: float) -> Iterator[dict[str, Any]]:
     """Terms of zones that count at every cruise altitude, always."""
     low_m, high_m = mission.altitudes_m[0], mission.altitudes_m[-1]
     margin_m = mission.vertical_margin_m
+    yield {}
     amsl = {"lower_m": _HOME_AMSL_M + 2.0, "upper_m": _HOME_AMSL_M + high_m + 60.0}
-    yield {"altitude": {**amsl, "reference": "amsl"}}
     always = [{"from": _LONG_AGO, "until": _FAR_OFF}]
-    yield {"altitude": {"lower_m": 2.0, "upper_m": high_m + 50.0}, "active": always}
+    yield {"altitude": {**amsl, "reference": "amsl"}, "active": always}
     # These two only by the terrain, or by how far off its altitude a vehicle may be.
     yield {"altitude": {"lower_m": low_m + relief_m - margin_m, "reference": "ground"}}
     yield {"altitude": {"upper_m": low_m - 0.6 * margin_m}}
-    yield {}
+    yield {"altitude": {"lower_m": 2.0, "upper_m": high_m + 50.0}}
 
 
 def _drawn(mission: RawMission) -> Iterator[dict[str, Any]]:
