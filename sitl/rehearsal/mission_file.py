@@ -124,6 +124,7 @@ class MissionFile:
     Args:
         path: Where it is written.
         document: What is in it.
+        masts: The first zone that is drawn brings one over a rally point.
 
     Attributes:
         path: The same.
@@ -132,8 +133,9 @@ class MissionFile:
         mission: As it was at the start; what is drawn is given in its local frame.
     """
 
-    def __init__(self, path: Path, document: dict[str, Any]) -> None:
+    def __init__(self, path: Path, document: dict[str, Any], *, masts: bool = True) -> None:
         self.path = path
+        self._masts = masts
         self._document = document
         self._before = document
         self._middle: Point | None = None  # of the four walls; None: none was drawn yet
@@ -202,7 +204,8 @@ class MissionFile:
         changed, clearance_m = copy.deepcopy(self._document), self.space.mission.clearance_m
         terms = {"crosses_fence": True, "clearance_m": clearance_m - WIDER_M}
         changed["no_fly_zones"] += [{"name": n, **terms, **shape} for n, shape in shapes.items()]
-        if not any(zone.get("name") == OVER_RALLY for zone in changed["no_fly_zones"]):
+        names = [zone.get("name") for zone in changed["no_fly_zones"]]
+        if self._masts and OVER_RALLY not in names:
             changed["no_fly_zones"] += over_a_rally_point(self.space.mission)
         self._write(changed)
 

@@ -25,7 +25,11 @@ _HOME_AMSL_M: Final = 550.0
 _OVER_M, _BELOW_M = 18.0, 0.5
 """Zones begin so far above the highest cruise altitude, or end at this share of the lowest one."""
 
+_OFF_GROUND_M: Final = 1.0
+"""Drawn zones begin there: what stands on the ground would be a building to robots."""
+
 _LONG_AGO, _FAR_OFF = "2001-01-01T00:00:00Z", "2100-01-01T00:00:00Z"
+_EXPIRED: Final = [{"until": _LONG_AGO}]
 _SITE_M, _WIDE_M, _AROUND_M = 15.0, 1000.0, 40.0
 _FIRST: Final = 4
 """So many waypoints surely are flown to."""
@@ -42,18 +46,21 @@ _SPARE_M, _WORTH_M = 0.3, 3.0
 """What is left of a clearance that is as wide as it can be; one that is so much wider shows."""
 
 
-def with_terms(document: dict[str, Any], *, wide: bool = False) -> dict[str, Any]:
+def with_terms(
+    document: dict[str, Any], *, wide: bool = False, hours: bool = True
+) -> dict[str, Any]:
     """A mission among zones with terms; its own limits stay.
 
     Args:
         document: The mission.
         wide: One zone gets a wide clearance, where that shows: ways lead around it.
+        hours: Zones have hours. Before a flight the companion's clock must be the vehicle's then.
     """
-    return _with_terms(yaml.safe_dump(document), wide)
+    return _with_terms(yaml.safe_dump(document), wide, hours)
 
 
 @functools.lru_cache(maxsize=4)
-def _with_terms(text: str, wide: bool) -> dict[str, Any]:
+def _with_terms(text: str, wide: bool, hours: bool) -> dict[str, Any]:
     document = yaml.safe_load(text)
     planner = {"terrain_relief_m": 20.0, "tracking_margin_m": 1.5} | (document.get("planner") or {})
     home = document["home"]
@@ -70,7 +77,11 @@ def _with_terms(text: str, wide: bool) -> dict[str, Any]:
     if isinstance(fence, list) and "polygon" in hole and not hole.get("crosses_fence"):
         zones.remove(hole)
         document["fence"] = {"polygon": fence, "holes": [hole["polygon"]]}
-    return {**document, "no_fly_zones": [*zones, *_drawn(mission)]}
+    zones += _drawn(mission)
+    if not hours:
+        zones = [zone for zone in zones if zone.get("active") != _EXPIRED]
+        zones = [{key: zone[key] for key in zone if key != "active"} for zone in zones]
+    return {**document, "no_fly_zones": zones}
 
 
 def _limits(mission: RawMission, relief_m: float) -> Iterator[dict[str, Any]]:
@@ -95,9 +106,9 @@ def _drawn(mission: RawMission) -> Iterator[dict[str, Any]]:
         mission.waypoints[:_FIRST], key=lambda place: -min(math.dist(place, at) for at in landings)
     )
     yield _circle(mission, "under it", first[0], _SITE_M) | {
-        "altitude": {"upper_m": low_m * _BELOW_M}
+        "altitude": {"lower_m": _OFF_GROUND_M, "upper_m": low_m * _BELOW_M}
     }
-    yield _circle(mission, "expired", first[-1], _SITE_M) | {"active": [{"until": _LONG_AGO}]}
+    yield _circle(mission, "expired", first[-1], _SITE_M) | {"active": _EXPIRED}
     yield _circle(mission, "over it", (0.0, 0.0), _WIDE_M) | {
         "altitude": {"lower_m": _HOME_AMSL_M + high_m + _OVER_M, "reference": "amsl"}
     }
@@ -108,6 +119,7 @@ def _drawn(mission: RawMission) -> Iterator[dict[str, Any]]:
     sides = [(min(axis), max(axis)) for axis in zip(*places, strict=True)]
     yield {
         "name": "around it",
+        "altitude": {"lower_m": _OFF_GROUND_M},
         "polygon": _box(mission, sides, _WIDE_M),
         "holes": [_box(mission, sides, _AROUND_M)],
     }

@@ -181,7 +181,8 @@ def hurry(path: Path, folder: Path) -> MissionFile:
     """A copy of the mission in a hurry, low, with a team of its own, in a folder."""
     derive_team(Team.load(path.parent / "team.yaml"), folder)
     document = {**hurried(path), "team": "team.yaml", "altitude_m": 20, "timers": _TIMERS}
-    return MissionFile(folder / "mission.yaml", with_terms(document))
+    # As many corners as PX4 stores, one drawn circle included.
+    return MissionFile(folder / "mission.yaml", with_terms(document, hours=False), masts=False)
 
 
 def draw_zone(file: MissionFile, dice: random.Random) -> None:
