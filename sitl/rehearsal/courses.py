@@ -229,7 +229,7 @@ pushed: Final = often("push", 5, uniform(15.0, 35.0), uniform(22.0, 40.0))
 jumps: Final = spells(
     4, 150.0, ("jump", uniform(0.0, 2 * math.pi)), ("jump back",), uniform(3.0, 15.0)
 )
-silence: Final = steps((0.0, "silent", True), (choice(0.5, 2, 5, 20, 60), "silent", False))
+silence: Final = steps((0.0, "silent", True), (choice(0.5, 2, 5, 20, 55), "silent", False))
 blind_and_empty: Final = steps(
     (0.0, "stream", lambda d: (POSITION, StreamFault.LOST, d.choice((90.0, math.inf)))),
     (0.0, "battery", uniform(22.0, 38.0)),

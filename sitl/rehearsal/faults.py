@@ -108,7 +108,7 @@ class Fault(Enum):
     BURSTS = Kind("bursts of loss: all packets for 0.5 to 5 s, again and again", 16)
     LATE = Kind("commands arrive up to 4 s late", 12, late_s=4.0)
     OLD = Kind("what the vehicle says comes up to 2 s late", 12, old_s=2.0)
-    SILENCE = Kind("vehicle silent for 0.5 to 60 s", 20, courses.silence)
+    SILENCE = Kind("vehicle silent for 0.5 to 55 s", 20, courses.silence)
     BRIEF_STREAM = Kind("one stream lost, frozen, late or wrong for 3 s", 30, courses.brief)
     LOST_POSITION = Kind("position lost, frozen, late or wrong", 24, stream(*POSITION))
     BLIND_AND_EMPTY = Kind(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -26,6 +27,9 @@ _BRAKED_S: Final = 4.0
 _WAY_TURNS_S: Final = 20.0
 _DETOUR: Final = 2.0
 """How much longer than straight a way home may be, and what turning there may take."""
+
+_SILENT_S: Final = 5.0
+"""A companion that hears nothing for so long on the way brings nothing home."""
 
 _SECOND: Final = 25
 """Samples of a second, about."""
@@ -147,7 +151,10 @@ def comes_home(
     way_s = _DETOUR * case.from_home_m(case.at(since_s)) / case.mission.speed_m_s
     due_s = since_s + way_s + _WAY_TURNS_S + case.row.notice_s
     blind = any(begin_s < due_s and end_s > since_s for begin_s, end_s in lost)
-    if blind or not case.answers(since_s, due_s):
+    heard_s = [m.time_s for m in case.evidence.heard if since_s < m.time_s < due_s]
+    silent_s = max((b - a for a, b in pairwise((since_s, *heard_s, due_s))), default=0.0)
+    silent = bool(case.evidence.heard) and silent_s > _SILENT_S
+    if blind or silent or not case.answers(since_s, due_s):
         return
     if not leads_home(case.version_at(due_s).mission, case.place(case.at(due_s))):
         return  # it hovers, and says so

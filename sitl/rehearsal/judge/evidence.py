@@ -182,6 +182,7 @@ class Evidence(FlightRecord):
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
+        tells_meetings: Whether it is known which robots were met; of real programs it is not.
     """
 
     scene: str
@@ -194,6 +195,7 @@ class Evidence(FlightRecord):
     uav: str | None = None
     reaction_s: float = 1.0
     speed: float = 1.0
+    tells_meetings: bool = True
 
 
 # What MAVLink says.

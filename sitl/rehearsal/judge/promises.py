@@ -186,8 +186,8 @@ def robots_are_sought_in_turn_and_found_where_they_are(case: Case) -> Iterator[V
     """COMM begins with the robot's own messages, and with any of them; then the next is sought."""
     met = [(h.time_s, h.value) for h in case.evidence.told(SceneEventKind.MET)]
     calm, last = case.evidence.faults <= _CALM, ""
-    # Of flights of real programs it is not known which robots were met.
-    for spell in spells_of(case) if met and case.evidence.heard else ():
+    judged = case.evidence.heard and case.evidence.tells_meetings
+    for spell in spells_of(case) if judged else ():
         of = re.compile(f"{spell.state} ([a-z0-9_]+): ")
         at_s = spell.begin_s
         names = [m[1] for s, text in case.said if abs(s - at_s) < 0.1 and (m := of.search(text))]

@@ -143,6 +143,7 @@ class RealFlight:
             outcome=self._companion.outcome,
             reaction_s=1.0 + _REACTS_S * self._speed,
             speed=self._speed,
+            tells_meetings=False,
         )
 
     def _run(self, began_s: float) -> None:
