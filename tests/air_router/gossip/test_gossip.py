@@ -201,12 +201,11 @@ def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
     assert gossip._news(heard("/pose", antipode), "io") is None
 
 
-def test_other_programs_can_watch_the_links_and_the_map_is_published(pennovation, tmp_path):
+def test_other_programs_can_watch_the_links_and_map_and_pose_are_published(pennovation, tmp_path):
     team = derive_team(Team.load(TEAM), tmp_path)
     mapper = Mapper(pennovation)
-    made = Gossip(
-        pennovation.frame, team, "titan", VehicleClock(), mapper, metrics="tcp://127.0.0.1:*"
-    )
+    clock = VehicleClock(unix=lambda: 1.8e9)
+    made = Gossip(pennovation.frame, team, "titan", clock, mapper, metrics="tcp://127.0.0.1:*")
 
     async def fly():
         events = []
@@ -219,6 +218,8 @@ def test_other_programs_can_watch_the_links_and_the_map_is_published(pennovation
             assert mapper.paint(GridPatch(*corner, 1.0, cells).encode())
             made.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
             held = made.node.latest("titan", "/map")
+            pose = PoseMessage.decode(made.node.latest("titan", "/pose").data)
+            assert pose.stamp_s == 1.8e9  # not the vehicle's own time since it booted
             return kind, snapshot, SemanticGrid.decode(held.data).known_cells, events
         finally:
             made.close()
