@@ -22,6 +22,9 @@ _DRIFTS_M: Final = ((4.5, False), (7.0, True))
 
 A companion averages for longer."""
 
+_SPOILT: Final = frozenset({"LOST_FIX", "BRIEF_STREAM", "OLD"})
+"""The satellites' altitude itself is late, frozen or wrong."""
+
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
 
 
@@ -55,6 +58,8 @@ def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
 
 def a_drifting_altitude_is_told_and_ends_the_mission(case: Case) -> Iterator[Violation]:
     """The satellites' altitude has left the autopilot's since the take-off, and stays away."""
+    if case.evidence.faults & _SPOILT:
+        return
     latest: deque[tuple[float, float]] = deque()  # when, and by how much it is higher
     amsl_m, due = 0.0, list(_DRIFTS_M)
     began_m: float | None = None
