@@ -193,10 +193,9 @@ class Operator(Looker):
     def seek_another(self):
         """Once a robot is sought and another was heard of: stop, and ask for that one."""
         page = self.page
-        page.wait_for_function(OTHER)
+        robot = page.wait_for_function(OTHER).json_value()  # until it holds it may seek that one
         page.locator('[data-verb="hold"]').click()
         self.shows("#state", "HOLD")
-        robot = page.evaluate(OTHER)
         seek = page.get_by_role("button", name=f"Seek {robot} now")
         seek.click()
         page.get_by_role("button", name="Cancel").click()
