@@ -95,7 +95,6 @@ class SceneEventKind(StrEnum):
     DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
     REBOOTED = "rebooted"  # None: the autopilot was started anew, on the ground at home
     REQUEST = "request"  # an operator's, as typed: "hold", "seek io", "goto 39.9,-75.2 39.9,-75.1"
-    MET = "robot met"  # the robot that was near enough to hand over its messages
     KILLED = "companion killed"  # None
     STARTED = "companion started"  # None; also the first time
     ENDED = "companion ended"  # None: its program is over
@@ -182,7 +181,7 @@ class Evidence(FlightRecord):
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
-        tells_meetings: Whether it is known which robots were met; of real programs it is not.
+        tells_meetings: Whether `SYNCED` tells who was met; of real programs it is not known.
     """
 
     scene: str

@@ -58,7 +58,7 @@ _NO_WAY: Final = "no way|left out|no clear way|no robot"
 _CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "LANDED_HERE"})
 """Faults in which nothing keeps the vehicle from its mission."""
 
-_AT_ONCE_S, _LATE_S, _EARLY_S, _MET_S = 0.5, 2.5, 1.0, 2.6
+_AT_ONCE_S, _LATE_S, _EARLY_S = 0.5, 2.5, 1.0
 _BESIDE_M: Final = 1.0
 _LANDING_M_S, _LEFT, _SLACK = 0.7, 0.10, 0.04
 _DETOUR, _CORNERS_S = 2.0, 40.0
@@ -157,8 +157,7 @@ def _excused(case: Case, spell: Spell) -> bool:
     end_s = spell.end_s
     if spell.state in {"INIT", "EXPL"} and explored(case, end_s) == len(case.mission.waypoints):
         return True
-    met_s = [h.time_s for h in case.evidence.told(SceneEventKind.MET)]
-    synced = any(spell.begin_s + _AT_ONCE_S < at_s <= end_s + _AT_ONCE_S for at_s in met_s)
+    synced = any(spell.begin_s + _AT_ONCE_S < at_s <= end_s + _AT_ONCE_S for at_s, _ in _met(case))
     no_way = case.has_said(_NO_WAY, end_s - _AT_ONCE_S, end_s + _AT_ONCE_S)
     asked = _answered(case, end_s, "it seeks|it explores")
     return asked or no_way or (spell.state == "COMM" and synced)
@@ -182,24 +181,24 @@ def explored(case: Case, until_s: float) -> int:
     return len(case.mission.waypoints)
 
 
-def robots_are_sought_in_turn_and_found_where_they_are(case: Case) -> Iterator[Violation]:
-    """COMM begins with the robot's own messages, and with any of them; then the next is sought."""
-    met = [(h.time_s, h.value) for h in case.evidence.told(SceneEventKind.MET)]
-    calm, last = case.evidence.faults <= _CALM, ""
-    judged = case.evidence.heard and case.evidence.tells_meetings
+def _met(case: Case) -> list[tuple[float, str]]:
+    """When a robot handed its messages over, and which."""
+    synced = case.evidence.told(SceneEventKind.SYNCED)
+    return [(h.time_s, h.value[0]) for h in synced if h.value[1] == "in"]
+
+
+def robots_are_sought_in_turn(case: Case) -> Iterator[Violation]:
+    """Each until it is heard, or its time is over; then the next."""
+    met, last = _met(case), ""
+    judged = case.evidence.heard and case.evidence.faults <= _CALM
+    of = re.compile("SEARCH ([a-z0-9_]+): ")
     for spell in spells_of(case) if judged else ():
-        of = re.compile(f"{spell.state} ([a-z0-9_]+): ")
         at_s = spell.begin_s
         names = [m[1] for s, text in case.said if abs(s - at_s) < 0.1 and (m := of.search(text))]
-        if spell.state not in {"SEARCH", "COMM"} or not names:
+        if spell.state != "SEARCH" or not names:
             continue
         name = names[-1]
-        within_s = [at_s for at_s, who in met if who == name]
-        if spell.state == "COMM" and not any(abs(each_s - at_s) < 0.1 for each_s in within_s):
-            yield Violation(at_s, "state", f"COMM, though {name} was not heard")
-        if not calm or spell.state == "COMM":
-            continue
-        missed = [s for s in within_s if at_s < s < spell.end_s - _AT_ONCE_S]
+        missed = [s for s, who in met if who == name and at_s < s < spell.end_s - _AT_ONCE_S]
         if missed:
             yield Violation(missed[0], "state", f"{name} was heard, and is sought on")
         seek = case.mission.seek

@@ -58,8 +58,8 @@ class Told(NamedTuple):
 
 
 def _spells(case: Case) -> list[Spell]:
-    """Those in a state; none where it was not written down what robots handed over."""
-    return spells_of(case) if any(case.evidence.told(SceneEventKind.SYNCED)) else []
+    """Those in a state; none where it is not known what robots handed over."""
+    return spells_of(case) if case.evidence.tells_meetings else []
 
 
 def _told(case: Case, topic: str) -> Iterator[Told]:

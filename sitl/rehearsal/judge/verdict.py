@@ -275,7 +275,7 @@ RULES: Final[tuple[Rule, ...]] = (
     heights.a_drifting_altitude_is_told_and_ends_the_mission,
     promises.states_follow_the_table,
     promises.states_last_as_the_file_says,
-    promises.robots_are_sought_in_turn_and_found_where_they_are,
+    promises.robots_are_sought_in_turn,
     promises.all_waypoints_are_visited,
     promises.what_is_resumed_is_known,
     promises.the_charge_covers_the_way_home,

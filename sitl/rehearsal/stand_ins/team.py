@@ -225,7 +225,6 @@ class Robots:
             told: list[Told] = []
             if sync.direction is Direction.IN:
                 told = self._told(name, self._place(name, now_s), now_s) + self.others
-                self._happened(SceneEventKind.MET, name)
                 node.take(name, told)
             value = (name, sync.direction.value, sync.began_s, told)
             self._happened(SceneEventKind.SYNCED, value)

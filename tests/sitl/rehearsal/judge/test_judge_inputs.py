@@ -234,7 +234,7 @@ def test_for_a_home_that_is_moved_up_or_down_it_is_held(up_m, wrong):
         ("not reloaded: mission.yaml:9: the zone has two corners", set()),
         ("the operator: refused: zones are being changed just now; ask again", set()),
         ("not reloaded: its fences and no-fly zones are as they were", {"told"}),
-        ("SEARCH -> COMM", {"told"}),
+        ("EXPL -> SEARCH", {"told"}),
     ],
 )
 def test_a_changed_file_that_is_not_taken_is_reported(said, wrong):
