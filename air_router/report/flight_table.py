@@ -104,7 +104,15 @@ def pace_line(report: Mapping[str, Any]) -> str:
         if any(seconds >= 1 for seconds in waited.values()):
             who = ", ".join(f"{seconds:.0f} s for {name}" for name, seconds in waited.items())
             text += f"; the world waited {who}"
-    return f"{text}\n"
+    lost = went_on_without(pace)
+    return f"{text}; it {lost}\n" if lost else f"{text}\n"
+
+
+def went_on_without(pace: Mapping[str, Any]) -> str:
+    """Which processes a simulation's clock gave up waiting for, and when first; empty: for none."""
+    lost = {name: of["lost_s"] for name, of in pace.get("processes", {}).items()}
+    names = [f"{name} at {lost_s:.1f} s" for name, lost_s in lost.items() if lost_s is not None]
+    return f"went on without {' and '.join(names)}" if names else ""
 
 
 def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:

@@ -18,7 +18,9 @@ from mocha_link.node.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
 
-_LEAST_S: Final = 0.02  # the vehicle's step: there is nothing to tell of less
+LEAST_S: Final = 0.02
+"""The vehicle's step: there is nothing to tell of less."""
+
 _CONNECT_S: Final = 2.0
 _PORTS: Final = range(1, 65536)
 
@@ -78,7 +80,7 @@ class PaceClient(Closeable):
 
     def reached(self, time_s: float) -> None:
         """All that belongs to this moment of the vehicle's clock, and to those before, is done."""
-        if self._source is None or abs(time_s - self._told_s) < _LEAST_S:
+        if self._source is None or abs(time_s - self._told_s) < LEAST_S:
             return
         self._told_s = time_s
         try:

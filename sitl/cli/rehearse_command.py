@@ -18,6 +18,7 @@ from typing import Final
 
 from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
+from air_router.report.flight_table import went_on_without
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Violation
@@ -129,6 +130,8 @@ def run(arguments: argparse.Namespace) -> int:
             sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: {violation}\n")
         if programs and verdict.good:  # one takes a minute
             sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: good\n")
+        if lost := went_on_without(verdict.pace):
+            sys.stderr.write(f"{verdict.scene}: the clock {lost}\n")
     if not arguments.json:
         sys.stdout.write(table(verdicts, {fault.name: fault.words for fault in Fault}) + "\n")
     sys.stderr.write(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s\n")
@@ -202,4 +205,5 @@ def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
         "closest_m": None if closest_m is None else round(closest_m, 2),
         "flown_s": round(verdict.flown_s, 1),
         "said": verdict.said,
+        "pace": verdict.pace,
     }

@@ -7,10 +7,11 @@ companion, other vehicles) says up to which moment it has worked; the world wait
 import math
 import socket
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from air_router.vehicle.clock import ALLOWANCE_S
+from air_router.vehicle.pace import LEAST_S
 from mocha_link.node.lifetime import Closeable
 
 PATIENCE_S: Final = 2.0
@@ -40,22 +41,27 @@ class Limit:
 
 
 @dataclass(slots=True)
+class _Record:
+    """Of a process, as `Pace.told` says it."""
+
+    behind_s: float = 0.0
+    waited_s: float = 0.0
+    lost_s: float | None = None
+
+
+@dataclass(slots=True)
 class _Participant:
     """A process that takes part.
 
     Attributes:
         reached_s: Simulated time up to which it has worked; None: it has not said anything yet.
         holds_since_s: Wall time from when on the world has stood still for it.
+        record: What the result says of it.
     """
 
     reached_s: float | None = None
     holds_since_s: float | None = None
-
-
-@dataclass(slots=True)
-class _Record:
-    behind_s: float = 0.0
-    waited_s: float = 0.0
+    record: _Record = field(default_factory=_Record)
 
 
 class Pace(Closeable):
@@ -97,12 +103,13 @@ class Pace(Closeable):
     def reached(self, key: object, name: str, time_s: float, wall_s: float) -> None:
         """A process has worked up to a time."""
         participant = self._present[key]
-        record = self._records.setdefault(name, _Record())
-        if participant.reached_s is None:
+        record = participant.record = self._records.setdefault(name, _Record())
+        before_s, participant.reached_s = participant.reached_s, time_s
+        if before_s is None:
             self._missing -= 1
-        if participant.holds_since_s is not None:
+        elif participant.holds_since_s is not None and time_s > before_s:
             record.waited_s += min(wall_s - participant.holds_since_s, PATIENCE_S)
-        participant.reached_s, participant.holds_since_s = time_s, None
+            participant.holds_since_s = None
         if self._now is not None:
             record.behind_s = max(record.behind_s, self._now[0] - time_s)
 
@@ -112,19 +119,27 @@ class Pace(Closeable):
         if participant.reached_s is None:
             self._missing -= 1
 
-    def limit(self, time_s: float, wall_s: float) -> Limit:
-        """How far the world may go, being at `time_s` now."""
+    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
+        """How far the world may go.
+
+        Args:
+            time_s: Where it is now.
+            wall_s: When.
+            heard_s: The newest moment that reached the processes. A link loses what came later: one
+                that has worked up to this moment does not know of it, and is not waited for.
+        """
         most_speed = STARTING_SPEED if self._missing > 0 else math.inf
         until_s = math.inf
         for participant in self._present.values():
-            if participant.reached_s is None:
+            if participant.reached_s is None or participant.reached_s > heard_s - LEAST_S:
                 continue
             its_limit_s = participant.reached_s + ALLOWANCE_S
             if time_s > its_limit_s - _SOON_S:
                 if participant.holds_since_s is None:
                     participant.holds_since_s = wall_s
                 if wall_s - participant.holds_since_s > PATIENCE_S:
-                    most_speed = STALLED_SPEED
+                    most_speed, record = STALLED_SPEED, participant.record
+                    record.lost_s = round(time_s, 2) if record.lost_s is None else record.lost_s
                     continue
             until_s = min(until_s, its_limit_s)
         self._now = (time_s, wall_s)
@@ -135,7 +150,8 @@ class Pace(Closeable):
     def told(self, speed: float) -> dict[str, Any]:
         """What a result says of it: the rate asked for and kept since all took part, and the lags.
 
-        `behind_s` is in simulated seconds, `waited_s` in wall-clock seconds that the world stood.
+        `behind_s` is in simulated seconds, `waited_s` in wall-clock seconds that the world stood;
+        `lost_s` is the simulated time when it first went on without the process, None if never.
         """
         kept = None
         if self._began is not None and self._now is not None:
@@ -145,7 +161,11 @@ class Pace(Closeable):
             "asked": speed,
             "kept": kept,
             "processes": {
-                name: {"behind_s": round(of.behind_s, 2), "waited_s": round(of.waited_s, 2)}
+                name: {
+                    "behind_s": round(of.behind_s, 2),
+                    "waited_s": round(of.waited_s, 2),
+                    "lost_s": of.lost_s,
+                }
                 for name, of in self._records.items()
             },
         }

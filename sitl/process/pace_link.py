@@ -66,9 +66,9 @@ class PaceServer(Pace):
             self._read(client)
         return bool(come)
 
-    def limit(self, time_s: float, wall_s: float) -> Limit:
+    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
         """See `Pace.limit`; tells it to those who follow."""
-        limit = super().limit(time_s, wall_s)
+        limit = super().limit(time_s, wall_s, heard_s)
         if self._followers:
             self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.most_speed))
         return limit
@@ -181,9 +181,9 @@ class FollowedPace(Pace):
             self._news_s = time.monotonic()
         return bool(whole)
 
-    def limit(self, time_s: float, wall_s: float) -> Limit:
+    def limit(self, time_s: float, wall_s: float, heard_s: float = math.inf) -> Limit:
         """See `Pace.limit`; tells the other one how far we are."""
-        free = super().limit(time_s, wall_s)
+        free = super().limit(time_s, wall_s, heard_s)
         if self._ended:
             return free
         self._tell(time_s, wall_s)

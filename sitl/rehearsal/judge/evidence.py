@@ -182,6 +182,7 @@ class Evidence(FlightRecord):
             time runs faster than the real programs' own.
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
         tells_meetings: Whether `SYNCED` tells who was met; of real programs it is not known.
+        pace: How the clock of real programs was kept, for the result; empty in one process.
     """
 
     scene: str
@@ -195,6 +196,7 @@ class Evidence(FlightRecord):
     reaction_s: float = 1.0
     speed: float = 1.0
     tells_meetings: bool = True
+    pace: Mapping[str, Any] = field(default_factory=dict)
 
 
 # What MAVLink says.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class Verdict:
             none.
         flown_s: For how long it was in the air.
         said: What the companion said last.
+        pace: As in `Evidence`.
     """
 
     scene: str
@@ -70,6 +71,7 @@ class Verdict:
     closest_m: float | None = None
     flown_s: float = 0.0
     said: str = ""
+    pace: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def good(self) -> bool:
@@ -316,6 +318,7 @@ def judge(evidence: Evidence) -> Verdict:
         _closest_m(case),
         float(np.diff(case.time_s)[case.flying[:-1]].sum()),
         "; ".join(line.text for line in evidence.lines)[-_LAST_WORDS:],
+        evidence.pace,
     )
 
 

@@ -1,8 +1,7 @@
 """Flights of the real programs: `air-router fly`, MAVSDK and UDP, against a vehicle process.
 
 The vehicle is `sitl vehicle` or a real PX4. A relay in between spoils the link and writes down what
-passes and where the vehicle really is; pilots and other stations are played from here. What comes
-out is evidence for the same judge as of flights in one process.
+passes and where the vehicle is: evidence for the one judge. Pilots and stations are played here.
 """
 
 import contextlib
@@ -144,6 +143,7 @@ class RealFlight:
             reaction_s=1.0 + _REACTS_S * self._speed,
             speed=self._speed,
             tells_meetings=False,
+            pace=self._relay.pace(),
         )
 
     def _run(self, began_s: float) -> None:

@@ -109,6 +109,10 @@ class LossyRelay:
         for end in self._ends:
             end.close()
 
+    def pace(self) -> dict[str, Any]:
+        """How the pace was kept; see `Pace.told`."""
+        return self._pace.told(self._speed)
+
     def inject(self, data: bytes) -> None:
         """Send something to the vehicle in another's name."""
         for frame in frames(data):
@@ -150,6 +154,12 @@ class LossyRelay:
         self._ends.append(end)
 
     def _run(self) -> None:
+        try:
+            self._relay()
+        finally:  # a relay that is gone releases no vehicle
+            self.hold(False)
+
+    def _relay(self) -> None:
         while not self._stop.is_set():
             if self._paused.is_set():
                 time.sleep(_PAUSE_S / 10)
@@ -168,7 +178,7 @@ class LossyRelay:
         clock_s = self.recording.clock_s
         if clock_s == 0.0:
             return  # it has not said yet where its clock is
-        limit = self._pace.limit(clock_s, wall_s)
+        limit = self._pace.limit(clock_s, wall_s, self.recording.heard_s)
         self._flown = self._flown or self.recording.armed
         speed = limit.most_speed if self._flown else _READY_SPEED
         granted_s, since_s = self._granted

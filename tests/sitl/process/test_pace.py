@@ -1,6 +1,7 @@
 """The world's clock waits for who falls behind; the processes are played by the tests."""
 
 import json
+import random
 import socket
 
 import pytest
@@ -69,6 +70,40 @@ def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_ti
     assert pace.limit(held, 20.0) == Limit(held + ALLOWANCE_S)
 
 
+@pytest.mark.parametrize("loss", [0.0, 0.2, 0.5, 1.0])
+def test_what_a_link_loses_holds_nothing(loss):
+    """Ten positions a second to a process that answers each at once; a minute at five times."""
+    dice, pace, heard_s = random.Random(1), make_pace(titan=0.0), 0.0
+    time_s = wall_s = 0.0
+    while time_s < 60.0:
+        limit = pace.limit(time_s, wall_s, heard_s)
+        wall_s += STEP_S / min(limit.most_speed, 5.0)
+        if time_s >= limit.until_s:
+            continue  # it is stopped, and says nothing
+        stamp_s, time_s = time_s, round(time_s + STEP_S, 2)
+        if round(stamp_s * 100) % 10 == 0 and dice.random() >= loss:
+            heard_s = stamp_s
+            pace.reached("titan", "titan", stamp_s, wall_s)
+    assert wall_s == pytest.approx(60.0 / 5.0, rel=0.02)
+    assert pace.told(5.0)["processes"]["titan"]["lost_s"] is None
+
+
+def test_one_that_has_more_to_work_through_is_waited_for_whatever_was_lost():
+    pace = make_pace(titan=5.0)
+    assert pace.limit(5.3, 0.0, heard_s=5.1) == Limit(5.0 + ALLOWANCE_S)
+    pace.reached("titan", "titan", 5.1, 0.1)
+    assert pace.limit(5.3, 0.1, heard_s=5.1) == Limit()
+
+
+def test_one_that_says_the_same_again_and_again_holds_no_longer_and_is_told():
+    pace = make_pace(titan=5.0)
+    for tenth in range(21):
+        assert pace.limit(5.2, tenth / 10) == Limit(5.0 + ALLOWANCE_S)
+        pace.reached("titan", "titan", 5.0, tenth / 10)
+    assert pace.limit(5.2, 2.1) == Limit(most_speed=STALLED_SPEED)
+    assert pace.told(5.0)["processes"]["titan"]["lost_s"] == 5.2
+
+
 def test_the_rate_that_was_kept_and_who_was_behind_are_told():
     pace = make_pace(team=5.0, titan=5.0)
     pace.limit(5.0, 100.0)
@@ -79,8 +114,8 @@ def test_the_rate_that_was_kept_and_who_was_behind_are_told():
     told = pace.told(10.0)
     assert (told["asked"], told["kept"]) == (10.0, 4.0)
     assert told["processes"] == {
-        "team": {"behind_s": 0.0, "waited_s": 0.0},
-        "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0},
+        "team": {"behind_s": 0.0, "waited_s": 0.0, "lost_s": None},
+        "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0, "lost_s": None},
     }
     assert Pace().told(3.0) == {"asked": 3.0, "kept": None, "processes": {}}
 

@@ -41,8 +41,9 @@ def heartbeat(*, armed, status=4):
     return packed(lambda s: s.heartbeat_encode(2, 12, base_mode, 0x04040000, status))
 
 
-def position(height_m):
-    return packed(lambda s: s.global_position_int_encode(1, 0, 0, 0, height_m * 1000, 0, 0, 0, 0))
+def position(height_m, time_ms=1):
+    place = (0, 0, 0, height_m * 1000)
+    return packed(lambda s: s.global_position_int_encode(time_ms, *place, 0, 0, 0, 0))
 
 
 def truth(height_m, time_s):
@@ -114,7 +115,7 @@ def test_streams_are_lost_frozen_and_late_each_alone(ends):
     assert not relay.recording.messages[-1].delivered
 
 
-def test_the_vehicle_waits_for_a_companion_that_is_behind(ends):
+def test_the_vehicle_waits_for_a_companion_that_is_behind_what_reached_it(ends):
     companion, vehicle = ends
     held = SimpleQueue()
     with LossyRelay(companion.getsockname()[1], 1, speed=5.0) as relay:
@@ -132,6 +133,17 @@ def test_the_vehicle_waits_for_a_companion_that_is_behind(ends):
                 until(waits)
             report.send(b'{"name": "titan", "reached_s": 1.5}\n')
             until(waits=False)
+            vehicle.sendto(position(7, 1500), ("127.0.0.1", relay.api_port))
+            companion.recvfrom(4096)
+            relay.weather = Weather(loss=1.0)
+            vehicle.sendto(truth(6.7, 1.9), ("127.0.0.1", relay.truth_port))
+            assert wait_until(lambda: relay.recording.clock_s == 1.9, LIMIT_S)
+            while not held.empty():
+                held.get()
+            assert held.get(timeout=LIMIT_S) is False
+    while not held.empty():
+        last = held.get()
+    assert last is False  # a relay that has ended holds no vehicle
 
 
 def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
