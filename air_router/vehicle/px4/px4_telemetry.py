@@ -57,7 +57,7 @@ class Px4Telemetry(Px4Messages):
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
         super().__init__()
         self._frame = frame
-        self._clock = clock
+        self.clock = clock  # the vehicle's, which any thread may read
         self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
         self.plan_ids: PlanIds | None = None  # as said last
         self._guarded: PlanIds | None = None  # the ids of what was found to be ours
@@ -195,8 +195,8 @@ class Px4Telemetry(Px4Messages):
 
     def _handed(self, name: str, received: Received, handler: Handler) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
-        self._clock.alive()
-        clock = self._clock
+        self.clock.alive()
+        clock = self.clock
         self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
         if self._streams.news(name, received.fields, armed=self.armed):
             handler(received.fields)
@@ -238,12 +238,12 @@ class Px4Telemetry(Px4Messages):
             self._streams.void("GLOBAL_POSITION_INT")
             return
         reported = ReportedPosition(boot_s, position)
-        if not self._continuity.believes(reported, loop_s(), self._clock.rate):
+        if not self._continuity.believes(reported, loop_s(), self.clock.rate):
             _log.info("a position that does not follow from the one before waits for others")
             self._streams.void("GLOBAL_POSITION_INT")
             return
         self.time_s, self.position = boot_s, position
-        self._clock.heard(boot_s)
+        self.clock.heard(boot_s)
         self.altitude_amsl_m = fields["alt"] / 1e3
         lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
         self.altitude_m = self._heights.altitude_m(
@@ -273,10 +273,10 @@ class Px4Telemetry(Px4Messages):
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         boot_s = fields["time_boot_ms"] / 1e3
-        if abs(boot_s - self._clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
-            self._clock.heard(boot_s)
+        if abs(boot_s - self.clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
+            self.clock.heard(boot_s)
         if fields["time_unix_usec"] > 0:
-            self._clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
+            self.clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
             self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
 
     def _on_home(self, fields: dict[str, Any]) -> None:

@@ -4,8 +4,10 @@ import asyncio
 
 import pytest
 
+from air_router.errors import NotConfirmedError
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import TEXT_LIMIT, chunks_of
+from air_router.vehicle.px4.px4_commands import CONFIRM_S
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_order import choose, stop
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
@@ -21,6 +23,9 @@ class Told:
     def __init__(self, telemetry):
         self._telemetry = telemetry
         self.told = []
+
+    def send(self, wire, words):
+        self.told.append(wire)
 
     async def tell(self, order, shown, *, attempts):
         assert attempts > 1
@@ -48,6 +53,22 @@ def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(pennovation, mode, l
         return commands.told
 
     assert asyncio.run(script()) == [order]
+
+
+def test_a_jump_that_does_not_show_is_waited_for_in_flight_no_longer_than_outside(px4, pennovation):
+    async def script():
+        motions = Px4Motions(pennovation, px4.telemetry, Told(px4.telemetry))
+        jump = asyncio.create_task(motions.jump(px4.item + 1))
+        waited_s = 0.0
+        while not jump.done():
+            await asyncio.sleep(0.0)
+            px4.run(0.1, rate=50.0)
+            waited_s += 0.1
+        with pytest.raises(NotConfirmedError, match="did not show"):
+            await jump
+        return waited_s
+
+    assert asyncio.run(script()) == pytest.approx(CONFIRM_S, abs=0.5)
 
 
 def test_a_text_is_cut_by_bytes_and_not_within_a_letter():
