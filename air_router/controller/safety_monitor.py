@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.height_frame import HomeMove
@@ -242,7 +242,7 @@ class SafetyMonitor:
     _gate: CommandGate
     _plan: FlightPlan
     _foreign_since_s: float | None = None  # an order that is not ours shows
-    _jump: tuple[FlyToNode, int] | None = None  # the last commanded, and its plan item
+    _jumped: tuple[FlightMode, FlyToNode, int | None] | None = None  # seen to fly to that item
     _held: tuple[HoldHere, float, Point | None] | None = None  # hold, since when, target
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
@@ -253,18 +253,11 @@ class SafetyMonitor:
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither.
         """
-        order, told_s, ages = None, telemetry.ages.target_s, telemetry.ages
-        settled = self._gate.pending is None and telemetry.in_air
-        match self._gate.last if settled else None:
-            case FlyToNode() as jump if telemetry.mode is FlightMode.MISSION:
-                if self._jump is None or self._jump[0] is not jump:
-                    self._jump = (jump, self._plan.item_of(jump.node))
-                if telemetry.item not in {None, self._jump[1]}:
-                    order, told_s = "a pilot or ground station chose another plan item", ages.item_s
-            case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
-                order = _elsewhere(telemetry, position)
-            case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
-                order = self._moved_from_hold(hold, telemetry)
+        gate, ages, order = self._gate, telemetry.ages, None
+        as_told = self._jumped == (telemetry.mode, gate.last, telemetry.item)
+        if gate.pending is None and telemetry.in_air and not as_told:
+            order = self._order_of_others(telemetry, gate.last)
+        told_s = ages.item_s if telemetry.mode is FlightMode.MISSION else ages.target_s
         if order is None or told_s >= STALE_S:
             self._foreign_since_s, self._context.doubts = None, False
             if self._context.put_off:
@@ -277,6 +270,24 @@ class SafetyMonitor:
         shown_s = telemetry.told_s - self._foreign_since_s
         # One message, that may be of before our own order, is no proof.
         return order if told_s < shown_s and shown_s >= FOREIGN_ORDER_S else None
+
+    def _order_of_others(self, telemetry: Telemetry, last: Motion | None) -> str | None:
+        """What the vehicle follows in the mode of our order, and that is another; None if not."""
+        mode = telemetry.mode
+        match last:
+            case FlyToNode() as jump if mode is FlightMode.MISSION:
+                if telemetry.item not in {None, self._plan.item_of(jump.node)}:
+                    return "a pilot or ground station chose another plan item"
+                self._jumped = (mode, jump, telemetry.item)
+            case FlyToPoint(position=position) if mode is FlightMode.HOLD:
+                return _elsewhere(telemetry, position)
+            case HoldHere() as hold if mode is FlightMode.HOLD:
+                return self._moved_from_hold(hold, telemetry)
+            case None:  # it did not follow: it may do so yet, or goes on with what was before
+                ours = [m for m in self._gate.setpoints.all_known if MODES[type(m)] is mode]
+                found = [self._order_of_others(telemetry, motion) for motion in ours]
+                return found[-1] if found and all(found) else None
+        return None
 
     def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
         if self._held is None or self._held[0] is not hold:

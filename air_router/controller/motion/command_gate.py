@@ -26,7 +26,7 @@ present leg.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 from types import MappingProxyType
@@ -106,6 +106,11 @@ class PendingSetpoints:
                 del self._sent[:index]
                 self._settled = True
                 return
+
+    @property
+    def all_known(self) -> Sequence[Motion]:
+        """All that it may be following; none while that may be something from before these."""
+        return self._sent if self._settled else ()
 
     def forget(self) -> None:
         """The pilot or a ground station has told it something since."""

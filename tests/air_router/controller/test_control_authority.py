@@ -15,7 +15,7 @@ from air_router.controller.model.actions import (
     LandHere,
 )
 from air_router.controller.model.events import RobotPose
-from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
@@ -225,6 +225,31 @@ def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(pretend):
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
     assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(pretend, held):
+    """In the mode that it is in: a target while it hovers in Hold, a plan item in Mission."""
+    flight = pretend(duration_s=None)
+    flight.take_off()
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
+    telemetry, last, shown = flight.telemetry, flight.controller.gate.last, {}
+    flight.telemetry = lambda: dataclasses.replace(telemetry(), **shown)
+    if held:
+        flight.operator_asks(HoldNow())
+        flight.fly_for(6.0)
+        shown = {"target": flight.position}
+        flight.fly_for(3.0)
+    flight.deaf = True
+    flight.operator_asks(GoTo((Point(-20.0, -60.0),)) if held else SeekNow("io"))
+    flight.deaf = False
+    assert "did not follow" in flight.said[-1]
+    commanded = len(flight.motions)
+    shown = {"target": Point(20.0, 20.0)} if held else {"item": flight.plan.item_of(last.node) + 3}
+    flight.fly_for(6.0)
+    assert flight.motions[commanded:] == []
+    assert flight.controller.state is State.PASSIVE
+    assert flight.said[-1].startswith("hands off: a pilot or ground station ")
 
 
 @pytest.mark.parametrize("climbing", [False, True])
