@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, Way
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -76,7 +76,7 @@ class InitialClimb:
         if not low(mission, telemetry):
             return None
         drift_m = mission.planner.tracking_margin_m
-        airspace = mission.climb_airspace.as_drawn().with_margin(drift_m)
+        airspace = mission.climb_airspace.with_margin(drift_m)
         names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
         if not names:
             return None
@@ -94,8 +94,9 @@ class InitialClimb:
         if not low(mission, telemetry):
             self._context.climbs_first = False
             return motion
-        goes_on = self.climb is not None and self._gate.last is self.climb
-        self._gate.stop()
+        goes_on = self.climb is not None and self._gate.last == self.climb
+        # Nothing of the way counts any more but where to: if the climb ends early, that is tried.
+        self._context.way = Way(self._context.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
             self._gate.wait_here(why_not)
@@ -114,7 +115,7 @@ class InitialClimb:
         """Whether it climbs, and everything else waits."""
         if self.climb is None:
             return False
-        if self._gate.last is not self.climb:
+        if self._gate.last != self.climb:
             # It did not follow, or was told to hold: the climb begins anew before the next leg.
             self.climb = None
             return False

@@ -10,7 +10,8 @@ import pytest
 
 from air_router.controller.model.actions import CommandAck, FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
+from air_router.controller.model.mission_context import Progress
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.airspace.zone import Band, Circle, Zone
@@ -234,3 +235,27 @@ def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in
         flight.step()
         assert flight.controller.state is State.EXPL, flight.said[-3:]
     assert sum(text.startswith("climbing from 20 to 40 m") for text in flight.said) == 2
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@pytest.mark.parametrize(
+    "request_", [GoTo((Point(-20.0, -60.0),)), SeekNow("io")], ids=["goto", "seek"]
+)
+def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, request_, lost):
+    """At once after `resume`, while the climb is under way to the vehicle, or was lost."""
+    flight = flight_in(State.EXPL)
+    sticks(flight)
+    flight.altitude_m = 20.0
+    flight.fly_for(6.0)
+    flight.pilot_chooses(FlightMode.HOLD)
+    act, decided = flight._act, []
+    flight._act, flight.deaf = act if lost else decided.append, lost
+    for request in (GoOn(), request_):
+        flight.operator_asks(request)
+    flight._act, flight.deaf = act, False
+    for action in decided:
+        act(action)
+    state, context = flight.controller.state, flight.controller.context
+    flight.fly_until(lambda: context.way.progress is Progress.ARRIVED, 120.0)
+    assert flight.controller.state is state
+    assert flight.altitude_m > 38.0
