@@ -30,6 +30,9 @@ POSITION_S: Final = 1.0
 LANDING_M: Final = 1.0
 """So much farther from home than the acceptance radius it may be when it is told to land."""
 
+_WIDEST_M: Final = 2.0
+"""A wider acceptance radius counts for no landing: what is below was looked at for home alone."""
+
 LOOK_S: Final = 5.0
 """How often it is looked whether there is a way; at once after zones have changed."""
 
@@ -38,6 +41,11 @@ TOLD_S: Final = 30.0
 
 _NAMED: Final = 3
 """So many walls are named; more would not be read in the air."""
+
+
+def _landing_m(mission: Mission) -> float:
+    """How far from home counts as above it."""
+    return min(mission.planner.acceptance_radius_m, _WIDEST_M) + LANDING_M
 
 
 @dataclass(slots=True, eq=False)
@@ -163,7 +171,7 @@ class ReturnState(StateHandler):
     def _above_home(self, home: Point) -> None:
         """Land if it stays here, and no order from before may take it away: it would land there."""
         telemetry = self._context.heard
-        near_m = self._context.mission.planner.acceptance_radius_m + LANDING_M
+        near_m = _landing_m(self._context.mission)
         under_way = set(self._gate.setpoints.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
         known = telemetry.ages.position_s < POSITION_S
@@ -194,7 +202,7 @@ class LandState(StateHandler):
         if gate.pending or gate.setpoints.open(telemetry) or drift_m > LANDING_M:
             return "it does not hover yet; ask again in a moment"
         home_m = math.dist(telemetry.position, mission.home)
-        if mission.layers_below and home_m > mission.planner.acceptance_radius_m + LANDING_M:
+        if mission.layers_below and home_m > _landing_m(mission):
             below = ", ".join(mission.layers_below)
             return f"the layer of {below} is below; it lands at home only: 'home'"
         margin_m = mission.planner.tracking_margin_m

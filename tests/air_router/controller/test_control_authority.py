@@ -142,10 +142,14 @@ def test_another_plan_before_take_off_ends_it(pretend):
     assert flight.finished.why == "another plan is on board (8 items), before take-off"
 
 
+@pytest.mark.parametrize("radius_m", [2.0, 20.0])
 @pytest.mark.parametrize(("away_m", "speed_m_s"), [(8.0, 0.0), (2.0, 9.0)])
-def test_it_does_not_land_beside_home_nor_while_it_passes_by(pretend, away_m, speed_m_s):
+def test_it_does_not_land_beside_home_nor_while_it_passes_by(
+    pretend, pennovation, away_m, speed_m_s, radius_m
+):
     """PX4 reports the item above home from farther away than we land."""
-    flight = pretend(duration_s=60.0)
+    planner = dataclasses.replace(pennovation.planner, acceptance_radius_m=radius_m)
+    flight = pretend(duration_s=60.0, planner=planner)
     flight.take_off()
     flight.fly_to_state(State.HOME)
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 20.0)
