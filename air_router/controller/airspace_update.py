@@ -121,7 +121,8 @@ class AirspaceUpdate:
         if self._context.giving_up is not None:
             return  # it is told to hold, and given away then
         self._new |= _names_of_new(before, now)
-        self._context.leaving |= self._reached(before, now, telemetry)
+        if state is not State.LAND:  # that goes on nowhere else: it is a breach
+            self._context.leaving |= self._reached(before, now, telemetry)
         inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
         if before.skipped != now.skipped and state is not State.LAND:
             self._stop("waypoints go off the plan on board, or back on it")

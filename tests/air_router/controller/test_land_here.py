@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from air_router.controller.model.actions import CommandAck, LandHere, Refusal
+from air_router.controller.model.actions import CommandAck, HoldHere, LandHere, Refusal
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
@@ -129,3 +129,16 @@ def test_a_mission_that_goes_on_lands_at_home_again(holding):
     assert asked(holding, ComeHome()).accepted
     holding.fly_until(lambda: holding.finished is not None)
     assert holding.finished.why == "landed at home"
+
+
+def test_where_a_zone_is_drawn_over_its_landing_it_lands_nowhere_else(holding):
+    """What is below was looked at for its place alone: the pilot has it."""
+    asked(holding, LandNow())
+    holding.fly_for(20.0)
+    place, mission = holding.position, holding.mission
+    zone = Zone("new", Circle(Point(place.east_m + 8.0, place.north_m), 10.0))
+    holding.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    holding.fly_for(3.0)
+    assert isinstance(holding.motions[-1], HoldHere)
+    assert holding.controller.state is State.PASSIVE
+    assert holding.said[-2] == "hands off: breach of new is not resumed by itself"
