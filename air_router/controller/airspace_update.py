@@ -161,7 +161,10 @@ class AirspaceUpdate:
         gate = self._gate
         if gate.pending is not None:
             return
-        if self._context.has_to_stop and gate.last is None:
+        moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
+        stopping = isinstance(gate.last, HoldHere)
+        taken_back = gate.last is None and self._way_out is None
+        if not stopping and (self._context.has_to_stop or (taken_back and moves)):
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
         if self._context.zones is ZoneChange.UPLOADING:
@@ -173,8 +176,7 @@ class AirspaceUpdate:
         if inside or self._way_out is not None:
             self._leave(telemetry, inside)
             return
-        stopping = isinstance(gate.last, HoldHere)
-        if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
+        if not (stopping and moves):
             self._upload()
 
     def upload_again(self) -> None:

@@ -21,7 +21,7 @@ from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
+from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
@@ -233,6 +233,39 @@ def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_r
     assert (boarding(flight), flight.motions[commanded:]) == (1, [])
     flight.give(PlanRenewed())
     to_the_end(flight)
+
+
+def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_again(pretend):
+    """Unheard, a pilot may have the vehicle: nothing is commanded."""
+    flight = cruising(pretend, duration_s=None)
+    telemetry, ages = flight.telemetry, [Ages(mode_s=6.0)]
+    flight.telemetry = lambda: dataclasses.replace(telemetry(), ages=ages[0])
+    flight.step()
+    commanded, place = len(flight.motions), flight.controller.context.way.leg.to
+    assert math.dist(flight.position, place) > 25.0
+    zone = box(place, 6.0)
+    change(flight, zone)
+    flight.step()
+    assert flight.motions[commanded:] == []
+    ages[0] = Ages()
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    flight.fly_for(20.0)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_taken_back_on_its_way_to_another_s_place_it_stops_before_zones_go_on_board(pretend):
+    flight = cruising(pretend, duration_s=None)
+    place = Point(*ahead(flight, 120.0))
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.target = place
+    flight.fly_for(4.0)
+    zone = box(ahead(flight, 50.0))
+    change(flight, zone)
+    flight.give(GoOn())
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    assert math.hypot(*flight.velocity) < 0.5
+    flight.fly_for(20.0)
+    assert clear_of(flight, zone) >= 5.0
 
 
 def test_who_may_ask_for_it_when(pretend):
