@@ -332,10 +332,11 @@ class Px4Telemetry(Px4Messages):
         self.wind_m_s = (east_m_s, north_m_s) if known else None
 
     def _on_target(self, fields: dict[str, Any]) -> None:
+        place = fields["lat_int"] / 1e7, fields["lon_int"] / 1e7
         try:
-            self._target = self._frame.to_local(fields["lat_int"] / 1e7, fields["lon_int"] / 1e7)
+            self._target = self._frame.to_local(*place) if any(place) else None  # 0, 0: none
         except FrameError:
-            self._target = None  # far away: at 0, 0 when it has none
+            self._target = None
 
     def _on_flight_information(self, fields: dict[str, Any]) -> None:
         # PX4 counts from its boot, whatever the field is called.

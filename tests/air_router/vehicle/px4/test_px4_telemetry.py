@@ -141,6 +141,8 @@ def test_a_lost_fix_and_the_target_show_in_telemetry(px4, pennovation):
     px4.says("POSITION_TARGET_GLOBAL_INT")
     told = at(px4)
     assert (told.fix, told.target) == (True, pytest.approx(pennovation.home, abs=0.1))
+    px4.says("POSITION_TARGET_GLOBAL_INT", lat_int=0, lon_int=0)  # and not 5,000 km away
+    assert at(px4).target is None
     px4.says("GPS_RAW_INT", fix_type=1)
     assert not at(px4).fix
     px4.says("HEARTBEAT", custom_mode=HOLD)
