@@ -92,7 +92,9 @@ class AirspaceUpdate:
     @property
     def _put_off(self) -> bool:
         """Whether the vehicle is not ours, or not for long."""
-        return self._context.state is State.PASSIVE or self._context.giving_up is not None
+        context = self._context
+        by_hand = context.in_air and not context.in_charge  # also before it is handed over
+        return by_hand or context.state is State.PASSIVE or context.giving_up is not None
 
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""

@@ -220,6 +220,23 @@ def test_on_the_ground_it_is_put_on_board_at_once(pretend):
     assert "the changed fence is not on board" in flight.finished.why
 
 
+@pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.HOLD])
+def test_what_did_not_get_on_board_takes_no_vehicle_from_a_pilot_who_has_taken_off(pretend, mode):
+    flight = pretend(duration_s=200.0, pilot_arms=True)
+    flight.step()
+    change(flight, box((90.0, 90.0)))
+    assert boarding(flight) == 1
+    flight.take_off_halfway(mode)
+    flight.give(PlanRenewed("no"))
+    flight.fly_for(5.0)
+    assert (flight.controller.state, flight.motions) == (State.READY, [])
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.pilot_chooses(FlightMode.MISSION)
+    flight.fly_until(lambda: boarding(flight) == 2, 5.0)
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
 def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_resumed(pretend):
     flight = cruising(pretend)
     flight.pilot_chooses(FlightMode.HOLD)
