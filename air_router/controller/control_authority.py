@@ -201,10 +201,10 @@ class ControlAuthority:
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         context.say(f"{what}; comparing it with this mission's")
         flies_plan = context.in_charge and context.state is not State.LAND
+        self._compared_by_s = context.now_s + COMPARED_S
+        self._hold_again_s = context.now_s + RETRY_S
         if flies_plan and context.giving_up is None:
             context.compares = what
-            self._compared_by_s = context.now_s + COMPARED_S
-            self._hold_again_s = context.now_s + RETRY_S
             self._gate.stop()
             self._gate.hold(what)
 

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, OnBoard
 from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
@@ -99,6 +99,8 @@ class FlightPhase:
         if mission_mode and not self._context.handed_over:
             self._context.handed_over = True
             self._gate.assume(FlightMode.MISSION)
+            if self._context.on_board is OnBoard.REPLACED:
+                self._context.compares = "the plan on board was replaced"
 
     def _fall(self, telemetry: Telemetry, *, flew: bool) -> None:
         """PX4 says of a vehicle that was disarmed in the air within a second that it has landed."""
@@ -135,6 +137,8 @@ class FlightPhase:
         if self._flew:
             return False
         self._context.handed_over = self._was_armed = False
+        self._context.compares = None
+        self._gate.let_go()
         return True
 
     def ending(self, *, landed_by_us: bool) -> str:

@@ -142,6 +142,44 @@ def test_another_plan_before_take_off_ends_it(pretend):
     assert flight.finished.why == "another plan is on board (8 items), before take-off"
 
 
+@pytest.mark.parametrize("difference", [None, "8 items"])
+@pytest.mark.parametrize("again", [False, True])
+def test_a_plan_that_was_replaced_before_the_hand_over_is_compared_first(
+    pretend, again, difference
+):
+    """And what was told to a vehicle that was armed and disarmed before counts for nothing."""
+    flight = pretend(pilot_arms=True)
+    flight.step()
+    if again:
+        flight.armed, flight.mode = True, FlightMode.MISSION
+        flight.step()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.armed, flight.mode = False, FlightMode.HOLD
+    flight.step()
+    commanded = len(flight.motions)
+    flight.take_off()
+    flight.fly_for(6.0)
+    assert [type(motion) for motion in flight.motions[commanded:]] == [HoldHere]
+    flight.give(PlanCompared(flight.now_s, difference))
+    flight.fly_for(2.0)
+    assert flight.controller.state is (State.PASSIVE if difference else State.INIT)
+    assert isinstance(flight.motions[-1], HoldHere if difference else FlyToNode)
+
+
+def test_a_comparison_that_ends_late_takes_no_vehicle_from_a_pilot_who_took_off_since(pretend):
+    flight = pretend(pilot_arms=True)
+    flight.armed, flight.mode = True, FlightMode.MISSION
+    flight.step()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.armed = False
+    flight.step()
+    flight.take_off_halfway(FlightMode.POSITION)
+    commanded = len(flight.motions)
+    flight.give(PlanCompared(flight.now_s))
+    flight.fly_for(6.0)
+    assert (flight.controller.state, flight.motions[commanded:]) == (State.READY, [])
+
+
 @pytest.mark.parametrize("radius_m", [2.0, 20.0])
 @pytest.mark.parametrize(("away_m", "speed_m_s"), [(8.0, 0.0), (2.0, 9.0)])
 def test_it_does_not_land_beside_home_nor_while_it_passes_by(
