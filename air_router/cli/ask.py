@@ -17,6 +17,7 @@ examples:
   air-router ask hold
   air-router ask seek io
   air-router ask goto 39.9415,-75.1990,39.9420,-75.1995 --hold-s 30
+  air-router ask altitude 45
   air-router ask 24700 status --json
   air-router ask ipc:///tmp/uav resume
 
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[ENDPOINT] VERB [WHAT]",
         help="ENDPOINT: the flight's --control, if that has one; VERB: one of "
         f"{', '.join(MODELS)}; WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], "
-        "of resume upload",
+        "of altitude METRES, of resume upload",
     )
     parser.add_argument(
         "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"

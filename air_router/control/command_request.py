@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, ValidationError
 from air_router.controller.model.requests import (
     OPERATOR,
     AnyRequest,
+    ChangeAltitude,
     ComeHome,
     ExploreNow,
     GoOn,
@@ -115,6 +116,14 @@ class _GoTo(CommandRequest):
         return GoTo(points, self.hold_s, by=self.who(by))
 
 
+class _Altitude(CommandRequest):
+    altitude_m: Annotated[float, Field(gt=0, le=10_000, allow_inf_nan=False)]  # above home
+
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ChangeAltitude:
+        del frame
+        return ChangeAltitude(self.altitude_m, by=self.who(by))
+
+
 class View(CommandRequest):
     """What a program asks that shows the flight.
 
@@ -135,6 +144,7 @@ MODELS: Final[Mapping[str, type[CommandRequest]]] = {
     "home": CommandRequest,
     "land": CommandRequest,
     "goto": _GoTo,
+    "altitude": _Altitude,
     "reload": CommandRequest,
     "status": CommandRequest,
     "view": View,
@@ -179,7 +189,7 @@ def parse(frames: Sequence[bytes]) -> Any:
 
 
 def parse_command(text: str) -> CommandRequest:
-    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON`.
+    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
 
     Raises:
         CommandRequestError: what is wrong with it.
@@ -192,6 +202,12 @@ def parse_command(text: str) -> CommandRequest:
             raise CommandRequestError("seek whom? type 'seek NAME'")
     elif values["request"] == "goto":
         values["points"] = _places(rest)
+    elif values["request"] == "altitude":
+        try:
+            values["altitude_m"] = float(rest)
+        except ValueError:
+            how = "altitude of what? type 'altitude METRES', above home"
+            raise CommandRequestError(how) from None
     elif values["request"] == "resume" and rest.strip().lower() == "upload":
         values["upload"] = True
     elif rest.strip() and values["request"] in MODELS:

@@ -154,6 +154,10 @@ class ControlClient(EndpointClient):
         """Fly to points, one after the other, and hover at the last for `hold_s`."""
         return self._answer("goto", points=[list(point) for point in points], hold_s=hold_s)
 
+    def altitude(self, altitude_m: float) -> ControlAnswer:
+        """Climb or descend where it holds, to an altitude above home, and hold there."""
+        return self._answer("altitude", altitude_m=altitude_m)
+
     def status(self) -> dict[str, Any]:
         """What the flight is doing; docs/control.md has the keys."""
         return self.request({"request": "status"})

@@ -15,9 +15,16 @@ from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
-from air_router.controller.model.mission_context import Ending, MissionContext, OnBoard, ZoneChange
+from air_router.controller.model.mission_context import (
+    Ending,
+    Goal,
+    MissionContext,
+    OnBoard,
+    ZoneChange,
+)
 from air_router.controller.model.requests import (
     AnyRequest,
+    ChangeAltitude,
     ComeHome,
     ExploreNow,
     GoOn,
@@ -81,9 +88,8 @@ class CommandHandler:
             context.actions.append(CommandAck(number, by, False, str(refused), refused.code))
             return
         # A hold is begun at once, and a plan that is put on board says so itself.
-        sets_out = isinstance(request, SeekNow | ExploreNow | ComeHome | GoTo) or (
-            isinstance(request, GoOn) and not request.upload
-        )
+        moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude
+        sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
         if sets_out and context.zones is not None and context.in_air:
             what = f"{what}; it sets out once the changed zones are on board"
         context.actions.append(CommandAck(number, by, True, what, None, points))
@@ -155,7 +161,8 @@ class CommandHandler:
     def _asked_to_hold(self, request: HoldNow) -> Accepted:
         context = self._context
         if context.state is State.HOLD:
-            return Accepted("it holds already")
+            stops = self._states.hold.stay()
+            return Accepted("it stops and hovers" if stops else "it holds already")
         self._check_may_stop()
         self._states.hold.stop(request.by)
         return Accepted("it stops and hovers")
@@ -200,6 +207,20 @@ class CommandHandler:
         count = len(task.stops)
         what = f"it flies to {'the point' if count == 1 else f'{count} points'}"
         return Accepted("; ".join((what, *task.notes)), task.stops)
+
+    def _asked_to_change_altitude(self, request: ChangeAltitude) -> Accepted:
+        context, hold, altitude_m = self._context, self._states.hold, request.altitude_m
+        self._check_may_move()
+        if context.state is not State.HOLD:
+            where = "its altitude is changed where it hovers: have it hold first"
+            raise RequestRefusedError(Refusal.BUSY, where)
+        why = hold.why_no_climb(altitude_m)
+        if why is not None:
+            raise RequestRefusedError(*why)
+        self._validator.check_way([Goal(context.heard.position)])
+        hold.climb(altitude_m)
+        verb = "climbs" if altitude_m > context.heard.altitude_m else "descends"
+        return Accepted(f"it {verb} to {altitude_m:g} m above home, and holds there")
 
     def _asked_to_go_on(self, request: GoOn) -> Accepted:
         context, state = self._context, self._context.state
@@ -290,6 +311,7 @@ class CommandHandler:
         SeekNow: _asked_to_seek,
         ExploreNow: _asked_to_explore,
         GoTo: _asked_to_go_to,
+        ChangeAltitude: _asked_to_change_altitude,
         GoOn: _asked_to_go_on,
         ComeHome: _asked_to_come_home,
         LandNow: _asked_to_land,

@@ -154,6 +154,7 @@ class MissionDocument:
     fences: list[Area] = field(default_factory=list)  # none: it may fly anywhere but in zones
     zones: list[Area] = field(default_factory=list)
     altitude_m: float = 0.0  # of the cruise
+    altitudes_m: tuple[float, ...] = ()  # the lowest and highest it may be sent to on request
     speed_m_s: float = 0.0  # over ground, in cruise
     timers: Timers = field(default_factory=Timers)
     planner: PlannerSettings = field(default_factory=PlannerSettings)

@@ -309,6 +309,7 @@ def scenery(mission: Mission, router: Router) -> dict[str, Any]:
     return {
         "name": mission.name,
         "file": mission.path.name,
+        "altitudes_m": mission.altitudes_m,
         "areas": areas,
         "places": places,
         "edges": edges,

@@ -145,8 +145,9 @@ def _airspaces(  # noqa: PLR0913, PLR0917 - all that counts
 
 
 def cruise_altitudes(draft: MissionDocument) -> Band:
-    """From the lowest to the highest altitude flown, and the margin on both sides."""
+    """From the lowest to the highest altitude that may be flown, and the margin on both sides."""
     flown_m = [draft.altitude_m, *(s.altitude_m for s in draft.waypoints if s.altitude_m)]
+    flown_m += draft.altitudes_m
     margin_m = draft.planner.vertical_margin_m
     return Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
 

@@ -138,6 +138,9 @@ def check_fleet(draft: MissionDocument) -> None:
                 "margin); give each a home of its own",
                 "homes-too-close",
             )
+    if draft.altitudes_m:
+        message = "several UAVs fly here, each in its own layer; remove 'altitudes_m'"
+        draft.report(("altitudes_m",), message, "altitude-in-layers")
     for spot in draft.waypoints:
         if spot.altitude_m is not None:
             message = (

@@ -119,6 +119,12 @@ class Mission:
         return self.airspace
 
     @property
+    def altitudes_m(self) -> tuple[float, float]:
+        """The lowest and the highest above home that it flies at, or may be sent to."""
+        margin_m, cruise = self.planner.vertical_margin_m, self.cruise
+        return round(cruise.lower_m + margin_m, 3), round(cruise.upper_m - margin_m, 3)
+
+    @property
     def ceiling_m(self) -> float:
         """How high above home it may be without coming near to the UAV above; mostly infinite."""
         return ceiling_m(self.layers, self.uav, self.planner.vertical_separation_m)

@@ -12,7 +12,7 @@ from typing import Any, Final
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
 from air_router.controller.model.events import CommandFailed, RobotPose
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.requests import Asked, GoTo, SeekNow
+from air_router.controller.model.requests import Asked, ChangeAltitude, GoTo, SeekNow
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
 from air_router.flight.flight_stats import FlownTrack
@@ -285,6 +285,8 @@ def _request_words(event: Asked) -> str:
         case GoTo(points=points):
             places = ", ".join(f"{p.east_m:.0f} m east {p.north_m:.0f} m north" for p in points)
             return f"go to {places}"
+        case ChangeAltitude(altitude_m=altitude_m):
+            return f"hold at {altitude_m:g} m"
     words = {"HoldNow": "hold", "GoOn": "resume", "ExploreNow": "explore", "ComeHome": "home"}
     words |= {"LandNow": "land here", "Reload": "reload the mission file"}
     return words.get(type(event).__name__, type(event).__name__)

@@ -64,8 +64,7 @@ class Pace:
     @classmethod
     def of(cls, mission: Mission) -> Pace:
         """A mission's pace, landing from the highest altitude that it flies at."""
-        altitudes_m = [w.altitude_above_home_m for w in mission.waypoints]
-        highest_m = max([mission.altitude_above_home_m, *altitudes_m])
+        highest_m = mission.altitudes_m[1]
         return cls(mission.speed_m_s, highest_m / LANDING_M_S, mission.endurance_s)
 
     def time_s(self, way: Way) -> float:

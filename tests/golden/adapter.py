@@ -86,6 +86,7 @@ EVENTS = {
     "ask_home": (requests.ComeHome, "request_id by"),
     "ask_land": (requests.LandNow, "request_id by"),
     "ask_goto": (requests.GoTo, "request_id by points_m=points hold_s waits"),
+    "ask_altitude": (requests.ChangeAltitude, "request_id by altitude_m"),
     "ask_reload": (requests.Reload, "request_id by"),
 }
 MOTIONS = {

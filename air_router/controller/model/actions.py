@@ -92,6 +92,7 @@ class Refusal(StrEnum):
     NOT_HEARD = "not-heard"
     NO_WAY = "no-way"
     OUTSIDE_FENCE = "outside-fence"
+    ALTITUDE = "altitude"
     RESERVE = "battery-reserve"
     UNKNOWN_ROBOT = "unknown-robot"
     ONLY_SEARCHES = "only-searches"

@@ -86,11 +86,24 @@ class GoTo(Asked):
 
 
 @dataclass(frozen=True, slots=True)
+class ChangeAltitude(Asked):
+    """Climb or descend where it holds, and hold there.
+
+    Attributes:
+        altitude_m: Above home.
+    """
+
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Reload(Asked):
     """Read the mission file again: its zones and fences have changed."""
 
 
-AnyRequest = HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | LandNow | GoTo | Reload
+AnyRequest = (
+    HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | LandNow | GoTo | ChangeAltitude | Reload
+)
 
 
 class RequestRefusedError(AirRouterError):

@@ -257,6 +257,7 @@ class HoldState(StateHandler):
     _goto_state: GotoState
     _search_state: SearchState
     _held: Held | None = None
+    _altitude_m: float | None = None  # asked for since it stopped
 
     def stop(self, by: str) -> None:
         """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
@@ -285,8 +286,42 @@ class HoldState(StateHandler):
         context.signal(Signal.RESUMED)
         return "it goes on"
 
+    def why_no_climb(self, altitude_m: float) -> tuple[Refusal, str] | None:
+        """Why it may not hold at another altitude above home; None if it may."""
+        low_m, high_m = self._context.mission.altitudes_m
+        if not low_m <= altitude_m <= high_m:
+            if low_m == high_m:
+                flown = f"{low_m:g} m above home only: 'altitudes_m' in its file allows others"
+            else:
+                flown = f"{low_m:g} to {high_m:g} m above home"
+            return Refusal.ALTITUDE, f"the mission is flown at {flown}"
+        telemetry, gate = self._context.heard, self._gate
+        moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
+        if moves or gate.pending or gate.setpoints.open(telemetry):
+            return Refusal.BUSY, "it does not hover yet; ask again in a moment"
+        return None
+
+    def climb(self, altitude_m: float) -> None:
+        """Climb or descend where it hovers; between the mission's altitudes all zones count."""
+        self._altitude_m = altitude_m
+        self.replan()
+
+    def stay(self) -> bool:
+        """Stop a climb or descent; whether there was one."""
+        climbs, self._altitude_m = self._altitude_m is not None, None
+        if climbs:
+            self._gate.hold("hold was requested")
+        return climbs
+
+    def replan(self) -> None:
+        """To the altitude, if one was asked for."""
+        if self._altitude_m is not None:
+            place = stopping_point(self._context.heard, self._gate.reaction_s)
+            self._gate.command(FlyToPoint(place, self._altitude_m))
+
     def begin(self) -> None:
         """Stop."""
+        self._altitude_m = None
         ending = self._stops_anyway()
         self._gate.stop()
         if not ending:

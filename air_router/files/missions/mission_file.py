@@ -125,6 +125,7 @@ def _uav_written_out(uav: Any) -> Any:
 def _fill(draft: MissionDocument, form: MissionForm) -> None:
     draft.name = form.name or draft.source.path.resolve().parent.name
     draft.altitude_m, draft.speed_m_s = form.altitude_m, form.speed_m_s
+    draft.altitudes_m = tuple(form.altitudes_m or ())
     draft.timers = Timers(**form.timers.model_dump())
     draft.planner = PlannerSettings(**form.planner.model_dump())
     draft.uav = form.uav

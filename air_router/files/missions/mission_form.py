@@ -146,6 +146,7 @@ class MissionForm(BaseModel):
     frame: FrameForm | None = None
     home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
     altitude_m: _Altitude
+    altitudes_m: Annotated[list[_Altitude], Field(min_length=2, max_length=2)] | None = None
     speed_m_s: Annotated[float, Field(gt=0, le=50)] = DEFAULT_SPEED_M_S
     waypoints: Annotated[
         list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")

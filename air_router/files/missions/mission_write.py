@@ -34,6 +34,7 @@ def mission_text(draft: MissionDocument, folder: Path) -> str:
         "name": draft.name,
         "home": _home(draft.home, draft.home_altitude_amsl_m, frame),
         "altitude_m": draft.altitude_m,
+        "altitudes_m": list(draft.altitudes_m),
         "speed_m_s": draft.speed_m_s,
         "team": _relative(draft.team, folder),
         "world": _relative(draft.world, folder),

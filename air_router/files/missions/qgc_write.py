@@ -183,6 +183,7 @@ def _rounded(place: Geodetic) -> list[float]:
 def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: str) -> None:
     """Note the settings of a mission that only a mission file has."""
     for what, given in (
+        ("altitudes_m", bool(draft.altitudes_m)),
         ("timers", draft.timers != Timers()),
         ("planner", draft.planner != PlannerSettings()),
         ("team", draft.team is not None),

@@ -1,7 +1,7 @@
 // What the operator can ask for, with a question before it is done; only a hold comes at once.
 
 import { byId } from "/page/element.js";
-import { question } from "/page/question.js";
+import { number, question } from "/page/question.js";
 
 const L = globalThis.L;
 const SURE = {
@@ -52,6 +52,8 @@ export class Verbs {
       if (this.choosing && this.wanted.length) await this.fly();
       else if (this.choosing) this.stop();
       else this.choose();
+    } else if (verb === "altitude") {
+      await this.changeAltitude();
     } else {
       const flight = this.chosen();
       if (verb === "hold" || (await sure(flight, ...SURE[verb]))) await this.ask(flight, { request: verb });
@@ -63,6 +65,22 @@ export class Verbs {
     const flight = this.chosen();
     const what = `the vehicle stops its present task and flies to where ${robot} should be.`;
     if (await sure(flight, `Seek ${robot} now?`, what, "Seek")) await this.ask(flight, { request: "seek", robot });
+  }
+
+  /** Between the altitudes that all zones are checked for. */
+  async changeAltitude() {
+    const flight = this.chosen();
+    const [low, high] = flight.scenery.altitudes_m;
+    if (low === high) {
+      this.say(`${who(flight)}the mission is flown at ${low} m only; altitudes_m in its file allows others.`);
+    } else if (flight.vehicle?.state !== "HOLD") {
+      this.say(`${who(flight)}the altitude is changed while the vehicle holds: press Hold first.`);
+    } else {
+      const label = `Metres above home, ${low} to ${high}`;
+      const range = { min: low, max: high, value: Math.round(flight.vehicle.altitude_m) };
+      const altitude_m = await number(`${who(flight)}Change altitude?`, label, range, "Change");
+      if (altitude_m !== null) await this.ask(flight, { request: "altitude", altitude_m });
+    }
   }
 
   /** Have all UAVs hold, and name those that are gone. @param {import("./flight.js").Flight[]} flights */

@@ -15,6 +15,20 @@ export function question(title, text, choices) {
   return open(title, [element("p", { textContent: sentence })], buttons);
 }
 
+/** Ask for a number. @param {string} title @param {string} label @param {{min: number, max: number, value: number}} range
+ *  @param {string} yes what the button says @returns {Promise<number | null>} null for none */
+export async function number(title, label, range, yes) {
+  const input = element("input", { type: "number", step: "any", required: true, ...range });
+  const cancel = element("button", { textContent: "Cancel" });
+  const ok = element("button", { textContent: yes, className: "main" });
+  const done = () => input.reportValidity() && byId("question").close(input.value);
+  cancel.addEventListener("click", () => byId("question").close());
+  ok.addEventListener("click", done);
+  input.addEventListener("keydown", (event) => event.key === "Enter" && done());
+  const answer = await open(title, [element("label", {}, label, input)], [cancel, ok]);
+  return answer === "" ? null : Number(answer);
+}
+
 /** Show a dialog. @param {string} title @param {Node[]} body @param {Node[]} buttons @returns {Promise<string>} */
 export function open(title, body, buttons) {
   const dialog = byId("question");

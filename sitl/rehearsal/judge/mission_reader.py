@@ -86,7 +86,7 @@ class RawMission:
         frame: Metres of home.
         home: Latitude and longitude in degrees.
         ground_amsl_m: Of the ground at home; None: the file does not say.
-        altitudes_m: All that it cruises at, above home.
+        altitudes_m: All that it cruises at, or may be sent to, above home.
         waypoints: Where to, in metres.
         rally: Where it may land in need, in metres; of several UAVs none is put on board.
         zones: To stay outside of, but for those whose periods are over.
@@ -215,6 +215,7 @@ class _YamlReader:
         above = {u: o for o in self._others if (u := o["level_m"] - data["level_m"]) > 0.0}
         altitudes, alone = {float(data["altitude_m"])}, "uavs" not in data
         altitudes |= {float(p["altitude_m"]) for p in places if "altitude_m" in p}
+        altitudes |= {float(altitude_m) for altitude_m in data.get("altitudes_m") or ()}
         fences = data.get("fences") or ([data["fence"]] if data.get("fence") else [])
         zones = [self._area(z, f"zone {n}") for n, z in enumerate(data["no_fly_zones"], 1)]
         for entry in data.get("no_fly_files") or []:

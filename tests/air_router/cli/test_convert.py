@@ -412,6 +412,7 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
         planner: {clearance_m: 6, tracking_margin_m: 1, max_edge_m: 90, acceptance_radius_m: 3,
                   vertical_margin_m: 7, terrain_relief_m: 8, vertical_separation_m: 9,
                   home_separation_m: 11, kind: shortest}
+        altitudes_m: [20, 70]
         duration_s: 900
         endurance_s: 1200
         battery_reserve: 0.3

@@ -33,7 +33,7 @@ from air_router.control.control import (
     ControlUnreachableError,
 )
 from air_router.control.control_server import ControlServer, endpoint_of
-from air_router.controller.model.requests import GoTo, HoldNow
+from air_router.controller.model.requests import ChangeAltitude, GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.flight_loop import CommandService
 from air_router.flight.mission_reloader import ReloadReport
@@ -125,6 +125,7 @@ def test_every_verb_of_the_client(served, client):
     assert client.seek("phantom").code == "unknown-robot"
     assert client.seek("io").state == "SEARCH"
     assert client.hold().state == "HOLD"
+    assert client.altitude(55.0).code == "altitude"
     assert client.resume().accepted
     assert client.explore().state == "EXPL"
     assert client.home().why == "it comes home"
@@ -329,6 +330,8 @@ def test_ask_as_a_command(served, capsys):
     assert "state" in capsys.readouterr().out
     assert main(["ask", port, "seek"]) == ExitCode.USAGE
     assert main(["ask", port, "goto", "1"]) == ExitCode.USAGE
+    assert main(["ask", port, "altitude", "high"]) == ExitCode.USAGE
+    assert main(["ask", port, "altitude", "-5"]) == ExitCode.USAGE
     assert main(["ask", port, "dance"]) == ExitCode.USAGE
     assert main(["ask", "dance"]) == ExitCode.USAGE
     assert main(["ask", "tcp://0.0.0.0:1", "hold"]) == ExitCode.USAGE
@@ -402,6 +405,7 @@ def test_words_and_who_asks(pennovation):
     command = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
     assert command.asked(frame) == HoldNow(by="eve?[2J")
     assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
+    assert parse_command("altitude 45").asked(frame) == ChangeAltitude(45.0)
     assert parse_command("status").asked(frame) is None
 
 

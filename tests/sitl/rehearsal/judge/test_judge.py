@@ -195,6 +195,13 @@ def test_a_zone_with_altitudes_counts_between_them_only():
     assert "room" in kinds(dataclasses.replace(evidence(track(over)), mission_text=text))
 
 
+def test_altitudes_that_a_request_may_ask_for_are_flown_and_commanded():
+    lower = evidence(TOO_LOW, more=[goto(30.0, 60, 60, above=20.0)])
+    assert kinds(lower) >= {"altitude", "height"}
+    wider = dataclasses.replace(lower, mission_text=f"{TEXT}altitudes_m: [20, 40]\n")
+    assert not kinds(wider) & {"altitude", "height"}
+
+
 def test_a_zone_that_the_loader_lost_is_still_there():
     """The fence on board lacks the shed, and so does the route."""
     assert "plan" in kinds(evidence(messages=list(upload(fence=FENCE[:4]))))

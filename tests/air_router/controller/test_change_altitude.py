@@ -1,0 +1,117 @@
+"""`altitude`: where the vehicle holds, between the altitudes that zones are checked for."""
+
+import math
+
+import pytest
+
+from air_router.controller.model.actions import (
+    CommandAck,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    Refusal,
+)
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.requests import ChangeAltitude, GoOn, HoldNow, LandNow
+from air_router.controller.model.states import State
+from air_router.mission.loading import load_mission
+from air_router.routing.return_planner import Pace
+from tests.air_router.conftest import MISSIONS
+
+PENNOVATION = MISSIONS / "pennovation" / "mission.yaml"
+
+
+def asked(flight, request):
+    flight.operator_asks(request)
+    return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory):
+    """Pennovation, flown at 40 m, and on request between 30 and 60 m."""
+    path = tmp_path_factory.mktemp("band") / "mission.yaml"
+    text = PENNOVATION.read_text(encoding="utf-8").replace("team: ", f"team: {PENNOVATION.parent}/")
+    text = text.replace("world: ", f"world: {PENNOVATION.parent}/")
+    assert "altitude_m: 40" in text
+    path.write_text(f"{text}\naltitudes_m: [30, 60]\n", encoding="utf-8")
+    return load_mission(path)
+
+
+@pytest.fixture
+def holding(pretend, mission):
+    """A flight that hovers on request, somewhere on its way."""
+    flight = pretend(mission, duration_s=4000.0)
+    flight.take_off()
+    flight.fly_away()
+    assert asked(flight, HoldNow()).accepted
+    flight.fly_for(6.0)
+    assert flight.controller.state is State.HOLD
+    return flight
+
+
+def sends_to(flight, altitude_m):
+    motion = flight.motions[-1]
+    return isinstance(motion, FlyToPoint) and motion.altitude_m == altitude_m
+
+
+@pytest.mark.parametrize(("altitude_m", "verb"), [(60.0, "climbs"), (30.0, "descends")])
+def test_it_changes_its_altitude_where_it_holds_and_then_goes_on(holding, altitude_m, verb):
+    place = holding.position
+    answer = asked(holding, ChangeAltitude(altitude_m, by="kim"))
+    assert answer.why == f"it {verb} to {altitude_m:g} m above home, and holds there"
+    holding.fly_for(60.0)
+    assert holding.altitude_m == pytest.approx(altitude_m)
+    assert math.dist(holding.position, place) < 1.0
+    assert holding.controller.state is State.HOLD
+    assert asked(holding, GoOn()).accepted
+    assert isinstance(holding.motions[-1], FlyToNode)  # at the altitude of the plan's item
+    assert not [said for said in holding.said if said.startswith(("too ", "holding: "))]
+
+
+def test_hold_stops_a_climb_and_land_ends_it(holding):
+    assert asked(holding, ChangeAltitude(60.0)).accepted
+    holding.fly_for(4.0)
+    assert asked(holding, HoldNow()).why == "it stops and hovers"
+    assert isinstance(holding.motions[-1], HoldHere)
+    assert asked(holding, HoldNow()).why == "it holds already"
+    assert asked(holding, ChangeAltitude(35.0)).accepted
+    assert asked(holding, LandNow()).accepted
+
+
+def test_what_interrupts_a_climb_does_not_end_it(holding):
+    assert asked(holding, ChangeAltitude(60.0)).accepted
+    holding.fly_for(2.0)
+    mission = holding.controller.context.mission
+    holding.give(AirspaceChanged(mission.fences, mission.zones[1:]))
+    holding.fly_for(1.0)
+    commanded = len(holding.motions)
+    holding.give(PlanRenewed())
+    assert [*map(type, holding.motions[commanded:])] == [FlyToPoint]
+    assert sends_to(holding, 60.0)
+
+
+def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, pretend, pennovation):
+    for altitude_m in (29.9, 60.1):
+        refused = asked(holding, ChangeAltitude(altitude_m))
+        assert refused.code is Refusal.ALTITUDE
+        assert "30 to 60 m above home" in refused.why
+    assert asked(holding, GoOn()).accepted
+    assert asked(holding, ChangeAltitude(50.0)).code is Refusal.BUSY
+    holding.fly_for(5.0)
+    assert asked(holding, HoldNow()).accepted
+    holding.step()
+    assert asked(holding, ChangeAltitude(50.0)).code is Refusal.BUSY  # it still moves
+    flight = pretend(pennovation)
+    flight.take_off()
+    flight.fly_away()
+    assert asked(flight, HoldNow()).accepted
+    flight.fly_for(6.0)
+    assert "at 40 m above home only: 'altitudes_m'" in asked(flight, ChangeAltitude(50.0)).why
+
+
+def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission, pennovation):
+    assert mission.altitudes_m == (30.0, 60.0)
+    assert pennovation.altitudes_m == (40.0, 40.0)
+    assert (mission.cruise.lower_m, mission.cruise.upper_m) == (25.0, 65.0)
+    assert Pace.of(mission).landing_s == pytest.approx(Pace.of(pennovation).landing_s * 1.5)
+    assert mission.waypoints == pennovation.waypoints  # the plan itself is as it was
