@@ -1,5 +1,7 @@
 """The map pages as a user sees them: on a laptop, and on a phone held either way."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.editor.mission_file import MissionFile, write_starter
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
+from air_router.live.joint import JointPage
+from air_router.live.page_address import PageAddress
 from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
@@ -18,34 +22,19 @@ from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from tests.system.looker import Looker, served
+from tests.system.page_checks import CROWDED, FITS, HIDDEN, IS_PLOTTED, PALE
 
 SIZES = ((1280, 720), (844, 390), (390, 844))
 END_S = 300.0
 HOME = Geodetic(39.9421, -75.1998)
-# What covers the middle or a corner of an element that should be seen, or is cut off in it.
-HIDDEN = """(selectors) => selectors.filter((selector) => {
-  const shown = document.querySelector(selector);
-  const { left, right, top, bottom } = shown.getBoundingClientRect();
-  const middle = [(left + right) / 2, (top + bottom) / 2];
-  const spots = [[left + 5, top + 5], [right - 5, bottom - 5], middle];
-  return right - left < 5 || shown.scrollWidth > shown.clientWidth + 1
-    || !spots.every(([x, y]) => shown.contains(document.elementFromPoint(x, y)));
-})"""
-# Whether the fence is where the map is free.
-FITS = """() => {
-  const free = document.getElementById("free").getBoundingClientRect();
-  const fence = document.querySelector("path.area.fence").getBoundingClientRect();
-  return fence.left >= free.left && fence.right <= free.right
-    && fence.top >= free.top && fence.bottom <= free.bottom && fence.width > 60;
-}"""
-IS_PLOTTED = """() => {
-  const canvas = document.getElementById("plots");
-  const { width, height } = canvas;
-  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-  const colours = new Set(new Uint32Array(data.buffer));
-  return width > 100 && colours.size > 20;
-}"""
 AIR = (".leaflet-control-zoom", ".leaflet-control-scale", "#facts", "#free")
+
+
+class Refusing:
+    """RequestHandler what is asked of a flight that is only looked at."""
+
+    def grant(self, command, by):
+        raise CommandRequestError(f"{by} asks for {type(command).__name__}")
 
 
 def viewport(size):
@@ -56,6 +45,7 @@ def viewport(size):
 def mission(shared_folder):
     path = shared_folder / "field.yaml"
     write_starter(path, HOME)
+    path.write_text(path.read_text(encoding="utf-8") + "altitudes_m: [30, 60]\n", encoding="utf-8")
     return load_mission(path)
 
 
@@ -120,22 +110,74 @@ def go(looker, to_s):
     )
 
 
+def flight(record):
+    """The page of a flight that is going on, at the end of the record."""
+    film = RecordedFlight(record)
+    told = film.controller.context.mission, film.controller, Refusing(), lambda: film.links
+    page = LivePage(*told, mapper=film.mapper)
+    film.go_on(END_S, page, 10_000)
+    return page
+
+
+def editor(folder):
+    path = folder / "edited.yaml"
+    write_starter(path, HOME)
+    return EditorServer(EditSession(MissionFile(path)))
+
+
+@pytest.fixture(scope="module")
+def pages(browser, record, shared_folder, replayed):
+    """A page by its name: of a flight, of several, of a recorded one, of the editor."""
+    with contextlib.ExitStack() as stack:
+
+        def look(page):
+            address, _ = stack.enter_context(served(page))
+            looker = Looker(browser.new_page(), address)
+            stack.callback(looker.page.close)
+            looker.page.locator("path.area.fence").first.wait_for()
+            return looker
+
+        one, other = (stack.enter_context(served(flight(record)))[0] for _ in range(2))
+        joint = JointPage(("titan", "atlas"))
+        joint.found("titan", PageAddress.of(one))
+        joint.found("atlas", PageAddress.of(other))
+        shown = {"live": flight(record), "several": joint, "edit": editor(shared_folder)}
+        lookers = {name: look(page) for name, page in shown.items()} | {"replay": replayed}
+        yield {name: looker.page for name, looker in lookers.items()}
+        assert [looker.faults for looker in lookers.values()] == [[], [], [], []]
+
+
 @pytest.mark.parametrize("size", SIZES, ids=str)
-def test_nothing_covers_anything_and_the_map_is_fitted_to_what_is_free(replayed, size):
-    page = replayed.page
+@pytest.mark.parametrize("name", ["live", "several", "replay", "edit"])
+def test_nothing_covers_anything_and_the_map_is_fitted_to_what_is_free(pages, name, size):
+    page = pages[name]
     page.set_viewport_size(viewport(size))
     page.wait_for_function(FITS)
-    assert page.evaluate(HIDDEN, [*AIR[:3], "#when", "#clock", "#panel h2"]) == []
-    assert "battery" in page.locator("#facts").inner_text()
+    for theme in ("light", "dark"):
+        page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
+        assert page.evaluate(CROWDED) == []
+        assert page.evaluate(PALE) == []
+    rest = page.locator("#panel > :not(.stays)").last
     before = page.evaluate("document.getElementById('free').getBoundingClientRect().width")
     page.locator("#fold").click()
     page.wait_for_function(FITS)
-    assert page.locator("#news").is_hidden()
+    assert rest.is_hidden()
+    assert page.evaluate(CROWDED) == []
     assert page.evaluate("document.getElementById('free').getBoundingClientRect().width") >= before
     page.locator("#fold").click()
+    assert rest.is_visible()
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_the_plots_cover_nothing(replayed, size):
+    page = replayed.page
+    page.set_viewport_size(viewport(size))
+    assert page.evaluate(HIDDEN, [*AIR[:3], "#when", "#clock", "#panel h2"]) == []
+    assert "battery" in page.locator("#facts").inner_text()
     page.locator("#plot").click()
     page.wait_for_function(IS_PLOTTED)
     assert page.evaluate(HIDDEN, AIR[:3]) == []
+    assert page.evaluate(CROWDED) == []
     page.locator("#plot").click()
     assert page.locator("#plots").is_hidden()
 
@@ -187,18 +229,13 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
     assert seen[0] != seen[1]
 
 
-class Refusing:
-    """RequestHandler what is asked of a flight that is only looked at."""
-
-    def grant(self, command, by):
-        raise CommandRequestError(f"{by} asks for {type(command).__name__}")
-
-
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
     film = RecordedFlight(record)
     page = LivePage(
         film.controller.context.mission, film.controller, Refusing(), dict, mapper=film.mapper
     )
+    told = page.scene.vehicle
+    page.scene.vehicle = lambda: {**told(), "state": "HOLD", "altitude_m": 40.2}
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
         hold = looker.page.locator('[data-verb="hold"]')
@@ -208,6 +245,14 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
         hold.click()
         looker.shows("#hint", "asks for")
         assert looker.page.evaluate(HIDDEN, ["#hint", "#verbs"]) == []
+        looker.page.locator('[data-verb="altitude"]').click()
+        metres = looker.page.locator("dialog input")
+        assert metres.input_value() == "40"
+        metres.fill("90")
+        metres.press("Enter")  # higher than the mission allows
+        metres.fill("55")
+        metres.press("Enter")
+        looker.shows("#hint", "asks for _Altitude")
         end()
         looker.page.locator('[data-verb="hold"]:disabled').wait_for()
         assert hold.get_attribute("title") == "the flight does not answer"

@@ -24,7 +24,11 @@ export async function number(title, label, range, yes) {
   const done = () => input.reportValidity() && byId("question").close(input.value);
   cancel.addEventListener("click", () => byId("question").close());
   ok.addEventListener("click", done);
-  input.addEventListener("keydown", (event) => event.key === "Enter" && done());
+  input.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter") return;
+    event.preventDefault(); // or the button that opened this is pressed again
+    done();
+  });
   const answer = await open(title, [element("label", {}, label, input)], [cancel, ok]);
   return answer === "" ? null : Number(answer);
 }

@@ -1,0 +1,81 @@
+"""What a page is asked in the browser: whether it can be seen, read and pressed."""
+
+# What covers the middle or a corner of an element that should be seen, or is cut off in it.
+HIDDEN = """(selectors) => selectors.filter((selector) => {
+  const shown = document.querySelector(selector);
+  const { left, right, top, bottom } = shown.getBoundingClientRect();
+  const middle = [(left + right) / 2, (top + bottom) / 2];
+  const spots = [[left + 5, top + 5], [right - 5, bottom - 5], middle];
+  return right - left < 5 || shown.scrollWidth > shown.clientWidth + 1
+    || !spots.every(([x, y]) => shown.contains(document.elementFromPoint(x, y)));
+})"""
+# Whether the fence is where the map is free.
+FITS = """() => {
+  const free = document.getElementById("free").getBoundingClientRect();
+  const fence = document.querySelector("path.area.fence").getBoundingClientRect();
+  return fence.left >= free.left && fence.right <= free.right
+    && fence.top >= free.top && fence.bottom <= free.bottom && fence.width > 60;
+}"""
+IS_PLOTTED = """() => {
+  const canvas = document.getElementById("plots");
+  const { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const colours = new Set(new Uint32Array(data.buffer));
+  return width > 100 && colours.size > 20;
+}"""
+# Cards and controls that overlap, or leave the page; buttons that are covered, or do not say what
+# for, or why not. What is scrolled out of its box is not looked at.
+CROWDED = """() => {
+  const box = (one) => one.getBoundingClientRect();
+  const seen = (one) => one.checkVisibility() && box(one).width > 0;
+  const name = (one) => one.id || one.dataset.verb || one.className || one.textContent;
+  const cards = [...document.querySelectorAll("#layout .card, .leaflet-control")].filter(seen);
+  const wrong = [];
+  cards.forEach((one, index) => {
+    const a = box(one);
+    if (a.left < 0 || a.top < 0 || a.right > innerWidth || a.bottom > innerHeight)
+      wrong.push(`${name(one)} beyond the edge`);
+    for (const other of cards.slice(index + 1)) {
+      const b = box(other);
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (across > 1 && down > 1) wrong.push(`${name(one)} over ${name(other)}`);
+    }
+  });
+  for (const one of [...document.querySelectorAll("button, select, summary")].filter(seen)) {
+    const { left, right, top, bottom } = box(one);
+    const [x, y] = [(left + right) / 2, (top + bottom) / 2];
+    let scrolled = false;
+    for (let around = one.parentElement; around; around = around.parentElement) {
+      const inner = box(around);
+      if (getComputedStyle(around).overflow !== "visible")
+        scrolled ||= x < inner.left || x > inner.right || y < inner.top || y > inner.bottom;
+    }
+    const top_one = document.elementFromPoint(x, y);
+    if (!scrolled && !one.contains(top_one)) wrong.push(`${name(one)} is covered`);
+    if (!one.title && !one.ariaLabel && !one.textContent.trim()) wrong.push("a nameless button");
+    if (one.disabled && !one.title) wrong.push(`${name(one)} does not say why not`);
+  }
+  return wrong;
+}"""
+# Texts in the furniture that are hard to read on what is behind them (WCAG: 4.5 to 1).
+PALE = """() => {
+  const rgb = (text) => text.match(/[0-9.]+/g).map(Number);
+  const light = ([r, g, b]) => {
+    const [x, y, z] = [r, g, b].map((of255) => ((of255 / 255 + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * x + 0.7152 * y + 0.0722 * z + 0.05;
+  };
+  const behind = (one) => {
+    for (let around = one; around; around = around.parentElement) {
+      const [r, g, b, alpha = 1] = rgb(getComputedStyle(around).backgroundColor);
+      if (alpha > 0.9) return [r, g, b];
+    }
+    return rgb(getComputedStyle(document.body).backgroundColor);
+  };
+  const says = (node) => node.nodeType === Node.TEXT_NODE && node.data.trim();
+  return [...document.querySelectorAll("#layout .card *")].filter((one) => one.checkVisibility()
+    && !one.closest(":disabled") && [...one.childNodes].some(says)).map((one) => {
+      const [a, b] = [light(rgb(getComputedStyle(one).color)), light(behind(one))];
+      return [Math.max(a, b) / Math.min(a, b), one.textContent.trim()];
+    }).filter(([ratio]) => ratio < 4.5).map(([ratio, text]) => `${text}: ${ratio.toFixed(1)}`);
+}"""
