@@ -70,7 +70,7 @@ lint: setup
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-# The README's animation and stills of the map page, from a record of the shipped mission: make film RECORD=logs/X.mcap
+# The README's animation, and the timeline of the map page, from a record of the shipped mission: make film RECORD=logs/X.mcap
 film: setup
 	$(BIN)/python -m benchmarks.film $(RECORD) docs/images
 

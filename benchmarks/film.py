@@ -1,4 +1,4 @@
-"""A recorded flight on the map page: the README's animation, 20 seconds long, and stills for docs.
+"""A recorded flight on the map page: the README's animation, 20 seconds long, and its timeline.
 
 make film RECORD=logs/sim-....mcap
 """
@@ -27,7 +27,7 @@ IS_THERE = "([to]) => parseInt(document.getElementById('clock').textContent) >= 
 
 
 async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list[Image.Image]:
-    """The page at so many moments of the flight; stills of the last one go to the folder."""
+    """The page at so many moments of the flight; its timeline at the last goes to the folder."""
     from playwright.async_api import async_playwright  # noqa: PLC0415 - not for the other ones
 
     film = RecordedFlight(Log(record))
@@ -46,12 +46,10 @@ async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list
             await page.wait_for_timeout(120)
             shown.append(Image.open(io.BytesIO(await page.screenshot())).convert("RGB"))
         await page.locator("#plot").click()
-        for name, width, height in (("live-timeline", 1280, 720), ("live-phone", 390, 844)):
-            await page.set_viewport_size({"width": width, "height": height})
-            await page.wait_for_timeout(500)
-            await page.screenshot(path=folder / f"{name}.png")
-            await page.locator("#plot").click()
-            await page.locator("#theme").click()
+        await page.set_viewport_size({"width": 1280, "height": 720})
+        await page.mouse.move(100, 200)
+        await page.wait_for_timeout(2000)
+        await page.screenshot(path=folder / "live-timeline.png")
         await browser.close()
     return shown
 

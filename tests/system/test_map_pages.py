@@ -187,8 +187,11 @@ def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
     page.set_viewport_size({"width": 1280, "height": 720})
     go(replayed, 10)
     left = page.locator("#when").bounding_box()
+    page.locator("#pause").click()
     go(replayed, 290)
     replayed.shows("#robots", "map 100%")
+    page.wait_for_function("() => !document.querySelector('.link.lit, .signal.lit')")  # 2 min ago
+    page.locator("#pause").click()
     assert page.locator("#when").bounding_box() == left
     go(replayed, 10)
     page.wait_for_function("() => !document.getElementById('robots').textContent.includes('map')")

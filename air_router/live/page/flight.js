@@ -1,7 +1,7 @@
 // One flight: the connection to it, what it has told last, and what of it is always on the map.
 
 import { Link, NO_ANSWER } from "/page/socket.js";
-import { Links } from "./links.js";
+import { GLOW_MS, Links } from "./links.js";
 import { checkPlace, checkPlaces } from "./places.js";
 import { boundsOf } from "./scenery.js";
 import { Vehicle } from "./vehicle.js";
@@ -46,6 +46,7 @@ export class Flight {
     this.connected = false;
     this.why = "";
     this.goneMs = performance.now();
+    this.dims = 0;
     /** @type {Map<string, any>} */
     this.newest = new Map();
     this.link = new Link((message) => this.receive(message), (...now) => this.changed(...now), where.socket);
@@ -126,6 +127,8 @@ export class Flight {
       case "links":
         this.links = message.links;
         this.lines.show(message.links);
+        clearTimeout(this.dims);
+        if (message.links.some(({ glows, lit }) => glows && !lit)) this.dims = setTimeout(() => this.dim(message), GLOW_MS);
         break;
       case "track":
         message.points.forEach(checkPlace);
@@ -155,6 +158,11 @@ export class Flight {
         break;
       default: // for the watcher
     }
+  }
+
+  /** Of a film that is paused nothing new comes that ends a glow. @param {any} message */
+  dim(message) {
+    if (!this.newest.has("links")) this.receive(message);
   }
 
   /** @param {boolean} chosen whether the panel tells of it */

@@ -4,9 +4,10 @@ import { line } from "./vehicle.js";
 
 const WEAK_DBM = -90;
 const STRONG_DBM = -50;
-const GLOW_MS = 1000;
+export const GLOW_MS = 1000;
 
-/** @typedef {{peer: string, rssi_dbm: number | null, lit: boolean, syncs: number}} Told what a flight tells of a link */
+/** @typedef {{peer: string, rssi_dbm: number | null, lit: boolean, glows: boolean, syncs: number}} Told
+ *  what a flight tells of a link, and whether it is shown as one that carries data */
 
 export class Links {
   /** Of one flight. @param {any} map @param {any} svg */
@@ -24,11 +25,11 @@ export class Links {
     for (const told of links) {
       const link = this.shown.get(told.peer) ?? this.add(told);
       this.glow(link, told);
-      link.heard = told.rssi_dbm !== null || told.lit;
+      link.heard = told.rssi_dbm !== null || told.glows;
       const share = told.rssi_dbm === null ? 0 : (told.rssi_dbm - WEAK_DBM) / (STRONG_DBM - WEAK_DBM);
       const weight = 1.5 + 5 * Math.min(Math.max(share, 0), 1);
       if (weight !== link.line.options.weight) link.line.setStyle({ weight });
-      link.line.getElement()?.classList.toggle("lit", told.lit);
+      link.line.getElement()?.classList.toggle("lit", told.glows);
     }
   }
 
@@ -47,7 +48,7 @@ export class Links {
   glow(link, told) {
     if (told.lit || link.syncs !== told.syncs) link.untilMs = performance.now() + GLOW_MS;
     link.syncs = told.syncs;
-    told.lit = performance.now() < link.untilMs;
+    told.glows = performance.now() < link.untilMs;
   }
 
   /** Draw them where their ends are now. @param {number[] | null} from

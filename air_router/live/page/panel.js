@@ -46,7 +46,7 @@ export class Panel {
     for (const [name, row] of this.rows) {
       const link = this.links[name];
       row.signal.classList.toggle("heard", Boolean(link) && link.rssi_dbm !== null);
-      row.signal.classList.toggle("lit", Boolean(link?.lit));
+      row.signal.classList.toggle("lit", Boolean(link?.glows));
       row.signal.title = link && link.rssi_dbm !== null ? `${link.rssi_dbm} dBm` : "not heard by radio";
     }
     this.showNews();
@@ -179,7 +179,8 @@ function facts(vehicle) {
     if (vehicle.wind) parts.push(`wind ${vehicle.wind}`);
     if (vehicle.home_moved) parts.push("home moved");
   }
-  parts.push(`${vehicle.waypoints_left} waypoints left`);
+  const left = vehicle.waypoints_left;
+  parts.push(`${left} waypoint${left === 1 ? "" : "s"} left`);
   return parts.join(" · ");
 }
 
