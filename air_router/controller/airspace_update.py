@@ -21,11 +21,11 @@ from air_router.controller.model.mission_context import (
     ZoneChange,
 )
 from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import BRAKING_M_S2, CommandGate
-from air_router.controller.motion.navigator import STANDING_M_S, Navigator
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import Exploration
 from air_router.mission.mission import Mission
-from air_router.routing.departure import names_of
+from air_router.routing.departure import BRAKING_M_S2, STANDING_M_S, names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.motion.command_gate import BRAKING_M_S2
 from air_router.files.settings import Accepted
 from air_router.mission.mission import Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check
+from air_router.routing.departure import BRAKING_M_S2
 from air_router.routing.return_planner import straight_returns
 from geo.frame import Point
 

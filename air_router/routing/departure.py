@@ -3,8 +3,8 @@
 * Over its whole length it is clear in the airspace of the caller: with the whole tracking margin
   when a route is planned; with half of it when that fails, and when a leg of the route is about to
   be flown: the vehicle is never exactly at a node, and tight legs must be clear from where it is.
-* A moving vehicle needs the whole area clear that its curve may sweep, and the rest of the leg that
-  it is on with it: it goes on with that until the new command arrives.
+* A moving vehicle needs the whole area clear that its turn may sweep (`Momentum`), and the rest of
+  the leg that it is on with it: it goes on with that until the new command arrives.
 * A vehicle that is closer than that already (wind, noise, a newly drawn zone), or comes to rest
   closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
   To what it keeps the clearance from now it keeps it all the way.
@@ -20,7 +20,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
@@ -37,6 +37,54 @@ _SAME_M = 0.5
 
 _DRIFT_M = 0.25
 """What a hovering vehicle may seem to drift within its stopping distance."""
+
+
+BRAKING_M_S2: Final = 2.0
+"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
+
+STANDING_M_S: Final = 0.5
+"""Slower than this counts as hovering: estimates and gusts never read exactly zero."""
+
+
+class Momentum(NamedTuple):
+    """What a vehicle flies on by itself, whether it is told to stop or sent elsewhere.
+
+    It follows after its reaction. From then on its velocity goes straight over from v to the new u
+    with a = `BRAKING_M_S2`, which takes T = |u - v| / a: a parabola; its control polygon has the
+    sides v T / 2 and u T / 2. Halved once (de Casteljau), it has its corners at v T / 4, no farther
+    than where braking would end, and at v T / 2 + u T / 4.
+
+    Attributes:
+        rest: Where it comes to rest if it is told now to brake.
+        velocity_m_s: East and north.
+        speed_m_s: How fast it flies the new leg.
+        reaction_s: For how long it flies on as it does.
+    """
+
+    rest: Point
+    velocity_m_s: tuple[float, float]
+    speed_m_s: float
+    reaction_s: float
+
+    def turn(self, here: Point, end: Point) -> Point:
+        """The corner that is missing for its turn to `end` to lie between `here`, `rest` and `end`.
+
+        It is `rest` for a vehicle that stands. Nearer to its end than it can stop, it turns wider.
+        """
+        rest, (east_m_s, north_m_s) = self.rest, self.velocity_m_s
+        length_m = math.dist(rest, end)
+        if math.hypot(east_m_s, north_m_s) < STANDING_M_S or length_m == 0.0:
+            return rest
+        speed_m_s = min(self.speed_m_s, math.sqrt(2 * BRAKING_M_S2 * length_m))  # it stops there
+        new_east_m_s = speed_m_s * (end.east_m - rest.east_m) / length_m
+        new_north_m_s = speed_m_s * (end.north_m - rest.north_m) / length_m
+        change_m_s = math.hypot(new_east_m_s - east_m_s, new_north_m_s - north_m_s)
+        quarter_s = change_m_s / (4 * BRAKING_M_S2)
+        straight_s = self.reaction_s + 2 * quarter_s
+        return Point(
+            here.east_m + straight_s * east_m_s + quarter_s * new_east_m_s,
+            here.north_m + straight_s * north_m_s + quarter_s * new_north_m_s,
+        )
 
 
 class PendingSetpoint(NamedTuple):
@@ -69,7 +117,7 @@ class Departure:
         airspace: its airspace with the distance that this first leg has to keep.
         paths: paths at the distance that routes keep.
         start: where the vehicle is.
-        stopping: where it comes to rest if it brakes now; None if it stands.
+        momentum: what it flies on by itself; None if it stands.
         pending: where else it flies to until it is told, or turns there: ends of legs so far.
 
     Attributes:
@@ -84,13 +132,14 @@ class Departure:
         airspace: Airspace,
         paths: ShortestPaths,
         start: Point,
-        stopping: Point | None,
+        momentum: Momentum | None,
         pending: Sequence[PendingSetpoint] = (),
     ) -> None:
         self._airspace = airspace
         self._paths = paths
         self.start = start
-        self.rest = stopping if stopping is not None else start
+        self._momentum = momentum
+        self.rest = momentum.rest if momentum is not None else start
         self.pending = tuple(pending)
         self.moving = self.rest != start or bool(self.pending)
 
@@ -169,17 +218,17 @@ class Departure:
         if kept is not None and not kept.swept_clear(area):
             return False
         if math.dist(self.start, end) > reach_m:
-            turns = [_along(place, end, reach_m) for place in (self.start, self.rest)]
-            if not self._airspace.swept_clear([*turns, *area[2:]]):
+            turned = 2 if self._momentum is None else 3  # corners before it is bound for the end
+            later = [_along(place, end, reach_m) for place in area[:turned]]
+            if not self._airspace.swept_clear([*later, *area[turned:]]):
                 return False
         return near.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
-        if not self.pending:
-            return [self.start, self.rest, end]
+        turn = () if self._momentum is None else (self._momentum.turn(self.start, end),)
         elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M]
-        return [self.start, self.rest, *elsewhere, end]
+        return [self.start, self.rest, *turn, *elsewhere, end]
 
     @property
     def special(self) -> bool:

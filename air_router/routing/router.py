@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from air_router.routing.departure import Departure, PendingSetpoint, names_of
+from air_router.routing.departure import Departure, Momentum, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.planners import Leg, Planner, planner_of
 from geo.airspace.airspace import FENCE, Airspace
@@ -68,7 +68,7 @@ class Router:
         start: Point,
         goal: Point | int,
         *,
-        stopping: Point | None = None,
+        momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] = (),
     ) -> Route | NoRoute:
         """The shortest known route.
@@ -76,7 +76,7 @@ class Router:
         Args:
             start: where the vehicle is.
             goal: a node of the graph, or any point.
-            stopping: where the vehicle comes to rest if it brakes now; None if it stands.
+            momentum: what the vehicle flies on by itself; None if it stands.
             pending: where it was sent before, and goes on to until it follows a new command.
 
         Returns:
@@ -84,19 +84,19 @@ class Router:
             goal is not clear, zones separate start and goal, no first leg is clear at this speed.
         """
         target = self._goal(goal)
-        whole = Departure(self._airspace, self._paths, start, stopping, pending)
+        whole = Departure(self._airspace, self._paths, start, momentum, pending)
         if whole.clear(target.to):
             return _route(start, [target])
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        half = Departure(self._half, self._paths, start, stopping, pending)
+        half = Departure(self._half, self._paths, start, momentum, pending)
         for rule in (whole, half):
             legs = self._legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
         if half.in_margin:
             for out in self._ways_out(half):
-                if not self.check_leg(start, out[0], stopping, pending):
+                if not self.check_leg(start, out[0], momentum, pending):
                     continue
                 onward = self._legs(Departure(self._airspace, self._paths, out[-1], None), target)
                 if onward is not None:
@@ -107,14 +107,14 @@ class Router:
         self,
         start: Point,
         end: Point,
-        stopping: Point | None = None,
+        momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] = (),
     ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        whole = Departure(self._airspace, self._paths, start, stopping, pending)
+        whole = Departure(self._airspace, self._paths, start, momentum, pending)
         if whole.clear(end):
             return True
-        half = Departure(self._half, self._paths, start, stopping, pending)
+        half = Departure(self._half, self._paths, start, momentum, pending)
         if self._airspace.point_clear(end) and (whole.allows(end) or half.allows(end)):
             return True
         return half.leads_out(end)

@@ -189,8 +189,8 @@ class Airspace:
     def swept_clear(self, points: Sequence[Point]) -> bool:
         """Whether the convex hull of the points is clear.
 
-        A vehicle that is moving when it is sent elsewhere cuts a curve; position, stopping point
-        and target span an area that contains it.
+        A vehicle that is moving when it is sent elsewhere cuts a curve; its caller gives corners
+        of an area that contains it.
         """
         return self._clear(MultiPoint(points).convex_hull)
 

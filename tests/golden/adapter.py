@@ -294,14 +294,14 @@ def _tapped(about: Callable[[], dict[str, Any]]) -> Iterator[list[Tape]]:
     taps: dict[int, tuple[Told, Tape]] = {}
     make, handle = Controller.__init__, Controller.handle
 
-    def made(self: Controller, *parts: Any, **options: Any) -> None:
-        make(self, *parts, **options)
+    def made(self: Controller, flight: FlightSetup, *parts: Any) -> None:
+        make(self, flight, *parts)
         setup = {
             **about(),
-            "name": options["name"],
-            "seek": list(parts[3]),
-            "pilot_arms": options["pilot_arms"],
-            "explore": options["explore"],
+            "name": flight.name,
+            "seek": list(flight.seek),
+            "pilot_arms": flight.pilot_arms,
+            "explore": flight.explore,
         }
         tape = Tape(setup, [])
         tapes.append(tape)

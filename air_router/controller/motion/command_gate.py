@@ -37,7 +37,7 @@ from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext, Way, ZoneChange
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
-from air_router.routing.departure import PendingSetpoint
+from air_router.routing.departure import BRAKING_M_S2, Momentum, PendingSetpoint
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -49,9 +49,6 @@ TELL_AGAIN_S: Final = 10.0
 
 JUMPS: Final = 4
 """After so many jumps that the vehicle did not follow, its plan is left alone."""
-
-BRAKING_M_S2: Final = 2.0
-"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
 
 REACTION_S: Final = 0.6
 """Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
@@ -165,15 +162,11 @@ def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
 
 
 def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
-    """Where the vehicle comes to rest if it is told now to brake.
-
-    Told in time it sweeps at most the triangle of its position, this point and its new target.
-    """
+    """Where the vehicle comes to rest if it is told now to brake."""
     east_m_s, north_m_s = telemetry.velocity_m_s
-    speed_m_s = math.hypot(east_m_s, north_m_s)
-    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
+    travel_s = reaction_s + math.hypot(east_m_s, north_m_s) / (2 * BRAKING_M_S2)
     east_m, north_m = telemetry.position
-    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
+    return Point(east_m + travel_s * east_m_s, north_m + travel_s * north_m_s)
 
 
 @dataclass(slots=True, eq=False)
@@ -212,6 +205,12 @@ class CommandGate:
     def __post_init__(self) -> None:
         mission = self._context.mission
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
+
+    def momentum(self, telemetry: Telemetry, age_s: float = 0.0) -> Momentum:
+        """What the vehicle flies on by itself, in the time since it said so included."""
+        reaction_s, speed_m_s = self.reaction_s + age_s, self.setpoints.speed_m_s
+        rest = stopping_point(telemetry, reaction_s)
+        return Momentum(rest, telemetry.velocity_m_s, speed_m_s, reaction_s)
 
     # Commands.
 

@@ -18,8 +18,8 @@ from shapely import Point as ShapelyPoint
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.mission_context import Goal, MissionContext, Progress, Way
-from air_router.controller.motion.command_gate import CommandGate, stopping_point
-from air_router.routing.departure import PendingSetpoint, names_of
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.routing.departure import STANDING_M_S, Momentum, PendingSetpoint, names_of
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import FENCE
@@ -37,9 +37,6 @@ STALL_S: Final = 15.0
 
 ASTRAY_M: Final = 2.0
 """Farther than this from what was checked for a leg, it is checked again from there."""
-
-STANDING_M_S: Final = 0.5
-"""Slower than this counts as hovering: estimates and gusts never read exactly zero."""
 
 
 @dataclass(slots=True, eq=False)
@@ -192,16 +189,15 @@ class Navigator:
         self,
         leg: Leg,
         telemetry: Telemetry,
-        stopping: Point | None = None,
+        momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
     ) -> None:
         """Remember what was checked for a leg: all that it may sweep, however late it is told."""
-        gate = self._gate
-        if stopping is None or pending is None:
-            stopping = stopping_point(telemetry, gate.reaction_s)
-            pending = gate.setpoints.pending(telemetry)
-        reaches = map(attrgetter("reach"), pending)
-        self._context.way.swept = (telemetry.position, stopping, *reaches, leg.to)
+        here, gate = telemetry.position, self._gate
+        if momentum is None or pending is None:
+            momentum, pending = gate.momentum(telemetry), gate.setpoints.pending(telemetry)
+        turn, reaches = momentum.turn(here, leg.to), map(attrgetter("reach"), pending)
+        self._context.way.swept = (here, momentum.rest, turn, *reaches, leg.to)
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""
@@ -229,14 +225,14 @@ class Navigator:
         assert goal is not None  # noqa: S101 - every caller has set one
         assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         target = goal.position if goal.node is None else goal.node
-        here, stopping = telemetry.position, stopping_point(telemetry, gate.reaction_s)
+        here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)
-        route = self._context.router.route(here, target, stopping=stopping, pending=pending)
+        route = self._context.router.route(here, target, momentum=momentum, pending=pending)
         if (
             isinstance(route, Route)
             and pending
             and len(route.legs) > 1
-            and self._longer_than_a_stop(route, stopping, target)
+            and self._longer_than_a_stop(route, momentum.rest, target)
         ):
             route = NoRoute("stopping first is quicker")
         if isinstance(route, Route):
@@ -255,7 +251,7 @@ class Navigator:
             way.legs = legs
             refusal = self._height_refusal(telemetry, legs[0].to)
             if refusal is None:
-                return self._command(legs.popleft(), telemetry, stopping, pending)
+                return self._command(legs.popleft(), telemetry, momentum, pending)
             route = refusal
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         if (moves and not way.braking) or gate.setpoints.open(telemetry):
@@ -276,12 +272,12 @@ class Navigator:
         self,
         leg: Leg,
         telemetry: Telemetry,
-        stopping: Point | None = None,
+        momentum: Momentum | None = None,
         pending: Sequence[PendingSetpoint] | None = None,
     ) -> Motion:
         way = self._context.way
         way.leg = leg
-        self._sweep(leg, telemetry, stopping, pending)
+        self._sweep(leg, telemetry, momentum, pending)
         way.braking = False
         way.progress = Progress.FLYING
         return self._motion(leg, telemetry)
@@ -320,12 +316,10 @@ class Navigator:
         However late the command arrives: until then it may fly all the rest of its present leg.
         In `age_s` it has flown on from where it was when it said so.
         """
-        stopping = stopping_point(telemetry, self._gate.reaction_s + age_s)
+        momentum = self._gate.momentum(telemetry, age_s)
         pending = self._gate.setpoints.pending(telemetry)
         return (
-            self._context.router.check_leg(
-                telemetry.position, target, stopping=stopping, pending=pending
-            )
+            self._context.router.check_leg(telemetry.position, target, momentum, pending)
             and self._height_refusal(telemetry, target, age_s) is None
         )
 
@@ -336,7 +330,7 @@ class Navigator:
         cruise, altitude_m = self._context.mission.cruise, telemetry.altitude_m
         if cruise.lower_m <= altitude_m <= cruise.upper_m:
             return None
-        stopping = stopping_point(telemetry, self._gate.reaction_s + age_s)
+        here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
         places = [setpoint.reach for setpoint in self._gate.setpoints.pending(telemetry)]
-        swept = (telemetry.position, stopping, *places, target)
+        swept = (here, momentum.rest, momentum.turn(here, target), *places, target)
         return self._context.router.off_cruise(altitude_m, swept)

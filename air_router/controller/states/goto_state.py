@@ -11,11 +11,12 @@ from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint,
 from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
 from air_router.controller.model.requests import RequestRefusedError
 from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate, stopping_point
-from air_router.controller.motion.navigator import STANDING_M_S, Navigator
+from air_router.controller.motion.command_gate import REACTION_S, CommandGate, stopping_point
+from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_state import SearchState
 from air_router.messages import FARTHEST_M
 from air_router.mission.flight_plan import HOME_NODE
+from air_router.routing.departure import STANDING_M_S, Momentum
 from air_router.routing.return_planner import LANDING_MARGIN, Way
 from air_router.routing.router import NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
@@ -125,15 +126,17 @@ class GotoValidator:
 
     def _first(self, telemetry: Telemetry, goal: Goal) -> Route | NoRoute:
         """From where the vehicle is; or, where its speed allows no way, from where it stops."""
-        stopping = stopping_point(telemetry)
-        route = self._route(telemetry.position, goal, stopping)
+        here, speed_m_s = telemetry.position, self._context.mission.speed_m_s
+        rest = stopping_point(telemetry)
+        momentum = Momentum(rest, telemetry.velocity_m_s, speed_m_s, REACTION_S)
+        route = self._route(here, goal, momentum)
         if isinstance(route, NoRoute) and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S:
-            return self._route(stopping, goal)
+            return self._route(rest, goal)
         return route
 
-    def _route(self, start: Point, goal: Goal, stopping: Point | None = None) -> Route | NoRoute:
+    def _route(self, start: Point, goal: Goal, momentum: Momentum | None = None) -> Route | NoRoute:
         target = goal.position if goal.node is None else goal.node
-        return self._context.router.route(start, target, stopping=stopping)
+        return self._context.router.route(start, target, momentum=momentum)
 
     def _short(self, charge: float | None, way: Way, place: Point, stay_s: float) -> str | None:
         """Why the battery does not last for a way, a stay there, and the way home.

@@ -17,7 +17,7 @@ from shapely import LineString, MultiPoint, Polygon, union_all
 
 from air_router.files.settings import PlannerSettings
 from air_router.mission.loading import load_mission
-from air_router.routing.departure import Departure, PendingSetpoint
+from air_router.routing.departure import BRAKING_M_S2, Departure, Momentum, PendingSetpoint
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Leg, NoRoute, Route, Router
 from benchmarks.route.maps import made as made_map
@@ -25,6 +25,7 @@ from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from geo.paths.shortest import ShortestPaths
+from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
 
 DATA = Path(__file__).parents[2] / "data"
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -249,6 +250,43 @@ def test_a_goal_in_a_courtyard_is_told_by_what_is_kept_from_its_walls(tmp_path):
 # Where the vehicle is, how fast it moves.
 
 
+def coming_to_rest(start, rest):
+    """The momentum of a vehicle that would stop there."""
+    way_m = math.dist(start, rest)
+    speed_m_s = BRAKING_M_S2 * (math.sqrt(0.36 + 2 * way_m / BRAKING_M_S2) - 0.6)
+    share = speed_m_s / way_m if way_m else 0.0
+    velocity_m_s = share * (rest.east_m - start.east_m), share * (rest.north_m - start.north_m)
+    return Momentum(rest, velocity_m_s, 3.5, 0.6)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.5, 4.0), st.floats(2.0, 4.0), st.floats(5, 60))
+def test_a_turn_stays_within_its_corners(angle, speed_m_s, cruise_m_s, away_m):
+    """A vehicle with the acceleration and the jerk of a PX4 that hears of its leg after 0.15 s."""
+    here, end = Point(0.0, 0.0), Point(away_m * math.cos(angle), away_m * math.sin(angle))
+    rest = Point(speed_m_s * (0.6 + speed_m_s / (2 * BRAKING_M_S2)), 0.0)
+    momentum = Momentum(rest, (speed_m_s, 0.0), cruise_m_s, 0.6)
+    corners = (here, rest, momentum.turn(here, end), end)
+    vehicle = Multirotor()
+    vehicle.up_m, vehicle.on_ground = 40.0, False
+    vehicle.velocity_east_m_s, vehicle.east_m = speed_m_s, 0.15 * speed_m_s
+    flown = []
+    while (left_m := math.dist((vehicle.east_m, vehicle.north_m), end)) > 1.0 and len(flown) < 900:
+        speed = min(cruise_m_s, math.sqrt(1.27 + 6 * left_m) - 1.13)
+        east, north = end.east_m - vehicle.east_m, end.north_m - vehicle.north_m
+        vehicle.step(0.05, MotionDemand(speed * north / left_m, speed * east / left_m))
+        flown.append((vehicle.east_m, vehicle.north_m))
+    assert MultiPoint(corners).convex_hull.buffer(0.05).covers(MultiPoint(flown))
+
+
+def test_turning_back_takes_no_more_room_than_stopping_and_going_on_none():
+    here, rest = Point(0.0, 0.0), Point(6.0, 0.0)
+    momentum = Momentum(rest, (4.0, 0.0), 4.0, 0.5)
+    assert momentum.turn(here, Point(-50.0, 0.0)) == rest
+    assert momentum.turn(here, Point(50.0, 0.0)) == Point(2.0, 0.0)
+    stands = Momentum(rest, (0.3, 0.0), 4.0, 0.5)
+    assert stands.turn(here, Point(0.0, 50.0)) == rest
+
+
 def test_a_moving_vehicle_gets_a_leg_whose_sweep_is_clear(pennovation):
     mission, graph, router, judge = pennovation
     rng = random.Random(7)
@@ -261,13 +299,13 @@ def test_a_moving_vehicle_gets_a_leg_whose_sweep_is_clear(pennovation):
             continue
         under_way = [PendingSetpoint(turns, turns)] if judge.clear(start, rest, turns) else []
         goal = rng.randrange(len(graph.positions))
-        route = router.route(start, goal, stopping=rest, pending=under_way)
+        route = router.route(start, goal, momentum=coming_to_rest(start, rest), pending=under_way)
         if isinstance(route, NoRoute):
             assert route.reason == "no first leg is clear at this speed"
             continue
         answers += 1
         assert judge.clear(start, rest, *(on.place for on in under_way), route.legs[0].to)
-        assert router.check_leg(start, route.legs[0].to, rest, under_way)
+        assert router.check_leg(start, route.legs[0].to, coming_to_rest(start, rest), under_way)
         assert_clear(judge, start, route)
     assert answers > 60
     assert mission.planner.distance_m == 6.5
@@ -276,8 +314,8 @@ def test_a_moving_vehicle_gets_a_leg_whose_sweep_is_clear(pennovation):
 def test_too_fast_towards_a_zone_there_is_no_first_leg(pennovation):
     _, _, router, _ = pennovation
     start, rest = Point(0.0, 0.0), Point(10, -35)
-    assert not router.check_leg(start, Point(0, 10), rest)
-    answer = router.route(start, 25, stopping=rest)
+    assert not router.check_leg(start, Point(0, 10), coming_to_rest(start, rest))
+    answer = router.route(start, 25, momentum=coming_to_rest(start, rest))
     assert answer == NoRoute("no first leg is clear at this speed", ("zone 1",))
 
 
@@ -326,7 +364,9 @@ def test_too_near_and_coming_nearer_it_brakes_before_it_leaves(closer_m, leaves)
     zone = Zone("wall", (Point(0, -50), Point(10, -50), Point(10, 50), Point(0, 50)))
     airspace = Airspace(None, [zone], 5.0).with_margin(1.5)
     here = Point(-4.0, 0.0)
-    rule = Departure(airspace, ShortestPaths(airspace), here, Point(-4.0 + closer_m, 0.0))
+    rule = Departure(
+        airspace, ShortestPaths(airspace), here, coming_to_rest(here, Point(-4.0 + closer_m, 0.0))
+    )
     assert rule.allows(Point(-60.0, 0.0)) is leaves
 
 
@@ -335,9 +375,9 @@ def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
     for distance_m in (6.45, 6.55):
         start = Point(10, -2 - distance_m)
         drift = Point(10.05, start.north_m + 0.15)
-        route = router.route(start, 1, stopping=drift)
+        route = router.route(start, 1, momentum=coming_to_rest(start, drift))
         assert isinstance(route, Route)
-        assert router.check_leg(start, route.legs[0].to, drift)
+        assert router.check_leg(start, route.legs[0].to, coming_to_rest(start, drift))
     assert mission.planner.distance_m == 6.5
 
 
@@ -400,7 +440,7 @@ def test_a_vehicle_a_bit_off_a_tight_leg_may_fly_it_on(pennovation):
 def test_a_vehicle_that_would_stop_within_the_clearance_brakes_first(tmp_path):
     _, _, router, _ = wall_world(tmp_path)
     start, rest = Point(10, -20), Point(10, -5)
-    assert isinstance(router.route(start, 0, stopping=rest), NoRoute)
+    assert isinstance(router.route(start, 0, momentum=coming_to_rest(start, rest)), NoRoute)
     assert isinstance(router.route(start, 0), Route)
 
 
@@ -524,12 +564,12 @@ def test_the_shortest_planner_keeps_speed_and_the_margin_too(seed):
     start, goal = (Point(rng.uniform(-190, 150), rng.uniform(-140, 80)) for _ in range(2))
     rest = Point(start.east_m + rng.uniform(-5, 5), start.north_m + rng.uniform(-5, 5))
     judge, router = flown_in("urban")[3], straightest("urban")
-    route = router.route(start, goal, stopping=rest)
+    route = router.route(start, goal, momentum=coming_to_rest(start, rest))
     if isinstance(route, NoRoute):
         assert route.reason
         return
     first = route.legs[0].to
-    assert router.check_leg(start, first, rest)
+    assert router.check_leg(start, first, coming_to_rest(start, rest))
     assert judge.clear(goal)
     if judge.clear(start, rest):
         assert judge.clear(start, rest, first)
