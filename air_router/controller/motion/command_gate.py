@@ -8,10 +8,10 @@ keeps a leg, or a landing, from leaving, in the order in which it is looked at:
 | no fix, or another input is missing | all have come for 3 s: on; some too long missing: home |
 | the altitude has jumped | it is back for 2 s: on; it is not within 30 s: home |
 | an order shows that is not ours | ours shows: what was put off goes on; after 1.5 s: hands off |
-| a jump would not show which order is followed | the hold that leaves instead: planned anew |
 | hands will be off | it holds, or was told to six times: hands off |
 | what was replaced on board is compared | it flies the same: planned anew; or not: hands off |
 | zones are changed; only the way out of one leaves | they are on board: planned anew |
+| a jump would not show which order is followed | the hold that leaves instead: planned anew |
 | it was taken over, or stopped, below its altitude | the climb that leaves instead: planned anew |
 
 The mode that the autopilot reports is the only truth about who has the vehicle. While a command is
@@ -226,10 +226,6 @@ class CommandGate:
             if isinstance(motion, LandHere):
                 context.retry_in(RETRY_S)  # in LAND nothing else has it land
             return
-        if isinstance(motion, FlyToNode) and self._doubtful(motion):
-            context.way.brake()
-            self.send(HoldHere("an order from before may be under way; stopping to look again"))
-            return
         if context.giving_up is not None or context.compares is not None:
             return
         if context.zones is not None:
@@ -238,6 +234,10 @@ class CommandGate:
                 self.stop()
                 context.has_to_stop = True
                 self.hold("zones are being changed")
+            return
+        if isinstance(motion, FlyToNode) and self._doubtful(motion):
+            context.way.brake()
+            self.send(HoldHere("an order from before may be under way; stopping to look again"))
             return
         allowed = self.climb_first(motion) if context.climbs_first else motion
         if allowed is not None:

@@ -80,6 +80,18 @@ def test_while_something_stands_against_a_motion_only_a_hold_leaves(gate, stands
     assert context.actions == [hold, leg]
 
 
+def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(gate):
+    out = FlyToPoint(Point(0.0, 100.0), 40.0)
+    gate.send(NODE)  # given up, and may come late
+    gate.send(out)
+    gate._context.zones = ZoneChange.CLEARING
+    gate.command(NODE)
+    assert gate.last is out
+    gate._context.zones = None
+    gate.command(NODE)
+    assert isinstance(gate.last, HoldHere)
+
+
 def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(gate):
     context, hold = gate._context, HoldHere("why")
     context.inputs.silent = True
