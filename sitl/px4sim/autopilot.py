@@ -142,12 +142,16 @@ class Autopilot:
         altitude_m: float | None,
         yaw_rad: float | None = None,
         speed_m_s: float | None = None,
-    ) -> None:
-        """Go to a point in Hold mode, which is asked for separately; see `HoldFlight.move_to`."""
+    ) -> bool:
+        """Go to a point in Hold mode, which is asked for separately; see `HoldFlight.move_to`.
+
+        Returns whether it goes there: not on the ground, nor out of its fence.
+        """
         if not self.armed:
-            return
+            return False
         situation = self.situation
-        if self.fence.allows(*(point or situation.here), situation):
+        allowed = self.fence.allows(*(point or situation.here), situation)
+        if allowed:
             self.modes.hold.move_to(point, altitude_m, yaw_rad, speed_m_s, situation)
         else:
             situation.say(
@@ -156,6 +160,7 @@ class Autopilot:
                 Severity.CRITICAL,
                 Severity.ERROR,
             )
+        return allowed
 
     def move_sticks(self, sticks: Sticks) -> None:
         """A pilot's sticks are there; moved, they take an automatic mode over (COM_RC_OVERRIDE)."""

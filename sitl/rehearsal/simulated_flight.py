@@ -264,8 +264,8 @@ class SimulatedFlight(Scenario):
             north_m, east_m = away_m * math.cos(angle_rad), away_m * math.sin(angle_rad)
             here = autopilot.situation
             place = (here.north_m + north_m, here.east_m + east_m)
-            autopilot.reposition(place if divert else None, None)
-            self._taken("reposition")
+            if autopilot.reposition(place if divert else None, None):
+                self._taken("reposition")
 
     def do_disarm(self, forced: bool) -> None:
         """A station disarms it."""
