@@ -98,7 +98,7 @@ ACCEPTED: Final = MappingProxyType(
         "EXPLORED": _row(End.LANDED, explores=True),
         "LANDED_HERE": _row(End.LANDED, End.ASKED),
         "ENDURANCE": _HOME,
-        "HOME_FOR_GOOD": _HOME,
+        "HOME_FOR_GOOD": _row(End.LANDED, height_m=5.0),  # its altitude may drift, as BAROMETER's
         # The weather and the estimate.
         "GUSTS": _row(End.LANDED, home_m=2.0),
         "STORM": _row(*End, room_m=30.0, height_m=10.0, home_m=60.0),

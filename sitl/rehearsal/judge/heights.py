@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from itertools import pairwise
@@ -21,6 +22,15 @@ _DRIFTS_M: Final = ((4.5, False), (7.0, True))
 """So far the satellites' altitude has left the autopilot's, on an average of 8 s: told; home.
 
 A companion averages for longer."""
+
+_SHOWS_M: Final = 2.0
+"""From so much on a companion that averages otherwise may tell it, once for all."""
+
+_TOLD_S: Final = 60.0
+"""So long before, a jump may have been told that has led to it."""
+
+_TOGETHER_S: Final = 1.0
+"""Two altitudes that were heard so soon after each other are of the same moment."""
 
 _SPOILT: Final = frozenset({"LOST_FIX", "BRIEF_STREAM", "OLD"})
 """The satellites' altitude itself is late, frozen or wrong."""
@@ -57,31 +67,56 @@ def a_home_that_is_moved_is_held_for(case: Case) -> Iterator[Violation]:
 
 
 def a_drifting_altitude_is_told_and_ends_the_mission(case: Case) -> Iterator[Violation]:
-    """The satellites' altitude has left the autopilot's since the take-off, and stays away."""
+    """The satellites' altitude has left the autopilot's since the take-off, and stays away.
+
+    A companion that is started in the air knows of nothing before.
+    """
     if case.evidence.faults & _SPOILT:
         return
+    started_s = [started.time_s for started in case.evidence.told(SceneEventKind.STARTED)]
+    for begin_s, end_s in pairwise((-math.inf, *started_s, math.inf)):
+        yield from _drifts(case, begin_s, end_s)
+
+
+def _drifts(case: Case, begin_s: float, end_s: float) -> Iterator[Violation]:
+    due, began_m, shows_s = list(_DRIFTS_M), math.nan, math.inf
+    for at_s, mean_m in _receiver_above_m(case, begin_s, end_s):
+        began_m = mean_m if math.isnan(began_m) else began_m
+        drift_m = mean_m - began_m
+        if abs(drift_m) >= _SHOWS_M:
+            shows_s = min(shows_s, at_s)
+        if due and abs(drift_m) >= due[0][0] and case.state(at_s) in _CRUISE:
+            news = News(at_s, f"the altitude has drifted by {drift_m:.1f} m")
+            due_s, (_, ends) = at_s + case.reacts_s, due.pop(0)
+            before_s = max(at_s - shows_s, _TOLD_S)
+            if case.answers(at_s, due_s):
+                yield from says(case, news, "altitude|height", due_s, before_s)
+            if ends:
+                yield from comes_home(case, news, due_s + _AVERAGED_S, [])
+
+
+def _receiver_above_m(case: Case, begin_s: float, end_s: float) -> Iterator[tuple[float, float]]:
+    """By how much the satellites' altitude is higher than the autopilot's, on average, in flight.
+
+    Each pair is of one moment; after a gap the average begins anew.
+    """
     latest: deque[tuple[float, float]] = deque()  # when, and by how much it is higher
-    amsl_m, due = 0.0, list(_DRIFTS_M)
-    began_m: float | None = None
+    amsl_m, amsl_s = 0.0, -math.inf
     for message in case.evidence.heard:
-        if message.name == "GLOBAL_POSITION_INT":
-            amsl_m = message.fields["alt"] / 1e3
-        known = message.name == "GPS_RAW_INT" and number(message.fields, "fix_type") >= _FIX_3D
-        known = known and "alt" in message.fields
-        if not known or not amsl_m or not case.flying[case.at(message.time_s)]:
-            continue
         at_s = message.time_s
+        if not begin_s <= at_s < end_s:
+            continue
+        if message.name == "GLOBAL_POSITION_INT":
+            amsl_m, amsl_s = message.fields["alt"] / 1e3, at_s
+        known = message.name == "GPS_RAW_INT" and number(message.fields, "fix_type") >= _FIX_3D
+        known = known and "alt" in message.fields and at_s - amsl_s <= _TOGETHER_S
+        if not known or not case.flying[case.at(at_s)]:
+            continue
+        if latest and at_s - latest[-1][0] > _DRIFTS_S / 2:
+            latest.clear()
         latest.append((at_s, message.fields["alt"] / 1e3 - amsl_m))
         if at_s - latest[0][0] < _DRIFTS_S:
             continue
         while at_s - latest[0][0] > _DRIFTS_S:
             latest.popleft()
-        mean_m = sum(off_m for _, off_m in latest) / len(latest)
-        began_m = mean_m if began_m is None else began_m
-        if due and abs(mean_m - began_m) >= due[0][0] and case.state(at_s) in _CRUISE:
-            news = News(at_s, f"the altitude has drifted by {mean_m - began_m:.1f} m")
-            due_s, (_, ends) = at_s + case.reacts_s, due.pop(0)
-            if case.answers(at_s, due_s):
-                yield from says(case, news, "altitude|height", due_s, 60.0)
-            if ends:
-                yield from comes_home(case, news, due_s + _AVERAGED_S, [])
+        yield at_s, sum(off_m for _, off_m in latest) / len(latest)

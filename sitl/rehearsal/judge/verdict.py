@@ -187,7 +187,9 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
         f"exit {code}, though it landed at home by our command": (
             landed and code not in {_DONE, None} and not (lied_to or left)
         ),
-        "exit 6: a pilot took over, but none did": code == _TAKEN_OVER and math.isinf(taken_s),
+        "exit 6: a pilot took over, but none did": (
+            code == _TAKEN_OVER and math.isinf(taken_s) and not lied_to
+        ),
         f"exit {code}, though the pilot has the vehicle": (
             end is End.PILOT and code not in {_TAKEN_OVER, None} and not (disarmed or left or over)
         ),

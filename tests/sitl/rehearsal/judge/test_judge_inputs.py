@@ -23,6 +23,8 @@ FLOWN = track((*ROUND, *ROUND))
 HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
 """Stands from 70 s to 90 s."""
 
+LONG = track(ROUND * 4)
+
 
 def heard(states):
     """What a vehicle says five times a second: where it is, and that all is well."""
@@ -207,6 +209,54 @@ def test_an_altitude_that_nothing_can_have_flown_to_is_said():
     assert found(flight(FLOWN, spoil, said=said)) == {"held"}
 
 
+@pytest.mark.parametrize(
+    ("up_m", "told_s", "wrong"),
+    [
+        (3.5, None, set()),
+        (5.0, None, {"told"}),
+        (5.0, 45.0, set()),  # long before the average that the judge takes is beyond its limit
+        (5.0, 20.0, {"told"}),
+        (8.0, 45.0, {"home"}),
+    ],
+)
+def test_a_drift_of_the_altitude_is_said_once_and_ends_the_mission(up_m, told_s, wrong):
+    """Of 3.5 m from 40 s on; of more from 110 s on."""
+
+    def drifts(message):
+        if message.name != FIX:
+            return message
+        off_m = up_m if message.time_s >= 110.0 else 3.5 if message.time_s >= 40.0 else 0.0
+        number = round(message.time_s / 0.05)
+        alt = round((6.7 + LONG[number][2] + off_m) * 1e3)
+        return dataclasses.replace(message, fields={**message.fields, "alt": alt})
+
+    said = [(21.0, "21.0 s  READY -> INIT")]
+    said += [(told_s, "the altitude is in doubt")] if told_s else []
+    assert found(flight(LONG, drifts, said=said)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("out", "again"),
+    [
+        (SceneEventKind.KILLED, SceneEventKind.STARTED),
+        (SceneEventKind.STOPPED, SceneEventKind.CONTINUED),
+    ],
+)
+def test_a_companion_that_heard_nothing_of_a_climb_has_not_seen_the_altitude_drift(out, again):
+    """The first altitude that it hears is that of the satellites, 20 m above the last before."""
+
+    def spoil(message):
+        if 8.5 <= message.time_s < 18.5 or (message.name == POSITION and message.time_s == 18.6):
+            return None
+        if message.name != FIX:
+            return message
+        alt = round((6.7 + FLOWN[round(message.time_s / 0.05)][2]) * 1e3)
+        return dataclasses.replace(message, fields={**message.fields, "alt": alt})
+
+    happenings = (SceneEvent(8.5, out), SceneEvent(18.5, again))
+    assert found(flight(spoil=spoil, happenings=happenings, said=[CRUISES])) == set()
+
+
 def test_a_clearance_that_is_lost_is_said_and_held_for():
     early = (22.0, "22.0 s  READY -> INIT")
     near = (28.5, "too near to no-fly zone 'shed': 3.0 m, 5 m are to be kept: holding")
@@ -277,7 +327,8 @@ def test_a_mode_that_was_heard_and_was_not_flown_may_be_believed_at_once(lie_s, 
         (lambda m: m) if lie_s is None else between(lie_s, lie_s + 3.0, "HEARTBEAT", custom_mode=7)
     )
     said = [(71.0, "hands off: the pilot chose Hold mode")]
-    assert ("told" in found(flight(spoil=spoil, said=said, code=1))) == wrong
+    for code in (1, 6):
+        assert ("told" in found(flight(spoil=spoil, said=said, code=code))) == wrong
 
 
 @pytest.mark.parametrize(("again", "wrong"), [(False, set()), (True, {"told"})])
