@@ -161,8 +161,9 @@ class AirspaceUpdate:
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
         gate = self._gate
-        if gate.pending is not None:
-            return
+        leaves = self._way_out is not None and not self._context.has_to_stop
+        if gate.pending is not None and not (leaves and isinstance(gate.pending, HoldHere)):
+            return  # on the way out no hold is waited for: what was asked meanwhile may need one
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         stopping = isinstance(gate.last, HoldHere)
         taken_back = gate.last is None and self._way_out is None

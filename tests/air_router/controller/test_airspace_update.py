@@ -145,6 +145,17 @@ def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
     assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
 
 
+def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
+    flight = cruising(pretend)
+    change(flight, box(flight.position, half_m=8.0))
+    flight.fly_until(lambda: "leaving no-fly zone 'new'" in flight.said, 5.0)
+    flight._act = lambda _: None
+    flight.give(HoldNow())
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.step()
+    assert isinstance(flight.motions[-1], FlyToPoint)
+
+
 def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
     flight = pretend(duration_s=None)
     timers = dataclasses.replace(flight.mission.timers, init_s=3000.0)
