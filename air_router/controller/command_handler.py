@@ -211,9 +211,6 @@ class CommandHandler:
     def _asked_to_change_altitude(self, request: ChangeAltitude) -> Accepted:
         context, hold, altitude_m = self._context, self._states.hold, request.altitude_m
         self._check_may_move()
-        if context.state is not State.HOLD:
-            where = "its altitude is changed where it hovers: have it hold first"
-            raise RequestRefusedError(Refusal.BUSY, where)
         why = hold.why_no_climb(altitude_m)
         if why is not None:
             raise RequestRefusedError(*why)

@@ -298,6 +298,9 @@ class HoldState(StateHandler):
             else:
                 flown = f"{low_m:g} to {high_m:g} m above home"
             return Refusal.ALTITUDE, f"the mission is flown at {flown}"
+        if self._context.state is not State.HOLD:
+            where = "its altitude is changed where it hovers: have it hold first"
+            return Refusal.BUSY, where
         telemetry, gate = self._context.heard, self._gate
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         if moves or gate.pending or gate.setpoints.open(telemetry):
