@@ -293,14 +293,11 @@ class HoldState(StateHandler):
         """Why it may not hold at another altitude above home; None if it may."""
         low_m, high_m = self._context.mission.altitudes_m
         if not low_m <= altitude_m <= high_m:
-            if low_m == high_m:
-                flown = f"{low_m:g} m above home only: 'altitudes_m' in its file allows others"
-            else:
-                flown = f"{low_m:g} to {high_m:g} m above home"
-            return Refusal.ALTITUDE, f"the mission is flown at {flown}"
+            flown = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
+            why = f"only {flown} above home is flown; 'altitudes_m' in the mission allows others"
+            return Refusal.ALTITUDE, why
         if self._context.state is not State.HOLD:
-            where = "its altitude is changed where it hovers: have it hold first"
-            return Refusal.BUSY, where
+            return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
         telemetry, gate = self._context.heard, self._gate
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
         if moves or gate.pending or gate.setpoints.open(telemetry):

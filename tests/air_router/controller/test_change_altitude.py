@@ -106,7 +106,7 @@ def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, pretend, pennov
     flight.fly_away()
     assert asked(flight, HoldNow()).accepted
     flight.fly_for(6.0)
-    assert "at 40 m above home only: 'altitudes_m'" in asked(flight, ChangeAltitude(50.0)).why
+    assert "only 40 m above home is flown; 'altitudes_m'" in asked(flight, ChangeAltitude(50.0)).why
 
 
 def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission, pennovation):
