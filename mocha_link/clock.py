@@ -22,7 +22,16 @@ class SystemClock:
 
 
 class Instant(NamedTuple):
-    """One moment on both clocks; how time comes into everything that decides."""
+    """One moment on both clocks; how time comes into everything that decides.
+
+    `may_step`: Unix time is this machine's, which may be set; otherwise it is all that passes.
+    """
 
     unix_s: float
     steady_s: float
+    may_step: bool = False
+
+    @property
+    def timer_s(self) -> float:
+        """What intervals and silences are counted in."""
+        return self.steady_s if self.may_step else self.unix_s

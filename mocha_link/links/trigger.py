@@ -23,7 +23,7 @@ class _Signal:
     """What one source says of a peer; each is judged by its own unit's threshold."""
 
     reading: Reading
-    reported_s: float  # Unix time on the node's clock
+    reported_s: float
     in_contact: bool  # by the threshold, with hysteresis
 
 
@@ -55,8 +55,7 @@ class SyncTrigger:
     A contact begins when any source of readings hears the peer at the threshold of its unit, and
     ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
     Readings of different sources are never compared. With `by_timer` every peer is due every
-    interval (a robot without a radio that reports). All times are Unix seconds of the node's
-    clock.
+    interval (a robot without a radio that reports). All times are seconds of one clock.
     """
 
     def __init__(self, peers: Iterable[str], settings: Trigger, *, by_timer: bool) -> None:
@@ -144,7 +143,7 @@ class SyncTrigger:
 
     @property
     def due_s(self) -> float:
-        """When, in Unix seconds, `due` or `look` has something to say; inf: not by time."""
+        """When `due` or `look` has something to say; inf: not by time."""
         if self._next_s == -inf:
             self._next_s = self._due_s()
         return self._next_s

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import (
@@ -128,7 +129,7 @@ class Gossip:
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
         link = self._link(peer)
-        begins = self._trigger.heard(peer, reading, now.unix_s)
+        begins = self._trigger.heard(peer, reading, now.timer_s)
         self._tell_contacts(now)
         if begins:
             link.puller.renew_budget()
@@ -222,11 +223,11 @@ class Gossip:
     # --- what the time brings, and what the node wants and says
 
     def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> None:
-        """Do what is due by the time alone; call it at `wake_s` and `due_s`, and after input.
+        """Do what is due by the time alone; call it at `wake_s`, in `due_in_s`, and after input.
 
         What is done for each peer happens within `guard`.
         """
-        self._trigger.look(now.unix_s)
+        self._trigger.look(now.timer_s)
         self._tell_contacts(now)
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
@@ -254,10 +255,9 @@ class Gossip:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
         return self._links.wake_s
 
-    @property
-    def due_s(self) -> float:
-        """When, in Unix seconds, `tick` has to store or to begin something; inf: nothing waits."""
-        return min(self._trigger.due_s, self._publisher.due_s)
+    def due_in_s(self, now: Instant) -> float:
+        """In how many seconds `tick` has to store or to begin something; inf: nothing waits."""
+        return min(self._trigger.due_s - now.timer_s, self._publisher.due_s - now.unix_s)
 
     def take_served(self) -> set[str]:
         """The peers for which `supply` may have a frame since the last call."""
@@ -298,7 +298,7 @@ class Gossip:
     def _pull_due(self, now: Instant) -> None:
         if self._links.push_otherwise():
             self._trigger.follow(link.peer.name for link in self._links if link.pushes)
-        for peer in self._trigger.due(now.unix_s):
+        for peer in self._trigger.due(now.timer_s):
             self.sync(peer, now)
 
     def _serve(self, link: PeerLink, now: Instant) -> None:
@@ -320,7 +320,7 @@ class Gossip:
         for event in peer.events:
             self._events.append(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.asked(peer.name, now.unix_s)
+                self._trigger.asked(peer.name, now.timer_s)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
@@ -335,7 +335,7 @@ class Gossip:
 
     def _tell_contacts(self, now: Instant) -> None:
         for event in self._trigger.news():
-            self._events.append(event)
+            self._events.append(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
                 link.puller.unfollow()

@@ -337,7 +337,8 @@ class Node(Startable):
         self._wake()
 
     def _now(self) -> Instant:
-        return Instant(self.clock.now_s(), time.monotonic())
+        clock = self.clock
+        return Instant(clock.now_s(), time.monotonic(), isinstance(clock, SystemClock))
 
     def _wake(self) -> None:
         if self._transport:

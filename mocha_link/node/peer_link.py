@@ -73,7 +73,7 @@ class PeerLinks:
         newest = self._database.newest
         return {
             peer: {
-                topic.name: now_s - min(record.stamp_s, record.received_s)
+                topic.name: max(now_s - min(record.stamp_s, record.received_s), 0.0)
                 for topic in self._team.topics_of(peer)
                 if (record := newest(self._team.robot(peer).robot_id, topic.topic_id))
             }

@@ -223,12 +223,12 @@ class Transport:
 
     def _wait_ms(self) -> int:
         """How long nothing is to be done if nothing comes."""
-        with self._lock:
-            wake_s, due_s = self._gossip.wake_s, self._gossip.due_s
         now = self._now()
+        with self._lock:
+            wake_s, due_in_s = self._gossip.wake_s, self._gossip.due_in_s(now)
         waits_s = [
             (TICK_MS if self._simulated else IDLE_MS) / 1000,
-            due_s - now.unix_s,
+            due_in_s,
             self._dialer.wait_s(now.steady_s),
         ]
         if wake_s is not None:

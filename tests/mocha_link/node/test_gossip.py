@@ -6,8 +6,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mocha_link.clock import Instant
 from mocha_link.links.metrics import (
     ContactBegan,
+    ContactEnded,
     Direction,
     LinkState,
     MessageStored,
@@ -213,3 +215,44 @@ def test_a_message_from_the_future_is_as_old_as_with_us(net):
     net.time_s += 600
     age_s = net.nodes["io"].links(net.now)["titan"].newest_age_s
     assert age_s == pytest.approx(600, abs=1)
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
+def test_a_machine_whose_clock_is_set_goes_on_as_if_it_was_not(net, step_s):
+    """No contact ends or begins, none is pulled from but in its turn, and what is new is taken."""
+    io = net.nodes["io"]
+
+    def at(seconds: float) -> Instant:
+        set_by_s = step_s if seconds >= 3 else 0.0
+        return Instant(T + seconds + set_by_s, net.now.steady_s + seconds, may_step=True)
+
+    def live(first: int, last: int) -> list[object]:
+        events = []
+        for quarter in range(4 * first, 4 * last):
+            io.heard("titan", -60, at(quarter / 4))
+            io.tick(at(quarter / 4))
+            events += io.take()[1]
+            assert io.due_in_s(at(quarter / 4)) <= 6
+        return [event for event in events if isinstance(event, ContactBegan | ContactEnded)]
+
+    assert [type(event) for event in live(0, 3)] == [ContactBegan]
+    assert live(3, 6) == []
+    io.tick(at(6 + 3 * net.team.trigger.interval_s))
+    (ended,) = [event for event in io.take()[1] if isinstance(event, ContactEnded)]
+    assert ended.at_s == T + 12 + step_s
+    assert ended.duration_s == 12
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
+def test_what_is_published_while_the_clock_is_set_replaces_what_was_there(any_ether, step_s):
+    net = any_ether
+    for number, offset_s in enumerate((0.0, step_s, 0.0)):
+        net.offset_s = {"titan": offset_s}
+        net.publish("titan", "/map", b"%d" % number)
+        net.pull("io", "titan")
+        net.pull("callisto", "io")
+        assert net.held("callisto") == {("titan", "/map"): b"%d" % number}
+        net.offset_s["callisto"] = step_s
+        for age_s in net.nodes["callisto"].ages_s(net.at("callisto"))["titan"].values():
+            assert age_s >= 0
+        net.wait(1)

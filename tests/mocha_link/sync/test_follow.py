@@ -168,6 +168,8 @@ def test_many_that_are_announced_are_not_listed():
     assert encode_news(range(MAX_NEWS + 1)) == b""
     with pytest.raises(SyncFrameError):
         decode_news(b"1234567")
+    with pytest.raises(SyncFrameError):
+        decode_news(bytes(8 * (MAX_NEWS + 1)))
 
 
 def test_who_is_not_in_contact_any_more_gets_nothing(net):
@@ -271,17 +273,17 @@ def test_where_the_connection_is_gone_the_pull_goes_on_over_a_new_one(net, told)
 def test_what_waits_says_when_it_is_due(net):
     """A node sleeps until then; of a peer only its long silence is waited for."""
     io, titan = net.nodes["io"], net.nodes["titan"]
-    assert io.due_s == math.inf
+    assert io.due_in_s(net.now) == math.inf
     io.heard("titan", NEAR_DBM, net.now)
     assert io.wake_s == pytest.approx(net.now.steady_s + STANDS_S, abs=0.5)
-    assert titan.due_s == math.inf
+    assert titan.due_in_s(net.now) == math.inf
     net.settle()
     assert io.wake_s == pytest.approx(net.now.steady_s + FOLLOW_S, abs=0.5)
     assert titan.wake_s == pytest.approx(net.now.steady_s + FOLLOW_S, abs=0.5)
-    assert io.due_s == pytest.approx(net.now.unix_s + net.team.trigger.interval_s, abs=0.5)
+    assert io.due_in_s(net.now) == pytest.approx(net.team.trigger.interval_s, abs=0.5)
     publish(net, "titan", "/slow", b"stored")
     publish(net, "titan", "/slow", b"held")
-    assert net.nodes["titan"].due_s == pytest.approx(net.now.unix_s + 5.0)
+    assert net.nodes["titan"].due_in_s(net.now) == pytest.approx(5.0)
 
 
 @standing
