@@ -1,6 +1,7 @@
 """Messages that have arrived in part, kept until the rest comes: in this contact or a later one.
 
-Everything here grows with the bytes that came in, never with what a peer announces.
+Everything here grows with the bytes that came in, never with what a peer announces. Of every byte
+it is known who brought it, and of every large message who is bringing it.
 """
 
 from __future__ import annotations
@@ -8,14 +9,18 @@ from __future__ import annotations
 import heapq
 import itertools
 from bisect import bisect_right
-from collections.abc import Iterator
+from typing import NamedTuple
 
 MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
 
 _LIMIT_BYTES = 128 * 1024 * 1024
+_MAX_MESSAGES = 4_096  # each is looked at when a pull begins
 _BLOCK_BYTES = 32_768  # growing what is larger would copy it too often
 _SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
 _ENTRY_COST = 600
+STALL_S = 2.0  # a peer of which nothing of a message has come for so long does not bring it,
+SLOW_S = 5.0  # nor does one that has been at it for so long, if another one can
+_MAX_BRINGERS = 1_024
 
 Range = tuple[int, int]
 """First byte and the one behind the last."""
@@ -28,22 +33,23 @@ class Fragment:
         held: how many bytes there are.
     """
 
-    __slots__ = ("_segments", "_starts", "held", "total")
+    __slots__ = ("_peers", "_segments", "_starts", "held", "total")
 
     def __init__(self, total: int) -> None:
         self.total = total
         self.held = 0
         self._starts: list[int] = []  # of the segments, sorted
-        self._segments: list[bytearray | memoryview] = []  # that do not touch
+        self._segments: list[bytearray | memoryview] = []  # that do not overlap
+        self._peers: list[str] = []  # that have brought them
 
     @property
     def cost(self) -> int:
         """The memory that it takes, about."""
         return self.held + _ENTRY_COST + _SEGMENT_COST * len(self._segments)
 
-    def add(self, offset: int, data: memoryview) -> None:
+    def add(self, offset: int, data: memoryview, peer: str = "") -> None:
         """Take in a piece, which must lie within the whole. A large one is kept as it is."""
-        starts, segments = self._starts, self._segments
+        starts, segments, peers = self._starts, self._segments, self._peers
         end = offset + len(data)
         place = bisect_right(starts, offset)  # of the first segment behind the offset
         while offset < end:
@@ -56,7 +62,8 @@ class Fragment:
             count = upto - offset
             if count:
                 piece = data[:count]
-                last = segments[place - 1] if before_end == offset else None
+                goes_on = before_end == offset and peers[place - 1] == peer
+                last = segments[place - 1] if goes_on else None
                 if isinstance(last, bytearray) and len(last) < _BLOCK_BYTES:
                     last += piece
                 else:
@@ -64,6 +71,7 @@ class Fragment:
                     is_alone = count >= _BLOCK_BYTES and count * 8 >= whole * 7
                     starts.insert(place, offset)
                     segments.insert(place, piece if is_alone else bytearray(piece))
+                    peers.insert(place, peer)
                     place += 1
                 self.held += count
                 data = data[count:]
@@ -74,6 +82,13 @@ class Fragment:
     def whole(self) -> bytes | None:
         """All of it, if nothing is missing."""
         return b"".join(self._segments) if self.held == self.total else None
+
+    def split(self) -> dict[str, Fragment]:
+        """What each peer has brought of it."""
+        parts: dict[str, Fragment] = {}
+        for start, segment, peer in zip(self._starts, self._segments, self._peers, strict=True):
+            parts.setdefault(peer, Fragment(self.total)).add(start, memoryview(segment), peer)
+        return parts
 
     def missing(self, limit: int = MAX_RANGES) -> list[Range]:
         """What has not come. Of more than `limit` ranges the closest are taken together."""
@@ -93,11 +108,25 @@ class Fragment:
         return [(gaps[first][0], gaps[last - 1][1]) for first, last in itertools.pairwise(cuts)]
 
 
+class _Bringer(NamedTuple):
+    """Who brings a message, since when, and when a part came last; steady seconds."""
+
+    peer: str
+    began_s: float
+    heard_s: float
+
+    def is_at_it(self, now_s: float) -> bool:
+        """Whether it is to be left to it."""
+        return now_s - self.heard_s < STALL_S and now_s - self.began_s < SLOW_S
+
+
 class ReassemblyBuffer:
     """The partial messages of a node, whichever peers they came from.
 
-    A message is known by its message id (`frames.message_id_of`) and the size of its body. Those
-    that have not grown for longest go when all take more than `limit` bytes.
+    A message is known by its message id (`frames.message_id_of`) and the size of its body. What all
+    peers bring of it is put together; if that makes a wrong one, what each has brought goes on by
+    itself. Those messages that have not grown for longest go when all take more than `limit` bytes,
+    or are too many.
 
     Attributes:
         cost: the memory that all take, about; 0: there are none.
@@ -106,34 +135,79 @@ class ReassemblyBuffer:
     def __init__(self, limit: int = _LIMIT_BYTES) -> None:
         self.cost = 0
         self._limit = limit
-        self._fragments: dict[tuple[int, int], Fragment] = {}  # the latest grown last
+        # By message id, the latest grown last; by size and the one peer they are of, "": of any.
+        self._fragments: dict[int, dict[tuple[int, str], Fragment]] = {}
+        self._bringers: dict[int, _Bringer] = {}  # by message id, the latest heard last
 
     def __len__(self) -> int:
         return len(self._fragments)
 
-    def __iter__(self) -> Iterator[tuple[int, Fragment]]:
-        """Message ids and what there is of them, those of which most is there first."""
-        found = sorted(self._fragments.items(), key=lambda item: -item[1].held)
-        return iter([(key[0], fragment) for key, fragment in found])
+    def of(self, peer: str) -> list[tuple[int, Fragment]]:
+        """Message ids and what there is of them for a peer to complete.
 
-    def add(self, message_id: int, total: int, offset: int, data: memoryview) -> bytes | None:
-        """Take in a piece within `total`; the whole body if it is complete, which then goes."""
-        key = (message_id, total)
-        fragment = self._fragments.pop(key, None) or Fragment(total)
+        First what goes on with this peer alone, then those of which most is there.
+        """
+        found = [
+            (by == "", -fragment.held, message_id, fragment)
+            for message_id, fragments in self._fragments.items()
+            for (_, by), fragment in fragments.items()
+            if by in ("", peer)
+        ]
+        found.sort(key=lambda each: each[:2])
+        return [each[2:] for each in found]
+
+    def add(
+        self, message_id: int, total: int, offset: int, data: memoryview, peer: str = ""
+    ) -> bytes | None:
+        """Take in a piece within `total`; the whole body if it is complete: `drop` or `fail` it."""
+        fragments = self._fragments[message_id] = self._fragments.pop(message_id, {})
+        key = (total, peer) if (total, peer) in fragments else (total, "")
+        fragment = fragments.setdefault(key, Fragment(total))
         self.cost -= fragment.cost if fragment.held else 0
-        fragment.add(offset, data)
+        fragment.add(offset, data, peer)
+        self.cost += fragment.cost
         if fragment.held == total:
             return fragment.whole()
-        self._fragments[key] = fragment
-        self.cost += fragment.cost
-        while self.cost > self._limit:
-            self._drop(next(iter(self._fragments)))
+        while self.cost > self._limit or len(self._fragments) > _MAX_MESSAGES:
+            self.drop(next(iter(self._fragments)))
         return None
+
+    def fail(self, message_id: int, but: str = "") -> bool:
+        """What is complete of a message was refused; whether several peers had a part in it.
+
+        What each of them has brought, `but` for one, is kept apart then; otherwise it goes.
+        """
+        several = False
+        fragments = self._fragments.pop(message_id, {})
+        self.cost -= sum(each.cost for each in fragments.values())
+        for total, by in [key for key, each in fragments.items() if each.held == each.total]:
+            parts = fragments.pop((total, by)).split()
+            if len(parts) > 1:
+                several = True
+                fragments |= {(total, peer): parts[peer] for peer in parts if peer != but}
+        self.cost += sum(each.cost for each in fragments.values())
+        if fragments:
+            self._fragments[message_id] = fragments
+        return several
 
     def drop(self, message_id: int) -> None:
         """Forget a message, of whatever size."""
-        for key in [key for key in self._fragments if key[0] == message_id]:
-            self._drop(key)
+        self._bringers.pop(message_id, None)
+        self.cost -= sum(each.cost for each in self._fragments.pop(message_id, {}).values())
 
-    def _drop(self, key: tuple[int, int]) -> None:
-        self.cost -= self._fragments.pop(key).cost
+    def comes_from(self, message_id: int, peer: str, now_s: float) -> bool:
+        """Whether a message is to come from a peer: no other one is bringing it, so this one is."""
+        known = self._bringers.get(message_id)
+        if known and known.peer != peer and known.is_at_it(now_s):
+            return False
+        began_s = known.began_s if known and known.peer == peer else now_s
+        self._bringers.pop(message_id, None)
+        self._bringers[message_id] = _Bringer(peer, began_s, now_s)
+        if len(self._bringers) > _MAX_BRINGERS:
+            del self._bringers[next(iter(self._bringers))]
+        return True
+
+    def elsewhere(self, peer: str, now_s: float) -> set[int]:
+        """The messages that other peers are bringing."""
+        bringers = self._bringers.items()
+        return {number for number, by in bringers if by.peer != peer and by.is_at_it(now_s)}

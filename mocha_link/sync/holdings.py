@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 
+from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.sync.frames import record_id
 from mocha_link.sync.peer import Peer
@@ -21,6 +22,8 @@ from mocha_link.sync.sync_messages import (
 
 MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
 SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
+SHARED_BYTES = 16_384  # a larger message is to come from one peer at a time
+_MAX_LEFT = 1_024
 
 
 class Holdings:
@@ -28,19 +31,22 @@ class Holdings:
 
     Attributes:
         told_sequence: the database's number when the peer was told last.
+        left: messages that the peer was told to leave to another one, which is bringing them.
     """
 
     def __init__(self, peer: Peer) -> None:
         self.told_sequence = 0
+        self.left: set[int] = set()
         self._peer = peer
         self._database = peer.node.database
         self._reassembly = peer.node.reassembly
 
-    def knowledge(self) -> Since | Have | Digest:
+    def knowledge(self, now: Instant) -> Since | Have | Digest:
         """What the peer need not send, if it remembers what it offered; otherwise see `all`."""
+        owed = self._share(now)
         self.told_sequence = self._database.sequence  # first: others store meanwhile
         known = self._database.knowledge(self._peer.name)
-        if known is None:
+        if known is None or owed:
             return self.all()
         stored = self._database.since(known.own_sequence)
         if len(stored) > MAX_LISTED:
@@ -48,14 +54,27 @@ class Holdings:
             if sum(len(record.body) for record in stored[MAX_LISTED:]) > SPARE_BYTES:
                 return self.all()
         message_ids = [record_id(record) for record in stored[:MAX_LISTED]]
-        return Since(known.epoch, known.sequence, message_ids)
+        return Since(known.epoch, known.sequence, [*message_ids, *self.left])
+
+    def _share(self, now: Instant) -> bool:
+        """Ask for what no other peer brings; whether the peer takes any of that for ours."""
+        peer, reassembly = self._peer, self._reassembly
+        for message_id in peer.news | peer.left:
+            if self.wants(message_id, now.unix_s):
+                reassembly.comes_from(message_id, peer.name, now.steady_s)
+        peer.news.clear()
+        is_full = len(peer.left) >= _MAX_LEFT
+        self.left = set() if is_full else reassembly.elsewhere(peer.name, now.steady_s)
+        owed = any(self.wants(each, now.unix_s) for each in peer.left - self.left)
+        peer.left |= self.left
+        return owed
 
     def all(self) -> Have | Digest:
         """What the peer need not send, whatever it remembers."""
         self.told_sequence = self._database.sequence
         kept = self._database.kept()
         if len(kept) <= MAX_LISTED:
-            return Have([record_id(record) for record in kept])
+            return Have([*map(record_id, kept), *self.left])
         return Digest(self._database.digests())
 
     def untold_since(self, given: Container[int]) -> int:
@@ -69,6 +88,16 @@ class Holdings:
                 return number - 1
         return self._database.sequence
 
+    def leaves(self, message_id: int, total: int, now: Instant) -> bool:
+        """Whether a part of a message that the peer sends is to be left to another one."""
+        peer = self._peer
+        takes = total <= SHARED_BYTES or len(peer.left) >= _MAX_LEFT
+        if takes or self._reassembly.comes_from(message_id, peer.name, now.steady_s):
+            return False
+        self.left.add(message_id)
+        peer.left.add(message_id)
+        return True
+
     def answer(self, robot_id: int, digests: tuple[int, ...]) -> Answer:
         """What there is of the groups of a robot's topics of which the peer has other digests."""
         groups = 0
@@ -77,15 +106,17 @@ class Holdings:
             if ours != digests[group]:
                 groups |= 1 << group
                 message_ids += [record_id(r) for r in self._database.headers_in(robot_id, group)]
+                here = robot_id, group  # of 16: the lower half of topic ids
+                message_ids += [m for m in self.left if (m >> 56, m >> 48 & 15) == here]
         return Answer(robot_id, groups, message_ids)
 
     def requests(self, now_s: float) -> list[FragmentRequest]:
         """What is missing of the messages that have come in part; lets go those not wanted now."""
         requests: list[FragmentRequest] = []
-        for message_id, fragment in list(self._reassembly):
+        for message_id, fragment in self._reassembly.of(self._peer.name):
             if not self.wants(message_id, now_s):
                 self._reassembly.drop(message_id)
-            elif len(requests) < MAX_FRAGMENTS:
+            elif len(requests) < MAX_FRAGMENTS and message_id not in self.left:
                 requests.append(FragmentRequest(message_id, fragment.total, fragment.missing()))
         return requests
 

@@ -73,6 +73,8 @@ class Peer:
         rate_bytes_s: of the last pull that moved enough; None: not known.
         udp_misses: pulls in a row on which datagrams brought nothing.
         cut: by topic key, how often a message of the topic was cut, one time after the other.
+        news: messages that it has stored, as it says, and that we lack, by message id.
+        left: messages that it was told to leave to another peer, as far as they have not come.
     """
 
     def __init__(  # noqa: PLR0913 - all that makes peers differ, once
@@ -101,6 +103,8 @@ class Peer:
         self.rate_bytes_s: float | None = None
         self.udp_misses = 0
         self.cut: dict[int, int] = {}
+        self.news: set[int] = set()
+        self.left: set[int] = set()
         self._verify = verify
         self._histories = node.team.histories  # versions that are kept, by topic key
         self._address_tokens: deque[int] = deque(maxlen=_TOKENS)  # given to it, the newest last

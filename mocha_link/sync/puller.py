@@ -57,8 +57,9 @@ class Puller:
     @property
     def has_all(self) -> bool:
         """Whether all that the peer stores comes by itself, from it or from who made it."""
-        followed = self.followed
-        return bool(followed and not followed.has_news and self.told <= self._peer.node.followed)
+        followed, peer = self.followed, self._peer
+        lacking = peer.left or not followed or followed.has_news
+        return not lacking and self.told <= peer.node.followed
 
     def renew_budget(self) -> None:
         """A contact begins, or what counts as one."""

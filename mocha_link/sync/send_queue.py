@@ -20,6 +20,7 @@ _MIN_PIECE = 64  # a smaller one is not worth its head
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
+_MAX_GIVEN = 65_536  # that are remembered; what is beyond may be sent twice
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
@@ -217,7 +218,8 @@ class SendQueue:
         del self._records[self._ranks.pop()]
 
     def _finish(self, message_id: int) -> None:
-        self._given.add(message_id)
+        if len(self._given) < _MAX_GIVEN:  # a peer may follow for days
+            self._given.add(message_id)
         self.messages += 1
 
 

@@ -278,7 +278,7 @@ def encode_news(message_ids: Sequence[int]) -> bytes:
 
 def decode_news(content: bytes) -> tuple[int, ...]:
     """The reverse of `encode_news`. Raises SyncFrameError."""
-    if len(content) % 8:
+    if len(content) % 8 or len(content) > 8 * MAX_NEWS:
         raise SyncFrameError(f"news of {len(content)} bytes")
     return struct.unpack(f">{len(content) // 8}Q", content)
 

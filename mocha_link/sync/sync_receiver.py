@@ -133,7 +133,7 @@ class SyncReceiver:
         self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE, sync.NEWS)
         self._round = 0  # of our OPENs
         self._repairs = 0  # rounds that only asked again
-        self._now_s = 0.0  # Unix time of the frame at hand
+        self._now = Instant(0.0, 0.0)  # of the frame at hand
         self._refusals_end = 0  # so many refusals of the peer, and no more are told
         self._say: list[bytes] = []  # frames in answer to the one at hand
         self._next = 0  # frames of chunks of this round: all below it have come, and `_ahead`
@@ -149,8 +149,8 @@ class SyncReceiver:
 
     def open(self, now: Instant) -> list[bytes]:
         """Begin: the frames that say what we have."""
-        self._now_s = now.unix_s
-        return self._opening(self._holdings.knowledge())
+        self._now = now
+        return self._opening(self._holdings.knowledge(now))
 
     def receive(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> list[bytes]:
         """Take in a frame of the peer, `more` if it has further parts; what to say to it.
@@ -160,7 +160,7 @@ class SyncReceiver:
         if (self.over and not self.follows) or self.rejection:
             return []
         self.bytes += len(frame) + sum(map(len, more))
-        self._now_s = now.unix_s
+        self._now = now
         self._refusals_end = len(self._peer.refusals) + _MAX_REFUSALS
         try:
             if len(frame) and frame[0] == sync.CHUNKS:
@@ -182,8 +182,8 @@ class SyncReceiver:
         self._round += 1
         self._next = self._damaged = 0
         self._ahead.clear()
-        self._done = None
-        self._flawed = False
+        self._skipped.clear()
+        self._done, self._flawed = None, False
         self._say += self._opening(knowledge)
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
@@ -192,7 +192,7 @@ class SyncReceiver:
             node.boot_id,
             self._budget,
             knowledge,
-            self._holdings.requests(self._now_s),
+            self._holdings.requests(self._now.unix_s),
             node.config_hash,
             self._peer.address_token,
         )
@@ -213,7 +213,9 @@ class SyncReceiver:
             self._say += self._frames(sync.ANSWER, sync_messages.encode_answers(answers))
         elif message.kind == sync.NEWS:
             news = sync_messages.decode_news(message.content)
-            self.has_news |= not news or any(map(self._wants, news))
+            wanted = [m for m in news if not self._is_impossible(m) and self._wants(m)]
+            self.has_news |= not news or bool(wanted)
+            self._peer.news.update(wanted[: _MAX_BEGUN - len(self._peer.news)])
         else:
             self._done = sync_messages.Done.decode(message.content)
 
@@ -258,7 +260,8 @@ class SyncReceiver:
     def _take_piece(self, message_id: int, total: int, offset: int, data: memoryview) -> None:
         if self._is_impossible(message_id):
             return
-        if not self._wants(message_id):  # another peer has brought it, or a newer one
+        # Another peer has brought it, or a newer one, or is at it.
+        if not self._wants(message_id) or self._holdings.leaves(message_id, total, self._now):
             self._begun.discard(message_id)
             more = total - offset - len(data) > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
             if more and message_id not in self._skipped:
@@ -267,7 +270,7 @@ class SyncReceiver:
             return
         if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
             raise SyncFrameError("parts of too many messages")
-        body = self._reassembly.add(message_id, total, offset, data)
+        body = self._reassembly.add(message_id, total, offset, data, self._peer.name)
         if body is None:
             self._begun.add(message_id)
         else:
@@ -285,12 +288,14 @@ class SyncReceiver:
                 check_type(body, topic)
         except PayloadError as error:  # damaged on its way, perhaps
             self._refuse(f"message {message_id:016x}: {error}")
-            self._hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
-            self._failed.add(message_id)
+            if not self._reassembly.fail(message_id):  # of this peer alone
+                self._hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
+                self._failed.add(message_id)
             self._flawed = True
         else:
             header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
-            record = Record(header, topic.priority, body, stamp_ms, self._now_s, trailer is None)
+            now_s = self._now.unix_s
+            record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
             peer.holds(message_id)
             if not self.over and len(self._given) < _MAX_GIVEN:
                 self._given.add(message_id)
@@ -298,8 +303,10 @@ class SyncReceiver:
                 self.messages += peer.take_in(known, record, trailer)
             except PayloadError as error:  # intact, so it will not be another one next time
                 self._refuse(f"message {message_id:016x}: {error}")
-        if self._reassembly.cost:
-            self._reassembly.drop(message_id)
+                self._reassembly.fail(message_id, but=peer.name)
+                return
+            if self._reassembly.cost:
+                self._reassembly.drop(message_id)
 
     def _is_impossible(self, message_id: int) -> bool:
         """Whether a message is of nothing that the team has, or of an impossible time; told so."""
@@ -310,32 +317,33 @@ class SyncReceiver:
         self._refuse(
             f"message {message_id:016x}: no such robot or topic in the team, or an impossible time"
         )
-        self._reassembly.drop(message_id)
         return True
 
     def _wants(self, message_id: int) -> bool:
-        return self._holdings.wants(message_id, self._now_s)
+        return self._holdings.wants(message_id, self._now.unix_s)
 
     def _finish(self, done: sync_messages.Done) -> None:
-        missing = [message_id for message_id in self._begun if self._wants(message_id)]
+        left = set(filter(self._wants, self._holdings.left))
+        elsewhere = self._reassembly.elsewhere(self._peer.name, self._now.steady_s)
+        missing = [*filter(self._wants, self._begun), *(left - elsewhere)]
         flawed = self._flawed or bool(missing)
         final = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
         if flawed and not (done.cut_short or self._hopeless or final):
             self._repairs += 1
-            self._begin_round(self._holdings.knowledge())
+            self._begin_round(self._holdings.knowledge(self._now))
             return
-        self.over = True
-        self.complete = not (flawed or done.cut_short)
+        self.over, self._peer.left = True, left
+        is_sound = not (flawed or done.cut_short)
+        self.complete = is_sound and not left
         if self.complete:
             own_sequence = self._holdings.untold_since(self._given)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != self._database.knowledge(self._peer.name):
                 self._database.learn(self._peer.name, knowledge)
-        self.follows = self._peer.node.follow and self.complete
-        if self.follows:
-            self._say += self._frames(sync.FOLLOW, bytes(sorted(self._peer.node.followed)))
-        else:
-            self._say += self._frames(sync.END, b"")
+        self.follows = self._peer.node.follow and is_sound
+        followed = sorted(self._peer.node.followed)
+        kind, told = (sync.FOLLOW, followed) if self.follows else (sync.END, [])
+        self._say += self._frames(kind, bytes(told))
 
     def _refuse(self, reason: str) -> None:
         if len(self._peer.refusals) < self._refusals_end:

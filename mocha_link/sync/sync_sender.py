@@ -81,7 +81,7 @@ class SyncSender:
             self.over = not self.follows
             self._followed = frozenset(message.content)
             self._peer.end()
-        elif message.kind == sync.SKIP:
+        elif message.kind == sync.SKIP and message.round == self._round:  # a later one wants it
             self._queue.skip(sync_messages.decode_skip(message.content))
         elif message.round == self._round:
             self._answer(sync_messages.decode_answers(message.content))

@@ -115,9 +115,12 @@ class Node:
 
 
 class Pull:
-    """One node's pull from another, frame by frame."""
+    """One node's pull from another, frame by frame; each begins some seconds after the others."""
+
+    steady_s = NOW.steady_s
 
     def __init__(self, asker: Node, server: Node, *, budget: int = 0, room: int = 1_100) -> None:
+        Pull.steady_s += 1.5
         self.peer = asker.peer(server.name)
         self.sender = SyncSender(server.peer(asker.name))
         self.receiver = SyncReceiver(asker.peer(server.name), budget=budget, room=room)
@@ -128,7 +131,11 @@ class Pull:
         self.bytes_up = self.bytes_down = self.data_down = 0
         self.seen: set[bytes] = set()
         self.arrived: Counter[int] = Counter()  # data bytes by long id
-        self.take(self.receiver.open(NOW))
+        self.take(self.receiver.open(self.now))
+
+    @property
+    def now(self) -> Instant:
+        return Instant(NOW.unix_s, Pull.steady_s)
 
     def take(self, frames: list[bytes]) -> None:
         self.up += frames
@@ -162,7 +169,7 @@ class Pull:
         if frame[0] == sync.CHUNKS and frame not in self.seen:
             self.seen.add(frame)
             self.count(frame)
-        self.take(self.receiver.receive(frame, NOW))
+        self.take(self.receiver.receive(frame, self.now))
 
     def count(self, frame: bytes) -> None:
         with contextlib.suppress(SyncFrameError):

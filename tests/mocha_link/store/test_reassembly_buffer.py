@@ -9,7 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.store.reassembly_buffer import MAX_RANGES, Fragment, ReassemblyBuffer
+from mocha_link.store.reassembly_buffer import (
+    MAX_RANGES,
+    SLOW_S,
+    STALL_S,
+    Fragment,
+    ReassemblyBuffer,
+)
 
 WHOLE = random.Random(1).randbytes(1_000)
 
@@ -67,7 +73,7 @@ def test_the_same_message_of_another_size_is_another_one():
     reassembly = ReassemblyBuffer()
     reassembly.add(7, 1_000, 0, piece(0, 600))
     assert reassembly.add(7, 1_001, 600, piece(600, 1_000)) is None
-    assert sorted(fragment.total for _, fragment in reassembly) == [1_000, 1_001]
+    assert sorted(fragment.total for _, fragment in reassembly.of("io")) == [1_000, 1_001]
     reassembly.drop(7)
     assert len(reassembly) == 0
     assert reassembly.cost == 0
@@ -77,7 +83,7 @@ def test_those_of_which_most_is_there_come_first():
     reassembly = ReassemblyBuffer()
     for message_id in (1, 2, 3):
         reassembly.add(message_id, 1_000, 0, piece(0, message_id % 3 * 100 + 1))
-    assert [message_id for message_id, _ in reassembly] == [2, 1, 3]
+    assert [message_id for message_id, _ in reassembly.of("io")] == [2, 1, 3]
 
 
 def test_what_has_not_grown_for_longest_goes():
@@ -86,7 +92,7 @@ def test_what_has_not_grown_for_longest_goes():
         reassembly.add(message_id, 1_000, 0, piece(0, 400))
     reassembly.add(1, 1_000, 400, piece(400, 500))
     reassembly.add(4, 1_000, 0, piece(0, 400))
-    assert {message_id for message_id, _ in reassembly} == {1, 3, 4}
+    assert {message_id for message_id, _ in reassembly.of("io")} == {1, 3, 4}
     assert reassembly.cost <= 4_000
 
 
@@ -99,9 +105,77 @@ def test_memory_grows_with_bytes_and_not_with_totals(total):
     assert len(reassembly) < 1_300
 
 
+def test_there_are_not_more_than_a_pull_can_look_at():
+    reassembly = ReassemblyBuffer()
+    for message_id in range(10_000):
+        reassembly.add(message_id, 2, 0, piece(0, 1))
+    assert len(reassembly) <= 4_096
+
+
 def test_tiny_pieces_count_for_what_they_take():
     reassembly = ReassemblyBuffer(limit=100_000)
     for place in range(0, 1_000, 2):
         reassembly.add(1, 1_000, place, piece(place, place + 1))
     assert len(reassembly) <= 1
     assert reassembly.cost <= 100_000
+
+
+@given(st.lists(st.tuples(st.integers(0, 999), st.integers(1, 400), st.sampled_from("abc"))))
+def test_it_is_known_who_has_brought_what(pieces):
+    fragment = Fragment(len(WHOLE))
+    there = [""] * len(WHOLE)
+    for start, size, peer in pieces:
+        end = min(start + size, len(WHOLE))
+        fragment.add(start, piece(start, end), peer)
+        there[start:end] = [old or peer for old in there[start:end]]
+    for peer, part in fragment.split().items():
+        lacking = {n for start, end in part.missing(limit=1_000) for n in range(start, end)}
+        assert [n for n in range(1_000) if n not in lacking] == [
+            n for n in range(1_000) if there[n] == peer
+        ]
+    assert sum(part.held for part in fragment.split().values()) == fragment.held
+
+
+def test_what_makes_a_wrong_message_is_kept_apart_by_who_brought_it():
+    reassembly = ReassemblyBuffer()
+    reassembly.add(7, 1_000, 0, memoryview(bytes(100)), "bad")
+    assert reassembly.add(7, 1_000, 100, piece(100, 1_000), "good")
+    assert reassembly.fail(7)
+    assert [each.missing() for _, each in reassembly.of("good")] == [[(0, 100)]]
+    assert [each.missing() for _, each in reassembly.of("bad")] == [[(100, 1_000)]]
+    assert reassembly.of("other") == []
+    reassembly.add(7, 1_000, 0, memoryview(bytes(500)), "bad")
+    reassembly.add(7, 1_000, 0, memoryview(bytes(999)), "other")
+    assert reassembly.add(7, 1_000, 0, piece(0, 100), "good") == WHOLE
+    reassembly.drop(7)
+    assert (len(reassembly), reassembly.cost) == (0, 0)
+
+
+def test_what_one_peer_alone_has_brought_goes_if_it_is_wrong():
+    reassembly = ReassemblyBuffer()
+    reassembly.add(7, 1_000, 0, piece(0, 400), "bad")
+    reassembly.add(7, 1_000, 400, piece(400, 1_000), "bad")
+    assert not reassembly.fail(7)
+    assert (len(reassembly), reassembly.cost) == (0, 0)
+
+
+def test_a_message_comes_from_one_peer_at_a_time():
+    reassembly = ReassemblyBuffer()
+    assert reassembly.comes_from(7, "io", 0.0)
+    assert not reassembly.comes_from(7, "titan", STALL_S - 0.1)
+    assert reassembly.elsewhere("titan", 0.1) == {7}
+    assert reassembly.elsewhere("io", 0.1) == set()
+    assert reassembly.comes_from(7, "titan", STALL_S)  # io has stalled
+    for tenth in range(50):
+        assert reassembly.comes_from(7, "titan", STALL_S + tenth / 10)
+        assert not reassembly.comes_from(7, "io", STALL_S + tenth / 10)
+    assert reassembly.comes_from(7, "io", STALL_S + SLOW_S)  # titan is slow
+    reassembly.drop(7)
+    assert reassembly.comes_from(7, "titan", STALL_S + SLOW_S)
+
+
+def test_who_brings_what_is_forgotten_before_it_takes_memory():
+    reassembly = ReassemblyBuffer()
+    for message_id in range(10_000):
+        assert reassembly.comes_from(message_id, "io", 0.0)
+    assert len(reassembly.elsewhere("titan", 0.0)) <= 1_024

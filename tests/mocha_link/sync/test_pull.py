@@ -409,7 +409,11 @@ def test_the_next_contact_has_a_budget_of_its_own():
         io.heard("titan", -60, net.now)
         net.settle()
         held = len(net.held("io"))
-        assert held >= min(40, 8 * contact)
+        assert min(40, 8 * contact) <= held <= 10 * contact
+        assert io.links(net.now)["titan"].bytes_in < 22_000 * contact
+        for name, direction in (("io", IN), ("titan", OUT)):
+            last = [end for end in net.told(name, SyncEnded) if end.direction is direction][-1]
+            assert last.complete == (held == 40)
         net.wait(3)
         io.heard("titan", -60, net.now)
         net.settle()

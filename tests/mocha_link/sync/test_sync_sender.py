@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
 from mocha_link.sync import peer as peers
-from mocha_link.sync import sync_messages
+from mocha_link.sync import send_queue, sync_messages
 from mocha_link.sync.frames import SyncFrameError, record_id
 from mocha_link.sync.sync_messages import (
     Digest,
@@ -306,3 +306,33 @@ def test_whatever_comes_a_sender_only_raises_frame_errors(seed):
             out = sender.next(300)
             assert out is None or len(out) <= 300
     assert len(server.content) == 30
+
+
+def test_what_was_skipped_in_an_earlier_round_may_be_wanted_now():
+    server = Node("server")
+    record = server.store(0, 0, START_MS, size=50_000)
+    sender = SyncSender(server.peer("asker"))
+    for round_ in (0, 1):
+        opening = sync_messages.Open(9, 0, sync_messages.Have(())).encode()
+        sender.receive(sync.message_frame(sync.OPEN, round_, opening, 0, 1000))
+        assert sender.next(1000)
+        assert sender.next(1000)
+    skip = sync_messages.encode_skip(record_id(record))
+    sender.receive(sync.message_frame(sync.SKIP, 0, skip, 0, 1000))
+    while sender.next(10_000):
+        pass
+    assert sender.messages == 1
+
+
+def test_what_a_peer_that_follows_was_given_is_not_remembered_for_ever(monkeypatch):
+    monkeypatch.setattr(send_queue, "_MAX_GIVEN", 3)
+    server, asker = Node("server"), Node("asker")
+    pull = Pull(asker, server).run()
+    for number in range(10):
+        server.store(1, 1, START_MS + number)
+    pull = Pull(asker, server).run()
+    for number in range(10):
+        server.store(number, 2, START_MS)
+    pull = Pull(asker, server).run()
+    assert len(pull.sender._queue._given) == 3
+    assert asker.content == server.content
