@@ -75,12 +75,12 @@ class Period:
             return True
         if last is None or last - first >= _WEEK:
             return any(hours.days for hours in self.daily)
-        day = first.date() - timedelta(days=1)
-        while day <= last.date():
-            if any(_meets_on(day, hours, first, last) for hours in self.daily):
-                return True
-            day += timedelta(days=1)
-        return False
+        ago = range((last.date() - first.date()).days + 2)  # days before the last one
+        return any(
+            _meets_on(last.date() - timedelta(days=n), hours, first, last)
+            for n in ago
+            for hours in self.daily
+        )
 
     def __str__(self) -> str:
         words = []
@@ -114,8 +114,8 @@ def _meets_on(day: date, hours: Hours, first: datetime, last: datetime) -> bool:
         return False
     start = datetime.combine(day, hours.start, UTC)
     end = datetime.combine(day, hours.end, UTC)
-    if hours.end <= hours.start:
-        end += timedelta(days=1)
+    if hours.end <= hours.start:  # on the next day, which may be none: files say 9999-12-31
+        first -= timedelta(days=1)
     return start <= last and first <= end
 
 

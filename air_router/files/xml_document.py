@@ -20,6 +20,10 @@ from mocha_link.team.problem import DocumentError
 
 MAX_DEPTH: Final = 60
 MAX_ELEMENTS: Final = 500_000
+_PACKED: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How a KMZ may be packed, by its standard."""
+
+_UNZIP: Final = "packed in a way that is not read; unzip it and name the .kml in it"
 
 
 @dataclass(slots=True)
@@ -140,14 +144,15 @@ def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
                     path, "no KML in this KMZ; export it again", "unknown-format"
                 )
             name = "doc.kml" if "doc.kml" in names else names[0]
+            if archive.getinfo(name).compress_type not in _PACKED:
+                raise DocumentError.at(path, _UNZIP, "unknown-format")
             with archive.open(name) as file:
                 kml = file.read(max_bytes + 1)
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError):
         message = "not a KMZ: no whole zip archive; export it again"
         raise DocumentError.at(path, message, "unknown-format") from None
     except (NotImplementedError, RuntimeError):  # an unknown compression; a password
-        message = "packed in a way that is not read; unzip it and name the .kml in it"
-        raise DocumentError.at(path, message, "unknown-format") from None
+        raise DocumentError.at(path, _UNZIP, "unknown-format") from None
     if len(kml) > max_bytes:
         message = f"unpacks to more than {max_bytes} bytes; cut out what the mission needs"
         raise DocumentError.at(path, message, "too-large")

@@ -119,3 +119,10 @@ def test_no_moment_of_the_hours_is_missed(daily, start, length):
     end = start + timedelta(minutes=length)
     moments = (start + timedelta(minutes=m) for m in range(length + 1))
     assert period.meets(start, end) == any(hourly(daily, moment) for moment in moments)
+
+
+def test_nights_until_the_last_day_that_there_is():
+    nights = (Hours(EVERY_DAY, time(22), time(4)),)
+    last = datetime(9999, 12, 31, 21, tzinfo=UTC)
+    assert Period(last - timedelta(hours=18), last, nights).meets(FRIDAY, None)
+    assert not Period(last - timedelta(hours=16), last, nights).meets(FRIDAY, None)

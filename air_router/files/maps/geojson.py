@@ -106,13 +106,12 @@ class GeometryReader(JsonValues):
         places: Keys = (*keys, "coordinates")
         shape: MapOutline | MapCircle | None = None
         if kind == "MultiPolygon":
-            parts = [(*places, i) for i in range(len(self.entries(places, "the coordinates")))]
+            parts = self.pieces(places, "the coordinates")
             outlines = [(part, self._outline(part)) for part in parts]
             return [(part, outline) for part, outline in outlines if outline is not None]
         if kind == "GeometryCollection":
-            inner: Keys = (*keys, "geometries")
-            count = len(self.entries(inner, "the geometries"))
-            return [shape for index in range(count) for shape in self.shapes((*inner, index))]
+            inner = self.pieces((*keys, "geometries"), "the geometries")
+            return [shape for piece in inner for shape in self.shapes(piece)]
         if kind == "Polygon":
             shape = self._outline(places)
         elif kind == "Point":
@@ -123,6 +122,13 @@ class GeometryReader(JsonValues):
         else:
             self.wrong((*keys, "type"), "the type of a geometry is Polygon, MultiPolygon or Point")
         return [] if shape is None else [(keys, shape)]
+
+    def pieces(self, keys: Keys, what: str) -> list[Keys]:
+        """Where the pieces of a geometry stand; that there are none is noted."""
+        count = len(self.entries(keys, what))
+        if not count and self.at(*keys) == []:
+            self.reading.note(keys, "a geometry without pieces: left out", "no-area")
+        return [(*keys, index) for index in range(count)]
 
     def point(self, keys: Keys) -> MapCircle | None:
         """A point as a circle, if it has a radius."""
@@ -159,9 +165,12 @@ class _Reader(GeometryReader):
     _properties: Keys = ()  # of the feature that is read
 
     def read(self) -> None:
-        crs = self.at("crs", "properties", "name")
-        if crs is not None and not str(crs).endswith(_WGS84_NAMES):
-            message = f"coordinates are in {str(crs)[:60]!r}, not in WGS-84 degrees; export again"
+        crs = self.at("crs")
+        name = self.at("crs", "properties", "name")
+        if crs is not None and not str(name).endswith(_WGS84_NAMES):
+            message = (
+                f"coordinates are in {str(name or crs)[:60]!r}, not in WGS-84 degrees; export again"
+            )
             self.reading.report(("crs",), message, "other-coordinates")
         kind = self.at("type")
         if kind == "FeatureCollection":

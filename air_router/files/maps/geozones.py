@@ -164,9 +164,9 @@ class _GeozoneReader(GeometryReader, ABC):
             self._limit((*layer, limit), (*layer, reference), unit)
             for limit, reference in (names.lower, names.upper)
         )
-        if high is not None and (low is None or low.reference is high.reference):
-            least_m = 0.0 if low is None else low.metres
-            if high.reference is Reference.GROUND and high.metres <= max(least_m, 0.0):
+        if high is not None and high.reference is Reference.GROUND:
+            least_m = low.metres if low is not None and low.reference is high.reference else 0.0
+            if high.metres <= max(least_m, 0.0):
                 message = f"it ends at {high.metres:g} m, where it begins: read as without end"
                 self.reading.note((*layer, names.upper[0]), message, "no-height")
                 high = None
@@ -214,8 +214,7 @@ class _Ed269(_GeozoneReader):
     )
 
     def volumes(self, keys: Keys) -> Iterator[tuple[Keys, Shapes]]:
-        for index in range(len(self.entries((*keys, "geometry"), "a zone's geometry"))):
-            volume: Keys = (*keys, "geometry", index)
+        for volume in self.pieces((*keys, "geometry"), "a zone's geometry"):
             yield volume, self.shapes((*volume, "horizontalProjection"))
 
     def shapes(self, keys: Keys) -> Shapes:
@@ -247,9 +246,8 @@ class _Ed318(_GeozoneReader):
     def _parts(self, keys: Keys) -> Iterator[tuple[Keys, Shapes]]:
         """The geometries of a zone, each with the layer of its own."""
         if self.at(*keys, "type") == "GeometryCollection":
-            inner: Keys = (*keys, "geometries")
-            for index in range(len(self.entries(inner, "the geometries"))):
-                yield from self._parts((*inner, index))
+            for piece in self.pieces((*keys, "geometries"), "the geometries"):
+                yield from self._parts(piece)
         else:
             yield (*keys, "layer"), self.shapes(keys)
 
@@ -314,8 +312,6 @@ def _hours(entry: Any) -> Hours:
     if start is None and end is None:
         start = end = "00:00Z"  # the whole day
     start_min, end_min = _minutes(start, up=False), _minutes(end, up=True)
-    if end_min % _DAY_MIN == _DAY_MIN - 1:
-        end_min += 1
     shift, start_min = divmod(start_min, _DAY_MIN)
     days = frozenset((day + shift) % len(DAYS) for day in _days(entry.get("day")))
     return Hours(days, time(*divmod(start_min, 60)), time(*divmod(end_min % _DAY_MIN, 60)))
@@ -342,7 +338,7 @@ def _minutes(text: Any, *, up: bool) -> int:
     minutes = _DAY_MIN + 1 if match is None else int(match["hour"]) * 60 + int(match["minute"])
     if match is None or minutes > _DAY_MIN:
         raise ValueError(f"'{str(text)[:20]}' is no time of day like 08:00Z")
-    if up and int(match["second"] or 0) > 0:
+    if up and (minutes == _DAY_MIN - 1 or int(match["second"] or 0) > 0):
         minutes += 1
     if match["sign"]:
         offset_min = int(match["hours"]) * 60 + int(match["minutes"])

@@ -120,8 +120,8 @@ class _Reader:
                     "'radius_m'"
                 )
                 self.reading.report(child.keys, message, "no-area")
-        if not found and element.name == "Placemark":
-            message = "a placemark without a geometry: left out"
+        if not found:
+            message = f"a {element.name} without a geometry: left out"
             self.reading.note(element.keys, message, "no-area")
 
     def _outline(self, polygon: Element) -> MapOutline | None:

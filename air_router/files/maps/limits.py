@@ -96,10 +96,12 @@ def terms_of(
     return terms
 
 
-def limit_in_text(text: str, *, upper: bool) -> AltitudeLimit | None:
+def limit_in_text(
+    text: str, *, upper: bool, unit: str = "FT", datum: str = "MSL"
+) -> AltitudeLimit | None:
     """A limit like `3500ft MSL`, `FL95`, `1000 AGL`, `SFC` or `UNL`; None: without limit.
 
-    Feet above the sea, where the text does not say otherwise.
+    Unit and datum are those of a text that does not say them: as OpenAir has it, or "" for none.
 
     Raises:
         ValueError: what is not certain, and how the zone is read therefore.
@@ -113,7 +115,7 @@ def limit_in_text(text: str, *, upper: bool) -> AltitudeLimit | None:
     if match["level"]:
         return _limit(float(match["value"]), _LEVEL, "STD", upper=upper)
     return _limit(
-        float(match["value"]), match["unit"] or "FT", match["datum"] or "MSL", upper=upper
+        float(match["value"]), match["unit"] or unit, match["datum"] or datum, upper=upper
     )
 
 
@@ -160,7 +162,7 @@ def _of_properties(properties: Mapping[str, Any], name: str, side: str) -> Altit
         if str(properties.get(f"{side}_DESC")).upper() in _ENDLESS:
             return None
     else:
-        return limit_in_text(str(value), upper=side == "UPPER")
+        return limit_in_text(str(value), upper=side == "UPPER", unit="", datum="")
     if parts[0] is None:
         return None
     number = float(parts[0]) if _NUMBER.fullmatch(str(parts[0])) else math.nan
@@ -172,7 +174,8 @@ def _of_properties(properties: Mapping[str, Any], name: str, side: str) -> Altit
 def _limit(value: float, unit: str, datum: str, *, upper: bool) -> AltitudeLimit | None:
     known, reference = _UNITS.get(unit.upper()), _DATUMS.get(datum.upper(), Reference.HOME)
     if not math.isfinite(value) or known is None or reference is Reference.HOME:
-        raise ValueError(f"{value:g} {unit:.10} {datum:.10} is no altitude: read as without limit")
+        words = " ".join(filter(None, (f"{value:g}", unit[:10], datum[:10])))
+        raise ValueError(f"{words} is no altitude: read as without limit")
     metres = value * (100 * METRES_PER_UNIT["FT"] if known == _LEVEL else METRES_PER_UNIT[known])
     level = known == _LEVEL or reference is None
     if level and upper:

@@ -40,7 +40,7 @@ Place = tuple[int, int]
 def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneReading:
     """The zones of an OpenAir file; `allow`: classes, types or names that may be flown in."""
     reading = ZoneReading(PlacedSource(path), "OpenAir")
-    if re.search(r"^\s*AC\s", text, re.MULTILINE) is None:
+    if re.search(r"^[ \t]*AC\s", text, re.MULTILINE) is None:
         message = "no airspace begins in it (no line 'AC'); choose another file"
         reading.report((), message, "unknown-format")
         return reading

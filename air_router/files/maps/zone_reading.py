@@ -150,7 +150,8 @@ class ZoneReading:
 
     def takes(self, properties: Mapping[str, Any]) -> bool:
         """Whether these are the properties of a zone; what is something else is counted."""
-        is_zone: bool = properties.get("kind", ZONE_KIND) == ZONE_KIND
+        kind = properties.get("kind") or ZONE_KIND  # map programs fill columns with null
+        is_zone: bool = kind == ZONE_KIND
         self._others += not is_zone
         return is_zone
 

@@ -11,6 +11,7 @@ ArduPilot's programs write it. Such a file has no fence, no zones and no rally p
 import math
 import re
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,7 +27,7 @@ from air_router.files.missions.qgc_items import (
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
-from mocha_link.team.problem import DocumentError, Problem
+from mocha_link.team.problem import DocumentError, Problem, ProblemList
 
 PLAN_TYPE = "Plan"
 
@@ -206,25 +207,25 @@ class _WaypointFile:
         Raises:
             DocumentError: with every line that is not twelve numbers.
         """
-        problems, items = [], []
+        problems, items = ProblemList(), []
         for number, words in self._rows:
             numbers = [_number(word[0], whole=i < _PARAMS) for i, word in enumerate(words)]
             if len(words) != _COLUMNS:
                 message = f"an item has {_COLUMNS} columns, found {len(words)}; export again"
-                problems.append(Problem(self.path, number, 1, message, "wrong-length"))
+                wrong = partial(Problem, self.path, number, 1, message, "wrong-length")
+                problems.add(self.path, "wrong-length", wrong)
             elif None in numbers:
-                wrong = words[numbers.index(None)]
-                message = f"'{wrong[0][:20]}' is not such a number; correct it"
-                problems.append(
-                    Problem(self.path, number, wrong.start() + 1, message, "wrong-type")
-                )
+                word = words[numbers.index(None)]
+                message = f"'{word[0][:20]}' is not such a number; correct it"
+                wrong = partial(Problem, self.path, number, word.start() + 1, message, "wrong-type")
+                problems.add(self.path, "wrong-type", wrong)
             else:
                 frame, command, *params = numbers[_FRAME:-1]
                 items.append(
                     {"type": "SimpleItem", "frame": frame, "command": command, "params": params}
                 )
-        if problems:
-            raise DocumentError(problems)
+        if found := list(problems):
+            raise DocumentError(found)
         return items
 
 

@@ -140,6 +140,11 @@ MALFORMED = {
         (zone('{"active": [{"days": [§"noday"]}]}'), "not-a-day", "not a day of the week"),
         (zone('{"active": [{"between": [§"8", "9"]}]}'), "not-a-time", "not a time of day"),
         (
+            '{"crs": §{"type": "EPSG", "properties": {"code": 25832}}, "type": "Feature"}',
+            "other-coordinates",
+            "25832",
+        ),
+        (
             '{"crs": §{"properties": {"name": "EPSG:3857"}},"type": "Feature"}',
             "other-coordinates",
             "not in WGS-84",

@@ -1,8 +1,11 @@
 """OpenAir, KMZ, GPX, and altitude limits as openAIP and the FAA write them."""
 
 import io
+import itertools
 import math
+import time
 import zipfile
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +17,7 @@ from air_router.files.maps.limits import limit_in_text
 from air_router.files.maps.openair import read_openair
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.maps.zone_reading import MapCircle
-from air_router.files.xml_document import kmz_of
+from air_router.files.xml_document import kml_in, kmz_of
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import Geodetic
 from geo.geodesic import ARC_ERROR_M, arc_around, polar
@@ -120,6 +123,8 @@ def test_limits_of_openaip_and_the_faa():
         ('"upperLimit": {"value": "high", "unit": 1}', None, ["upperLimit"]),
         ('"upperLimit": {"value": 1e400}', None, None),
         ('"upperLimit": "2000ft AGL"', Altitudes(None, AltitudeLimit(609.6, GROUND)), []),
+        ('"upperLimit": 120, "lowerLimit": "100 AGL"', None, ["upperLimit", "lowerLimit"]),
+        ('"upperLimit": "400 ft", "lowerLimit": "0"', None, ["upperLimit"]),
         ('"upper_m": 50, "upperLimit": "SFC"', Altitudes(None, AltitudeLimit(50)), []),
     ],
 )
@@ -148,9 +153,9 @@ def test_a_kmz_is_the_kml_in_it(tmp_path):
     ]
 
 
-def zipped(**files):
+def zipped(method=zipfile.ZIP_DEFLATED, **files):
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(packed, "w", method) as archive:
         for name, text in files.items():
             archive.writestr(name.replace("_", "."), text)
     return packed.getvalue()
@@ -175,6 +180,24 @@ def test_a_malformed_kmz(tmp_path, raw, code, words):
         read_zones(path)
     (problem,) = caught.value.problems
     assert (problem.code, words in problem.message) == (code, True), str(problem)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA])
+def test_a_damaged_kmz_is_told_of_wherever_the_damage_is(method):
+    whole = zipped(method, döc_kml="<kml>" * 9)
+    for index, byte in itertools.product(range(len(whole)), (0, 1, 0x80, 0xFF)):
+        damaged = bytearray(whole)
+        damaged[index] = byte
+        with suppress(DocumentError):
+            kml_in(bytes(damaged), Path("a.kmz"), 1000)
+
+
+def test_blank_lines_without_end_are_no_airspace(tmp_path):
+    path = tmp_path / "blank.txt"
+    path.write_text("\n" * 1_000_000)
+    started = time.process_time()
+    assert codes(read_zones(path).problems) == ["unknown-format"]
+    assert time.process_time() - started < 1
 
 
 def test_a_track_around_an_area_is_a_zone():

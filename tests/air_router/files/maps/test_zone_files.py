@@ -162,6 +162,48 @@ def ed269(**zone):
     return {"identifier": "X1", "restriction": "PROHIBITED", "geometry": [volume], **zone}
 
 
+def test_a_map_program_that_fills_in_its_columns_makes_no_zone_another_kind(tmp_path):
+    path = tmp_path / "merged.geojson"
+    square = {"type": "Polygon", "coordinates": [[[8, 47], [8.1, 47], [8.1, 47.1], [8, 47]]]}
+    features = [
+        {"type": "Feature", "properties": {"name": name, "kind": kind}, "geometry": square}
+        for name, kind in (("drawn", None), ("typed", ""), ("ours", "zone"), ("way", "waypoint"))
+    ]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    reading = read_zones(path)
+    assert [zone.name for zone in reading.zones] == ["drawn", "typed", "ours"]
+    assert codes(reading) == ["not-a-zone"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("x.geojson", '{"type": "MultiPolygon", "coordinates": []}'),
+        ("x.geojson", '{"type": "GeometryCollection", "geometries": []}'),
+        ("x.json", json.dumps([{"identifier": "X", "restriction": "PROHIBITED", "geometry": []}])),
+        ("x.kml", "<kml><Placemark><MultiGeometry/></Placemark></kml>"),
+    ],
+)
+def test_a_zone_without_any_piece_is_not_left_out_silently(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    assert codes(read_zones(tmp_path / name)) == ["no-area"]
+
+
+@pytest.mark.parametrize("floor", [None, "AGL", "AMSL"])
+def test_a_ceiling_at_the_ground_is_none_whatever_the_floor_counts_from(tmp_path, floor):
+    limits = {"upperLimit": 0, "upperVerticalReference": "AGL", "uomDimensions": "M"}
+    if floor is not None:
+        limits |= {"lowerLimit": 0, "lowerVerticalReference": floor}
+    (zone,) = (each := ed269())["geometry"]
+    zone |= limits
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps([each]))
+    reading = read_zones(path)
+    altitudes = reading.zones[0].terms.altitudes
+    assert altitudes is None or altitudes.upper is None
+    assert codes(reading) == ["no-height"]
+
+
 def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
     path = tmp_path / "z.json"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": [ed269()]}))
@@ -242,6 +284,7 @@ def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
         ("00:00", "24:00", "mon 00:00-00:00"),
         ("01:00+02:00", "10:00+0200", "sun 23:00-08:00"),
         ("20:00-05:00", "23:00-05:00", "tue 01:00-04:00"),
+        ("00:00+02:00", "23:59+02:00", "sun 22:00-22:00"),
         ("22:00Z", "06:00Z", "mon 22:00-06:00"),
     ],
 )
