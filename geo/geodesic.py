@@ -14,14 +14,14 @@ from functools import cache
 import numpy as np
 from pyproj import Geod
 
-from geo.frame import Geodetic, check_on_earth
+from geo.frame import Geodetic, Point, check_on_earth
 
 ARC_ERROR_M = 0.5
 """No chord of an arc is farther than this from it."""
 
 _DEGREE_M = 111_000.0
 STEP_M = 1_000.0
-"""No side of a dense ring is longer."""
+"""No side of a dense ring is longer, but for hundredths of one of more than 100 km."""
 
 _MOST_STEPS = 100
 
@@ -71,6 +71,16 @@ def polar(centre: Geodetic, place: Geodetic) -> tuple[float, float]:
 @cache
 def _ellipsoid() -> Geod:
     return Geod(ellps="WGS84")
+
+
+def stepped(start: Point, end: Point, step_m: float) -> list[Point]:
+    """A side's start and, where it is longer than a step, places on it, straight on the ground."""
+    steps = max(math.ceil(math.dist(start, end) / step_m), 1)
+    shares = [step / steps for step in range(steps)]
+    return [
+        Point(*((1 - share) * a + share * b for a, b in zip(start, end, strict=True)))
+        for share in shares
+    ]
 
 
 def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodetic]:

@@ -3,7 +3,6 @@
 The names are those of the mission file, which map programs may use as properties too.
 """
 
-import contextlib
 import math
 import re
 from dataclasses import dataclass
@@ -16,8 +15,6 @@ from pydantic_core import PydanticCustomError
 
 from geo.airspace.zone import Band
 from geo.validity import DAY_NUMBERS, DAYS, NO_MOMENT, Hours, Period, Validity, moment_of
-
-_YEARS = range(1970, 2200)
 
 
 class Reference(StrEnum):
@@ -79,6 +76,9 @@ class Altitudes:
             HomeAltitudeError: as `Limit.range_above_home`.
             ZoneError: the upper limit lies below the lower one, both from the same reference.
         """
+        lower, upper = self.lower, self.upper
+        if lower and upper and lower.reference is upper.reference:
+            Band(lower.metres, upper.metres)  # the terrain must not hide that they are inverted
         if self.contradicts(home_amsl_m, terrain_relief_m):
             return Band()
         return Band(*self._range(home_amsl_m, terrain_relief_m))
@@ -126,11 +126,10 @@ NO_TERMS: Final = ZoneTerms()
 
 
 def _moment(value: Any) -> datetime:
-    with contextlib.suppress(ValueError):
-        moment = moment_of(value)
-        if moment.year in _YEARS:
-            return moment
-    raise PydanticCustomError("not-a-time", NO_MOMENT)
+    try:
+        return moment_of(value)
+    except ValueError:
+        raise PydanticCustomError("not-a-time", NO_MOMENT) from None
 
 
 def _time_of_day(value: Any) -> time:

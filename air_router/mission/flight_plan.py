@@ -13,7 +13,7 @@ cannot say is left to the companion, which keeps to all of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -28,6 +28,7 @@ from shapely import Point as ShapelyPoint
 from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Outline, Ring, Shape
 from geo.frame import LocalFrame, Point
+from geo.geodesic import stepped
 
 
 class Command(IntEnum):
@@ -209,12 +210,8 @@ def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> tuple[Pl
 
 def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:
     """The corners that a ring needs where sides are straight in degrees; none at 180 degrees."""
-    dense: list[Sequence[float]] = []
-    for start, end in zip(ring, (*ring[1:], ring[0]), strict=True):
-        steps = max(math.ceil(math.dist(start, end) / _STEP_M), 1)
-        for step in range(steps):
-            share = step / steps
-            dense.append([(1 - share) * a + share * b for a, b in zip(start, end, strict=True)])
+    sides = zip(ring, (*ring[1:], ring[0]), strict=True)
+    dense = [place for start, end in sides for place in stepped(start, end, _STEP_M)]
     corners = np.rint(frame.to_geodetic_many(dense) * 1e7)
     if np.ptp(corners[:, 1]) > _HALF_TURN_E7:
         return []

@@ -113,9 +113,12 @@ def _check_distances(draft: MissionDocument) -> set[str]:
             far.add(spot.label)
     for area in (*draft.zones, *draft.fences):
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
-        if far_m > _FAR_M and area.source is None:  # zones of other files may be of any size
+        if area.crosses_fence:  # of any size, as those of other files
+            far_m = float(area.shape.polygon.distance(shapely.Point(home)))
+        if far_m > _FAR_M and area.source is None:
             label = _label(draft, area)
-            message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
+            reaches = "is" if area.crosses_fence else "reaches"
+            message = f"{label} {reaches} {far_m / 1000:.0f} km from home; {advice}"
             draft.report_area(area, message, "far-from-home")
             far.add(label)
     return far

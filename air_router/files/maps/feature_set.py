@@ -1,7 +1,7 @@
 """What map programs are shown of a mission or of a file of zones: everything in degrees."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from air_router.files.maps.zone_reading import (
@@ -14,12 +14,14 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.zone import Circle, Ring
-from geo.frame import Geodetic, LocalFrame
+from geo.frame import Geodetic, LocalFrame, Point
+from geo.geodesic import STEP_M, stepped
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
 _ON_LINE_DEG = 2e-9
 _FRAME_STEP_DEG = 10.0
+_LONG_SIDE_M = 1.1 * STEP_M  # longer than any side that was straight on the map
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,15 +104,26 @@ def feature_set_of_zones(
 def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
     """A ring's corners in degrees, without those that lie on a straight line of the map.
 
-    Long sides have such corners, because what is straight on the map is bent on the ground.
+    Long sides have such corners, because what is straight on the map is bent on the ground. Those
+    that have none are straight on the ground, as in a mission in metres: they get some.
     """
-    places = tuple(Geodetic(*place) for place in frame.to_geodetic_many(list(ring)).tolist())
-    kept: list[Geodetic] = []
+    places = _on_map(ring, frame)
+    kept: list[int] = []
     for index, place in enumerate(places):
-        before = kept[-1] if kept else places[-1]
+        before = places[kept[-1] if kept else -1]
         if not _between(before, place, places[(index + 1) % len(places)]):
-            kept.append(place)
-    return tuple(kept) if len(kept) >= 3 else places
+            kept.append(index)
+    if len(kept) < 3:
+        return places
+    corners: list[Point] = []
+    for index, after in zip(kept, (*kept[1:], kept[0]), strict=True):
+        alone = (index + 1) % len(ring) == after
+        corners += stepped(ring[index], ring[after], _LONG_SIDE_M if alone else math.inf)
+    return _on_map(corners, frame)
+
+
+def _on_map(ring: Sequence[Point], frame: LocalFrame) -> MapRing:
+    return tuple(Geodetic(*place) for place in frame.to_geodetic_many(list(ring)).tolist())
 
 
 def counterclockwise(ring: MapRing) -> MapRing:

@@ -95,6 +95,9 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
     """
     if draft.frame is None:
         return
+    if keys and not path.exists():
+        draft.report(keys, f"there is no file {path}; correct the path", "no-such-file")
+        return
     try:
         reading = read_zones(path, allow=allow)
     except DocumentError as error:

@@ -32,7 +32,7 @@ class CircleForm(BaseModel):
     """A circle."""
 
     centre: Position
-    radius_m: Annotated[float, Field(gt=0, le=100_000)]
+    radius_m: Annotated[float, Field(gt=0, le=1_000_000)]
 
 
 class AreaForm(BaseModel):

@@ -18,6 +18,7 @@ NOT_FLOWN: Final = "not-flown"
 _AMSL_FRAMES, RELATIVE_FRAMES, _TERRAIN_FRAMES = (0, 5), (3, 6), (10, 11)
 _GROUND_SPEED = 1
 _FASTEST_M_S: Final = 50.0
+_HIGHEST_M: Final = 10_000.0
 
 
 class MavCommand(IntEnum):
@@ -212,8 +213,9 @@ class ItemsReader(PlanValues):
         elif frame not in RELATIVE_FRAMES:
             self._refuse_frame(keys, f"altitude frame {shown(frame)} is not read")
             return None
-        if altitude_m is not None and not altitude_m > 0:
-            message = f"the altitude is {altitude_m:g} m above home; it must be more than 0"
+        if altitude_m is not None and not 0 < altitude_m <= _HIGHEST_M:
+            message = f"the altitude is {altitude_m:g} m above home; it must be more than 0 and at "
+            message += f"most {_HIGHEST_M:g} m"
             self.draft.report((*keys, "params", 6), message, "out-of-range")
             return None
         return altitude_m

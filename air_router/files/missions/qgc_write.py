@@ -116,10 +116,10 @@ def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
     if not any(more.values()):
         return plan.text
     data = copy.deepcopy(plan.data)
-    fence = data.setdefault("geoFence", {"version": 2})
+    fence = data["geoFence"] = data.get("geoFence") or {"version": 2}
     for kind, entries in more.items():
         if entries:
-            fence[kind] = [*fence.get(kind, []), *entries]
+            fence[kind] = [*(fence.get(kind) or []), *entries]
     return json_text(data, like=plan.text)
 
 

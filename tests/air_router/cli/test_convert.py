@@ -201,11 +201,15 @@ def test_zones_are_added_to_a_plan_and_all_else_stays(tmp_path, capsys):
     assert "it cannot be flown as it is: " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("null", [False, True])
 @pytest.mark.parametrize("lost", ["geoFence", "circles"])
-def test_zones_are_added_to_a_plan_that_has_no_list_for_them(tmp_path, lost):
+def test_zones_are_added_to_a_plan_that_has_no_list_for_them(tmp_path, lost, null):
     plan = json.loads((FILES / "survey.plan").read_text(encoding="utf-8"))
     plan["geoFence"]["version"] = 1  # one of 2 has both lists
-    (plan if lost in plan else plan["geoFence"]).pop(lost)
+    holder = plan if lost in plan else plan["geoFence"]
+    holder[lost] = None
+    if not null:
+        del holder[lost]
     (tmp_path / "bare.plan").write_text(json.dumps(plan, indent=4))
     target = tmp_path / "more.plan"
     zones = ("--zones", FILES / "geozones_ed269.json")

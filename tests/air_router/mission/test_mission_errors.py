@@ -136,7 +136,7 @@ WRONG = [
     ('between: ["08:00", "18:00"]', 'between: ["08:00", §"24:30"]', "not-a-time"),
     ('between: ["08:00", "18:00"]', 'between: §["08:00"]', "wrong-length"),
     ('[{days: [mon], between: ["08:00", "18:00"]}]', "§[]", "wrong-length"),
-    ("battery_reserve: 0.3", "no_fly_files: [nowhere.geojson]", "unreadable"),
+    ("battery_reserve: 0.3", "no_fly_files: [§nowhere.geojson]", "no-such-file"),
     ("battery_reserve: 0.3", "no_fly_files: [§{allow: [x]}]", "missing-key"),
     ("battery_reserve: 0.3", "team: §nowhere.yaml", "no-such-file"),
     ("battery_reserve: 0.3", "seek: §[a, a]", "named-twice"),
@@ -164,6 +164,20 @@ def test_far_off_places_are_told_once_each(tmp_path):
     text = text.replace("centre: [50, -50]", "centre: [50e3, -50e3]")
     found = [(p.line, p.column, p.code) for p in problems(tmp_path, text)]
     assert found == [(*place, "far-from-home") for place in ((8, 5), (21, 5), (22, 16))]
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["polygon: [[46, 6], [48, 8], [46, 10]]", "circle: {centre: [48.0, 8.0], radius_m: 112000}"],
+)
+def test_a_zone_that_may_cross_the_fence_may_be_large_but_not_far(tmp_path, shape):
+    text = (
+        "home: [47.0, 8.0]\naltitude_m: 20\nwaypoints: [[47.001, 8.0]]\nfence: null\n"
+        f"no_fly_zones: [{{{shape}, crosses_fence: true}}]\n"
+    )
+    assert "far-from-home" not in [problem.code for problem in problems(tmp_path, text)]
+    far = text.replace("46, ", "49, ").replace("radius_m: 11", "radius_m: 1")
+    assert [problem.code for problem in problems(tmp_path, far)] == ["far-from-home"]
 
 
 def test_a_frame_whose_origin_is_far_is_refused(tmp_path):

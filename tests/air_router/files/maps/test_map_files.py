@@ -3,7 +3,7 @@
 import json
 import math
 import xml.etree.ElementTree as ET
-from datetime import UTC, datetime, time
+from datetime import UTC, time
 from pathlib import Path
 
 import pytest
@@ -22,6 +22,7 @@ from air_router.files.maps.feature_set import (
 from air_router.files.maps.geojson import geojson_of, geojson_text, read_geojson
 from air_router.files.maps.kml import kml_text, read_kml
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
+from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
 from geo.frame import Geodetic, LocalFrame, Point
@@ -54,7 +55,7 @@ def ring_of(east_deg, north_deg, radius_deg, corners, turn=0.0):
     )
 
 
-moments = st.integers(0, 4_000_000_000).map(lambda second: datetime.fromtimestamp(second, UTC))
+moments = st.datetimes(timezones=st.just(UTC))
 clock = st.times().map(lambda found: time(found.hour, found.minute))
 hours = st.builds(Hours, st.frozensets(st.integers(0, 6), min_size=1), clock, clock).filter(
     lambda h: h.end != time(23, 59)  # read as midnight
@@ -279,6 +280,14 @@ def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
         ]
         assert radius_m * (1 - 1e-5) - 1e-6 <= distances[0] <= distances[1]
         assert distances[1] <= radius_m / math.cos(math.pi / segments) + 1e-6
+
+
+@pytest.mark.parametrize("latitude_deg", [0.0, 47.0, -69.0])
+def test_long_sides_of_a_mission_in_metres_stay_where_they_are(latitude_deg):
+    frame = LocalFrame(Geodetic(latitude_deg, 179.99))
+    ring = tuple(Point(*corner) for corner in [(-9e3, 0), (9e3, 100), (9e3, 7e3), (-9e3, 7e3)])
+    back = local_ring(corners_of(ring, frame), frame)
+    assert shapely.Polygon(back).boundary.hausdorff_distance(shapely.Polygon(ring).boundary) < 0.1
 
 
 @settings(max_examples=10)

@@ -263,8 +263,11 @@ def test_limits_that_exclude_each_other_here_make_the_larger_zone(tmp_path):
     )
 
 
-def test_limits_of_one_reference_that_exclude_each_other_are_wrong(tmp_path):
-    inverted = "altitude: {lower_m: 100, upper_m: 0, reference: amsl}"
+@pytest.mark.parametrize(
+    "limits", ["100, upper_m: 0, reference: amsl", "60, upper_m: 50, reference: ground"]
+)
+def test_limits_of_one_reference_that_exclude_each_other_are_wrong(tmp_path, limits):
+    inverted = f"altitude: {{lower_m: {limits}}}"
     with pytest.raises(MissionFileError) as caught:
         load(tmp_path, zone([50, 50], inverted))
     assert [problem.code for problem in caught.value.problems] == ["zone-altitudes-inverted"]

@@ -160,6 +160,7 @@ def put(data, *keys):
         (("mission", "items", 1, "frame", 2), "30:26: altitude frame 2 is not read"),
         (("mission", "plannedHomePosition", 2, None), "an altitude above the sea, and home has"),
         (("mission", "items", 1, "params", 6, 0), "38:21: the altitude is 0 m above home"),
+        (("mission", "items", 1, "params", 6, 2e4), "must be more than 0 and at most 10000 m"),
         (("mission", "items", 1, "params", 5, "?"), "37:21: 'params[5]' must be a number, found"),
         (("mission", "items", 1, "params", 4, 97), "36:21: waypoint 1: latitude 97.0 is not"),
         (("mission", "items", 1, "type", "Item"), "28:25: an item must be a SimpleItem or a"),
