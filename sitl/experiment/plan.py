@@ -14,6 +14,7 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import json
+import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, Literal, Self
@@ -153,6 +154,28 @@ class Task:
         }
 
 
+class Between(BaseModel):
+    """A setting that every run draws: it, or its logarithm, evenly from low to high."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    low: float
+    high: float
+    log: bool = False
+
+
+Prior = Between | list[Any]
+"""What is declared of a setting: numbers, or a list of values that are as likely as each other."""
+
+
+def draw(prior: Prior, chance: random.Random) -> Any:
+    """A value of a setting."""
+    if isinstance(prior, list):
+        return chance.choice(prior)
+    part, low, high = chance.random(), prior.low, prior.high
+    return round(low * (high / low) ** part if prior.log else low + (high - low) * part, 4)
+
+
 class Header(BaseModel):
     """What an experiment's file says of it, but for its rows.
 
@@ -164,6 +187,8 @@ class Header(BaseModel):
         first_seed: the number of each row's first run, unless the command line says otherwise.
         confirmation_seed: from this number on runs are for confirmation.
         claims: what its runs are to decide, and how.
+        space: settings that every run draws by its seed: between two numbers, or one of a list.
+            `explorer.progress` is one within another.
         paired: settings that do not go into the seed.
     """
 
@@ -182,6 +207,7 @@ class Header(BaseModel):
     first_seed: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
     confirmation_seed: Annotated[int, Field(ge=1, le=1_000_000_000)] = 10_001
     claims: tuple[ClaimRule, ...] = ()
+    space: dict[str, Annotated[Prior, Field(union_mode="left_to_right")]] = {}
     paired: tuple[str, ...] = ("policy", "protocol", "passive")
 
 
@@ -200,8 +226,9 @@ class Experiment(Header):
 
     @property
     def rules(self) -> str:
-        """Twelve hexadecimal digits that change with any claim."""
-        declared = canonical([claim.model_dump(mode="json") for claim in self.claims])
+        """Twelve hexadecimal digits that change with any claim, or what is drawn."""
+        plain = self.model_dump(mode="json", include={"claims", "space"})
+        declared = canonical([*plain["claims"], *([plain["space"]] if self.space else [])])
         return hashlib.sha256(declared.encode()).hexdigest()[:12]
 
     def seed(self, row: Row, number: int) -> int:
@@ -211,8 +238,13 @@ class Experiment(Header):
         return int.from_bytes(digest[:8], "big") >> 1
 
     def task(self, row: Row, number: int) -> Task:
-        """A row's run."""
+        """A row's run, with what it draws."""
         seed, phase = self.seed(row, number), self.phase(number)
+        settings = row.settings
+        for key, prior in self.space.items():
+            chance = random.Random(f"{seed} {key}")  # noqa: S311 - repeatable on purpose
+            settings = with_setting(settings, key, draw(prior, chance))
+        row = Row(row.label, settings)
         return Task(self.name, row, number, seed, self.folder, phase, self.rules)
 
     def phase(self, number: int) -> Phase:
@@ -297,6 +329,12 @@ def flat(settings: Settings) -> dict[str, Any]:
         elif key != "sources":
             result |= {f"{key}.{inner}": own for inner, own in value.items()}
     return result
+
+
+def with_setting(settings: Settings, key: str, value: Any) -> Settings:
+    """Settings with another value of one; `timers.init_s` is one within another."""
+    outer, _, inner = key.partition(".")
+    return {**settings, outer: {**settings.get(outer, {}), inner: value} if inner else value}
 
 
 def words(settings: Settings, keys: Iterable[str]) -> str:

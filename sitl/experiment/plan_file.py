@@ -14,11 +14,11 @@ from pathlib import Path
 from types import GenericAlias
 from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, Field, create_model
+from pydantic import BaseModel, Field, ValidationError, create_model
 
 from air_router.errors import UsageError
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied
+from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied, with_setting
 from sitl.experiment.settings import RunSettings
 
 MOST_ROWS: Final = 1000
@@ -115,6 +115,13 @@ class _Reading:
             if name not in RunSettings.model_fields:
                 message = f"'{name}' is no setting; remove it"
                 yield self.document.problem(("paired", index), message, "unknown-word")
+        for key, prior in model.space.items():
+            try:
+                for value in prior if isinstance(prior, list) else (prior.low, prior.high):
+                    RunSettings.model_validate(with_setting({}, key, value))
+            except ValidationError as error:
+                message = f"{key}: {error.errors()[0]['msg']}"
+                yield self.document.problem(("space", key), message, "out-of-range")
         count = math.prod(map(len, _plain(model.cross).values()))
         if count > MOST_ROWS:
             message = f"{count} rows, at most {MOST_ROWS}; combine less"

@@ -26,6 +26,7 @@ ProtocolKind = Literal["original", "ours"]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
 Level = Annotated[float, Field(ge=-300, le=300)]
+Share = Annotated[float, Field(ge=0, le=1)]
 """What a file of an experiment may write where these stand."""
 
 PulledBy = Literal["contact", "node"]
@@ -36,6 +37,10 @@ last pull, and what a peer stores in between is pushed."""
 PolicyKind = SeekPolicy | Literal["oracle"]
 """A policy that flies; or `oracle`, a yardstick that cannot: a `rendezvous` that is told every
 `ORACLE_S` where all ground robots are, and how much each is worth."""
+
+MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]
+"""Which columns are the paper's message wait: of all messages, robots' data, or header requests;
+until a transmission begins (`wait`), or until it has arrived (`delay`)."""
 
 PlacedBy = Literal["town", "seed"]
 """Whether places are those of the town's file, or others in every run."""
@@ -151,6 +156,11 @@ class ExplorerSettings(_Model):
         same_goal_m: Two sightings within this distance are one goal.
         arrival_m: It has reached a goal within this distance.
         patience_s_m: It gives a goal up after so many seconds per metre of way.
+        recall: Chance that a vehicle is recognised on maps, drawn for each one and run.
+        located: Chance that a robot that has come to a goal, as it believes, finds the vehicle;
+            else the team takes it for visited all the same.
+        stuck: Chance that a way to a goal is found to a place on it only, and the robot stands
+            there until its patience is over.
         thinking_s: Without a goal it looks for one so often.
         idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
         pose_interval_s: It tells its pose so often.
@@ -164,6 +174,9 @@ class ExplorerSettings(_Model):
     same_goal_m: Positive = SAME_GOAL_M
     arrival_m: Positive = REACHED_M
     patience_s_m: Positive = 10.0
+    recall: Share = 1.0
+    located: Share = 1.0
+    stuck: Share = 0.0
     thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
     pose_interval_s: Positive = 1.0
@@ -209,6 +222,7 @@ class RunSettings(_Model):
         battery: Minutes that a full battery flies, as the simulated vehicle's drains; at the
             mission's `battery_reserve` a UAV comes home and lands. `none`: it never does.
         map_interval_s: A UAV publishes its map so often.
+        message_wait: What the paper's waits are compared with, in a calibration.
         telemetry_s: A UAV's controller hears of it so often.
         sample_s: How often positions, ages and the explored share are sampled.
     """
@@ -239,6 +253,7 @@ class RunSettings(_Model):
     airframe: Literal["plain", "px4"] = "plain"
     uav_climb_m_s: Positive = 1.5
     battery: Positive | Literal["none"] = "none"
+    message_wait: MessageWait = "wait"
     map_interval_s: Positive = 10.0
     telemetry_s: Positive = 0.5
     sample_s: Positive = 10.0

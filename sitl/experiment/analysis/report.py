@@ -7,9 +7,10 @@ summary.json    the table and the verdicts on the claims, for programs
 
 A document gets it between marks: `<!-- begin NAME WHAT -->` and `<!-- end -->`; NAME is the
 experiment (NAME-confirmation: its runs for confirmation), WHAT one of facts, archive, paper,
-claims, fidelity. So the document can be made again from any runs. Figures go beside it, into
-`images/experiments`; tables, rows compared by seeds, and the numbers behind claims into
-`evidence/NAME-table.csv`, `-pairs.csv` and `-claims.csv`, where these exist.
+claims, fidelity, fit, blind. So the document can be made again from any runs. Figures go beside it,
+into `images/experiments`; tables, rows compared by seeds, the numbers behind claims, settings that
+were fitted and what they predict into `evidence/NAME-table.csv`, `-pairs.csv`, `-claims.csv`,
+`-draws.csv` and `-cells.csv`, where these exist.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import json
 import math
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -30,8 +31,10 @@ from typing import Any, Final
 from air_router.counted import counted
 from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
+from sitl.experiment.analysis.calibration import Calibration
 from sitl.experiment.analysis.claims import Claim, claims_of
 from sitl.experiment.analysis.comparison import as_rows, likeness
+from sitl.experiment.analysis.prediction import Prediction
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.campaign.campaign import in_words
 from sitl.experiment.plan import Experiment, Record, flat, seeds_of
@@ -77,6 +80,17 @@ class Report:
     def claims(self) -> list[Claim]:
         """The claims with our answers. Raises UsageError."""
         return claims_of(self.experiment, self.records)
+
+    @cached_property
+    def calibration(self) -> Calibration | None:
+        """What was drawn and fitted, if anything was."""
+        return Calibration(self.experiment, self.records) if self.experiment.space else None
+
+    @cached_property
+    def prediction(self) -> Prediction | None:
+        """What fitted settings say of the paper's rows, if every row has some."""
+        fitted = all("message_wait" in row.settings for row in self.experiment.rows)
+        return Prediction(self.records) if fitted else None
 
     @cached_property
     def text(self) -> str:
@@ -224,7 +238,9 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
         "fidelity": likeness(Runs(report.experiment, report.records)),
         "claims": _claims(report),
         "facts": _facts(report),
-        "paper": tables.nearness(report.experiment, report.lines),
+        "paper": tables.nearness(report.lines) if tables.is_papers(report.experiment) else "",
+        "fit": report.calibration.told() if report.calibration else "",
+        "blind": report.prediction.told() if report.prediction else "",
         "archive": "" if archive is None else _archive(archive, document, report),
     }
 
@@ -254,18 +270,19 @@ def _archive(archive: Path, document: Path, report: Report) -> str:
 def _facts(report: Report) -> str:
     """What was run, and how long it took."""
     cpu_s = sum(record["measures"]["cpu_s"] for record in report.records)
+    rows = len({record["row"] for record in report.records})
     return (
-        f"{counted(len(report.records), 'runs')} ({counted(len(report.lines), 'rows')}, "
+        f"{counted(len(report.records), 'runs')} ({counted(rows, 'rows')}, "
         f"{seeds_of(report.records)}), {in_words(cpu_s)} of processor time."
     )
 
 
 def _evidence(document: Path, report: Report) -> dict[Path, str]:
     """What belongs into the files of evidence that a document has beside it."""
-    tabled = {
-        "table": tables.as_rows(report.experiment, report.lines),
-        "pairs": as_rows(Runs(report.experiment, report.records)),
-        "claims": [
+    tabled: dict[str, Callable[[], list[list[str]]]] = {
+        "table": lambda: tables.as_rows(report.experiment, report.lines),
+        "pairs": lambda: as_rows(Runs(report.experiment, report.records)),
+        "claims": lambda: [
             ["claim", "part", "verdict", "because"],
             *(
                 [str(claim.number), part.what, part.verdict, part.because]
@@ -273,10 +290,12 @@ def _evidence(document: Path, report: Report) -> dict[Path, str]:
                 for part in claim.parts
             ),
         ],
+        "draws": lambda: report.calibration.settings() if report.calibration else [],
+        "cells": lambda: report.prediction.cells() if report.prediction else [],
     }
     found = {}
-    for what, rows in tabled.items():
+    for what, made in tabled.items():
         file = document.parent / "evidence" / f"{report.name}-{what}.csv"
-        if file.exists() and len(rows) > 1:
+        if file.exists() and len(rows := made()) > 1:
             found[file] = _csv(rows)
     return found

@@ -169,6 +169,11 @@ def of_the_paper(experiment: Experiment) -> bool:
     return set(experiment.varied) == _HEADS.keys()
 
 
+def is_papers(experiment: Experiment) -> bool:
+    """Whether it is the paper's whole table."""
+    return of_the_paper(experiment) and len(experiment.rows) == len(PAPER_TABLE)
+
+
 def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     """The table as it is read: the heads, then the cells of each row."""
     columns: dict[str, list[str]] = {}
@@ -220,14 +225,13 @@ def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:
     ]
 
 
-def nearness(experiment: Experiment, found: Sequence[Line]) -> str:
-    """How near the table comes to the paper's, for a document; empty if it is another table.
+def nearness(ours: Sequence[Line]) -> str:
+    """How near the whole table comes to the paper's, for a document; empty if rows are missing.
 
     Beside it a formula with one constant, fitted to the paper's numbers: for waits it times
     (UAVs + UGVs)^2 times the radius, else the constant itself.
     """
-    ours = [line for line in found if line.paper]
-    if not of_the_paper(experiment) or len(ours) < len(PAPER_TABLE):
+    if len(ours) < len(PAPER_TABLE):
         return ""
     text = [
         "| column | ours / paper (range) | within x2 | R² | paper in interval | formula: x2 | R² |",

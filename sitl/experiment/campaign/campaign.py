@@ -60,7 +60,8 @@ class Campaign:
                 f"seeds {first} to {last} are of both phases: confirmation begins at "
                 f"{experiment.confirmation_seed}; give other --seeds or --first-seed"
             )
-        self.wanted = [task for task in experiment.tasks(numbers) if task.row in rows]
+        labels = {row.label for row in rows}
+        self.wanted = [task for task in experiment.tasks(numbers) if task.row.label in labels]
         self.failed: list[Outcome] = []
         self._rows, self._numbers = rows, numbers
         self._finished: dict[tuple[str, int], Record] = {}  # by row's label and seed's number

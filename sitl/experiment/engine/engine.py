@@ -179,10 +179,16 @@ class Run:
             raise ValueError(f"{town.name} has no place where a ground robot could start")
         else:  # over again if there are too few
             starts = [town.starts[number % len(town.starts)] for number in range(len(names))]
-        return {
+        robots = {
             name: GroundRobot(name, town, _seed_of(seed, name), start, self.settings.explorer)
             for name, start in zip(names, starts, strict=True)
         }
+        chance = random.Random(f"{seed} maps")  # noqa: S311 - repeatable on purpose
+        recall = self.settings.explorer.recall
+        unmapped = [goal.position for goal in town.goals if chance.random() >= recall]
+        for robot in robots.values():
+            robot.unmapped = unmapped
+        return robots
 
     def _node(self, number: int, name: str) -> Node:
         publish: Callable[[], list[tuple[str, bytes]]] = self._base_says

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import cycle
 from typing import Any, Final
 
@@ -24,9 +24,7 @@ def measured(run: Run) -> dict[str, float | int | None]:
     """The columns of a run; each name carries its unit. None: not defined in this run."""
     duration_s, airtime = run.settings.duration_s, run.airtime
     rows = _columns(run)
-    waits_s, data_s, header_s = (
-        _waits_s(rows, *stages) for stages in (tuple(Stage), (Stage.DATA,), (Stage.HEADER,))
-    )
+    waits_s = _waits_s(rows, Stage, "start_s")
     contacts_s = np.array([contact.ended_s - contact.began_s for contact in run.contacts])
     times_s = np.array([visit.time_s for visit in run.goals])
     goals = len(run.town.goals)
@@ -41,16 +39,10 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "goal_rate_area_percent": area_percent,
         "goal_bound_gap_percent": 100 * run.goal_bound_share - area_percent,
         "service_age_mean_s": _service_age_s(run),
-        "waits": len(waits_s),
-        "wait_mean_s": _or_none(np.mean, waits_s),
-        "wait_sd_s": _or_none(np.std, waits_s),
+        **_of_waits(rows),
         "wait_median_s": _or_none(np.median, waits_s),
         "wait_p95_s": _or_none(np.percentile, waits_s, 95),
         "wait_max_s": _or_none(np.max, waits_s),
-        "data_waits": len(data_s),
-        "data_wait_mean_s": _or_none(np.mean, data_s),
-        "header_waits": len(header_s),
-        "header_wait_mean_s": _or_none(np.mean, header_s),
         "exchanges_complete": airtime.complete,
         "exchanges_broken": airtime.broken,
         "exchanges_open": run.channel_sim.open,
@@ -100,16 +92,32 @@ def curves(run: Run, *, places: bool) -> dict[str, Any]:
     return kept
 
 
-def _waits_s(rows: Mapping[str, Numbers], *stages: Stage) -> Numbers:
+_COUNTED: Final = {"": tuple(Stage), "data_": (Stage.DATA,), "header_": (Stage.HEADER,)}
+"""Which stages' transmissions are messages."""
+
+
+def _of_waits(rows: Mapping[str, Numbers]) -> dict[str, float | int | None]:
+    """How many messages waited and how long, by what is counted: see `settings.MessageWait`."""
+    found: dict[str, float | int | None] = {}
+    for name, stages in _COUNTED.items():
+        for what, until in (("wait", "start_s"), ("delay", "end_s")):
+            times_s = _waits_s(rows, stages, until)
+            found[f"{name}waits"] = len(times_s)
+            found[f"{name}{what}_mean_s"] = _or_none(np.mean, times_s)
+            found[f"{name}{what}_sd_s"] = _or_none(np.std, times_s)
+    return found
+
+
+def _waits_s(rows: Mapping[str, Numbers], stages: Iterable[Stage], until: str) -> Numbers:
     """The paper's message wait: how long each message that got through waited.
 
-    From the moment when it was its turn in its own exchange to the beginning of the transmission
-    that brought it over. Time out of contact counts where exchanges are held. In the paper's
-    counting requests and ends of exchanges are messages too. Of several that crossed together each
-    has waited.
+    From the moment when it was its turn in its own exchange to the beginning (`until`: start_s) or
+    the end (end_s) of the transmission that brought it over. Time out of contact counts where
+    exchanges are held. In the paper's counting requests and ends of exchanges are messages too. Of
+    several that crossed together each has waited.
     """
-    through = (rows["complete"] > 0) & np.isin(rows["stage"], stages)
-    waits_s: Numbers = (rows["start_s"] - rows["ready_s"])[through]
+    through = (rows["complete"] > 0) & np.isin(rows["stage"], list(stages))
+    waits_s: Numbers = (rows[until] - rows["ready_s"])[through]
     return np.repeat(waits_s, np.maximum(rows["messages"][through], 1).astype(np.intp))
 
 

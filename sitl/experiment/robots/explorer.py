@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -62,6 +63,7 @@ class GroundRobot:
         position: Where it is.
         heading_deg: Clockwise from north.
         visited: Goals reached, in order; each id at most once per robot.
+        unmapped: Vehicles that it does not recognise on maps.
         knowledge: What it knows of the ground.
         book: What it knows of goals.
     """
@@ -79,6 +81,7 @@ class GroundRobot:
         self.settings = settings
         self.position = start
         self.heading_deg = 0.0
+        self.unmapped: Sequence[Point] = ()
         self.visited: list[Visit] = []
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
         self.book = GoalBook(name, settings.same_goal_m)
@@ -86,13 +89,14 @@ class GroundRobot:
             town.frame, settings.pose_interval_s, settings.reachability_interval_s
         )
         self._start = start
+        self._chance = random.Random(seed)  # noqa: S311 - repeatable on purpose
         self._mean_speed_m_s = settings.speed_m_s * settings.progress  # on roads
         self._cell: Cell = -1  # where it is; -1: before the first step
         self._way: list[Cell] = []  # still to be driven
         self._objects: list[Point] = []  # vehicles that it recognised itself
         self._deadline_s = math.inf  # simulated time at which the goal is given up
         self._now_s = -math.inf  # of the last step
-        self._next_thought_s = random.Random(seed).uniform(0, settings.thinking_s)  # noqa: S311
+        self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
         self._thought_of: tuple[int, int] | None = None  # versions of book and knowledge
 
     def step(self, now_s: float) -> None:
@@ -127,7 +131,11 @@ class GroundRobot:
         if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
             reading = read_map(data, self.town.lattice)
             self.knowledge.learn(reading.cells)
-            self.book.learn(reading.vehicles)
+            self.book.learn(
+                place
+                for place in reading.vehicles
+                if all(math.dist(place, other) > NO_VEHICLE_M for other in self.unmapped)
+            )
         elif topic == CLAIMS_TOPIC and self.book.hear(robot, *read_claims(data, self.town.frame)):
             self._leave(now_s, failed=False)
         elif topic == OBJECTS_TOPIC:
@@ -177,6 +185,8 @@ class GroundRobot:
         self._way = []
         self.book.visit()
         self._post.claims = list(self.book.claims)
+        if self._chance.random() >= self.settings.located:
+            return
         near = min(self.town.goals, key=lambda other: math.dist(goal, other.position), default=None)
         if near is None or math.dist(goal, near.position) > NO_VEHICLE_M:
             return
@@ -224,6 +234,8 @@ class GroundRobot:
         self._post.claims = list(self.book.claims)
         way_m = length_m(self.town.lattice, self.position, way)
         self._deadline_s = self._now_s + self.settings.patience_s_m * way_m
+        if way and self._chance.random() < self.settings.stuck:
+            way = way[: 1 + self._chance.randrange(len(way))]
         self._follow(way)
         self._arrive(self._now_s)
 

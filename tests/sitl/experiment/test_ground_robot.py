@@ -219,6 +219,29 @@ def test_a_place_without_a_vehicle_is_visited_but_not_found():
     assert {visit.goal for visit in robot.visited} <= {"v08", "v09"}
 
 
+def test_what_goes_wrong_is_a_setting():
+    """Vehicles that no map shows, goals that are elsewhere, and ways that end before the goal."""
+
+    def visited(unmapped=(), **errors):
+        settings_ = NEAR_SIGHTED.model_copy(update={"recognition_m": 0.5, **errors})
+        robot = GroundRobot("io", URBAN, 1, START, settings_)
+        robot.unmapped = unmapped
+        robot.take("titan", MAP_TOPIC, MAP, 0.0)
+        drive([robot], 400.0)
+        return {visit.goal for visit in robot.visited}, robot
+
+    found, _ = visited()
+    assert len(found) > 4
+    lost = [goal.position for goal in URBAN.goals if goal.id in found]
+    assert not found & visited(unmapped=lost)[0]
+    nothing, robot = visited(located=0.0)
+    assert not nothing
+    assert len(robot.book.claims) > 4  # it takes them for visited
+    nothing, robot = visited(stuck=1.0, patience_s_m=1.5)
+    assert not nothing
+    assert robot.book.failed
+
+
 def test_a_map_that_lies_about_houses_does_not_lead_into_them():
     cells = URBAN.raster.cells.copy()
     cells[cells == Terrain.BUILDING] = Terrain.ROAD
