@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
-from sitl.world.towns.town import REACHED_M, SAME_GOAL_M
 
 ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
@@ -102,18 +101,13 @@ class PaperModel(_Model):
 
 
 class PathLossModel(_Model):
-    """Log-distance path loss with shadowing and buildings; see `sitl.world.radio`.
+    """Log-distance path loss with shadowing and buildings; the rest is as in `sitl.world.radio`.
 
     Two transmissions exclude one another only if one of the four robots hears one of the other
     two; so far apart they share the channel in space.
 
     Attributes:
-        tx_power_dbm: Power of every transmitter.
-        reference_loss_db: Loss over the first metre.
-        path_loss_exponent: How fast power falls.
-        ground_to_ground_loss_db: Extra loss between two low antennas.
         shadowing_db: Standard deviation of slow fading.
-        shadowing_interval_s: Time over which it changes.
         building_loss_db_m: Extra loss per metre of building on the line between two robots on the
             ground; a vehicle above the roofs looks over them.
         most_building_db: No line loses more than this to buildings: waves go around.
@@ -126,12 +120,7 @@ class PathLossModel(_Model):
         pull_every_s: Pull again after so long in a contact; None: once per contact.
     """
 
-    tx_power_dbm: Level = 20.0
-    reference_loss_db: AtLeastZero = 40.0
-    path_loss_exponent: Positive = 2.95
-    ground_to_ground_loss_db: AtLeastZero = 10.5
     shadowing_db: AtLeastZero = 4.0
-    shadowing_interval_s: Positive = 10.0
     building_loss_db_m: AtLeastZero = 1.0
     most_building_db: AtLeastZero = 30.0
     trigger_dbm: Level = -75.0
@@ -153,8 +142,6 @@ class ExplorerSettings(_Model):
             code gives a goal up after 3 s per metre, in the simulation after 10 s.
         sight_m: It knows the ground within this distance of where it was.
         recognition_m: It recognises a vehicle within this distance, if no building is between.
-        same_goal_m: Two sightings within this distance are one goal.
-        arrival_m: It has reached a goal within this distance.
         patience_s_m: It gives a goal up after so many seconds per metre of way.
         recall: Chance that a vehicle is recognised on maps, drawn for each one and run.
         located: Chance that a robot that has come to a goal, as it believes, finds the vehicle;
@@ -163,24 +150,18 @@ class ExplorerSettings(_Model):
             there until its patience is over.
         thinking_s: Without a goal it looks for one so often.
         idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
-        pose_interval_s: It tells its pose so often.
-        reachability_interval_s: It tells so often at most what its eyes have added to the maps.
     """
 
     speed_m_s: Positive = 1.5
     progress: Annotated[float, Field(gt=0, le=1)] = 0.2
     sight_m: Positive = 7.0
     recognition_m: Positive = 7.0
-    same_goal_m: Positive = SAME_GOAL_M
-    arrival_m: Positive = REACHED_M
     patience_s_m: Positive = 10.0
     recall: Share = 1.0
     located: Share = 1.0
     stuck: Share = 0.0
     thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
-    pose_interval_s: Positive = 1.0
-    reachability_interval_s: Positive = 30.0
 
 
 class RunSettings(_Model):
@@ -224,7 +205,6 @@ class RunSettings(_Model):
         map_interval_s: A UAV publishes its map so often.
         message_wait: What the paper's waits are compared with, in a calibration.
         telemetry_s: A UAV's controller hears of it so often.
-        sample_s: How often positions, ages and the explored share are sampled.
     """
 
     town: Path = Path("urban")
@@ -256,7 +236,6 @@ class RunSettings(_Model):
     message_wait: MessageWait = "wait"
     map_interval_s: Positive = 10.0
     telemetry_s: Positive = 0.5
-    sample_s: Positive = 10.0
 
 
 def value_of(settings: Mapping[str, Any], key: str) -> Any:

@@ -234,11 +234,13 @@ def _filled(text: str, name: str, contents: Mapping[str, str]) -> str:
 
 def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, str]:
     """The text for each kind of block; empty where there is nothing to say."""
+    experiment = report.experiment
+    whole = tables.of_the_paper(experiment) and len(experiment.rows) == len(tables.PAPER_TABLE)
     return {
-        "fidelity": likeness(Runs(report.experiment, report.records)),
+        "fidelity": likeness(Runs(experiment, report.records)),
         "claims": _claims(report),
         "facts": _facts(report),
-        "paper": tables.nearness(report.lines) if tables.is_papers(report.experiment) else "",
+        "paper": tables.nearness(report.lines) if whole else "",
         "fit": report.calibration.told() if report.calibration else "",
         "blind": report.prediction.told() if report.prediction else "",
         "archive": "" if archive is None else _archive(archive, document, report),

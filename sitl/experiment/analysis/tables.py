@@ -169,11 +169,6 @@ def of_the_paper(experiment: Experiment) -> bool:
     return set(experiment.varied) == _HEADS.keys()
 
 
-def is_papers(experiment: Experiment) -> bool:
-    """Whether it is the paper's whole table."""
-    return of_the_paper(experiment) and len(experiment.rows) == len(PAPER_TABLE)
-
-
 def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     """The table as it is read: the heads, then the cells of each row."""
     columns: dict[str, list[str]] = {}

@@ -85,9 +85,8 @@ def run_settings(task: Task) -> RunSettings:
 
 
 def recorded(task: Task, run: Run) -> Record:
-    """What is kept of a run that is over; places only of each row's first."""
-    kept = curves(run, places=task.number == 0)
-    return _record(task, measured(run), kept, run.log.digest)
+    """What is kept of a run that is over."""
+    return _record(task, measured(run), curves(run), run.log.digest)
 
 
 def _record(

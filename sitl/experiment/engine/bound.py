@@ -18,7 +18,7 @@ from geo.grid import Terrain
 from mocha_link.errors import needs_extra
 from sitl.experiment.robots.explorer import NO_VEHICLE_M
 from sitl.experiment.settings import ExplorerSettings
-from sitl.world.towns.town import GRAIN_M, Town
+from sitl.world.towns.town import GRAIN_M, REACHED_M, Town
 from sitl.world.towns.ways import PASSABLE, Ways
 
 
@@ -30,13 +30,13 @@ def goal_bound_share(
     Args:
         town: Where the goals are.
         starts: Where robots start.
-        explorer: How fast they drive, and how near they come.
+        explorer: How fast they drive.
         duration_s: Of the run.
     """
     goals = [goal.position for goal in town.goals]
     if not goals or not starts:
         return 0.0
-    reach_m = explorer.arrival_m + NO_VEHICLE_M
+    reach_m = REACHED_M + NO_VEHICLE_M
     lattice = town.lattice
     ground = np.where(PASSABLE[town.ground], np.uint8(Terrain.ROAD), np.uint8(Terrain.BUILDING))
     near = [lattice.near(goal, reach_m) for goal in goals]

@@ -178,12 +178,7 @@ class PathLossChannel:
         self._model = model
         self._raster = town.raster  # buildings that block a radio
         self._radio = RadioModel(
-            tx_power_dbm=model.tx_power_dbm,
-            reference_loss_db=model.reference_loss_db,
-            path_loss_exponent=model.path_loss_exponent,
-            ground_to_ground_loss_db=model.ground_to_ground_loss_db,
             shadowing_db=model.shadowing_db,
-            shadowing_interval_s=model.shadowing_interval_s,
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
             seed=seed,
         )

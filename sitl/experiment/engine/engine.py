@@ -16,10 +16,9 @@ import random
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from air_router.controller.motion.command_gate import REACTION_S
 from air_router.messages import MAP_TOPIC
@@ -51,20 +50,6 @@ MOST_TELEMETRY_S: Final = REACTION_S - COMMAND_S
 """A motion that is on its way to the vehicle for `COMMAND_S` would be from too old a position."""
 
 
-class Sample(NamedTuple):
-    """What was looked at every `sample_s`.
-
-    Attributes:
-        time_s: When.
-        known_share: Share of the town's ground that the first UAV's map shows.
-        places_m: (robots, 2): east, north, by the robots' numbers.
-    """
-
-    time_s: float
-    known_share: float
-    places_m: npt.NDArray[np.float32]
-
-
 class Run:
     """A run: put together by its settings and a seed, carried out by `finish`.
 
@@ -85,7 +70,6 @@ class Run:
         airtime: What was on the air.
         channel_sim: Connects the nodes.
         travelled_m: How far each robot has come over ground, by number.
-        samples: As `sample_s` has it.
         goal_bound_share: At most this share of the goals can be reached, in the mean over time.
         held: What robots held of each other, when it is over.
         wall_s, cpu_s: What it took, when it is over.
@@ -141,7 +125,6 @@ class Run:
         if settings.channel == "path_loss":
             channel = PathLossChannel(settings.path_loss, self.town, self.fleet.names, seed)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
-        self.samples: list[Sample] = []
         self._goals: dict[str, Visit] = {}  # first visits, by goal
         self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
         self._ground_at_s = 0.0  # simulated time of the ground robots' next step
@@ -150,7 +133,6 @@ class Run:
         """Let it run to its end."""
         settings, queue = self.settings, self.queue
         queue.every(settings.telemetry_s, self._tick)
-        queue.every(settings.sample_s, self._sample)
         queue.run(settings.duration_s)
         self.held = self.ages.held(self.fleet.names, self.fleet.kinds)
         self.goal_bound_share = goal_bound_share(
@@ -254,11 +236,6 @@ class Run:
                 self._goals[visit.goal] = visit
                 self.log.goal(visit.goal, name)
         self._counted[name] = len(robot.visited)
-
-    def _sample(self) -> None:
-        known_share = self.uavs[0].painter.known_share if self.uavs else 0.0
-        places_m = self._places[:, :2].astype(np.float32)
-        self.samples.append(Sample(self.queue.now_s, known_share, places_m))
 
 
 def _check(settings: RunSettings) -> None:

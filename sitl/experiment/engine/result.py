@@ -58,7 +58,7 @@ def measured(run: Run) -> dict[str, float | int | None]:
         "busiest_tenth_percent": _share_percent(busy[: len(busy) // 10].sum(), busy.sum()),
         "silent_percent": _share_percent((busy == 0).sum(), len(busy)),
         **_ages(run),
-        "map_known_percent": 100 * float(run.samples[-1].known_share) if run.samples else None,
+        "map_known_percent": 100 * run.uavs[0].painter.known_share if run.uavs else 0.0,
         "driven_km": _way_m(run, "ugv") / 1e3,
         "flown_km": _way_m(run, "uav") / 1e3,
         "decisions": run.log.actions,
@@ -68,16 +68,10 @@ def measured(run: Run) -> dict[str, float | int | None]:
     }
 
 
-def curves(run: Run, *, places: bool) -> dict[str, Any]:
-    """What the figures show of a run, in plain values.
-
-    Args:
-        run: it is over.
-        places: keep positions too, which are long.
-    """
+def curves(run: Run) -> dict[str, Any]:
+    """What the figures show of a run that is over, in plain values."""
     duration_s = run.settings.duration_s
-    kept: dict[str, Any] = {
-        "kinds": list(run.fleet.kinds),
+    return {
         "goals": [[visit.goal, round(visit.time_s, 1), visit.robot] for visit in run.goals],
         "bin_bytes": _bin_bytes(_columns(run), duration_s).astype(int).tolist(),
         "pairs": [
@@ -85,11 +79,6 @@ def curves(run: Run, *, places: bool) -> dict[str, Any]:
             for pair, held in run.held.items()
         ],
     }
-    if places:
-        kept["goal_places_m"] = [[goal.id, *map(float, goal.position)] for goal in run.town.goals]
-        places_m = np.array([sample.places_m for sample in run.samples], np.float64)
-        kept["places_m"] = np.round(places_m, 1).tolist()
-    return kept
 
 
 _COUNTED: Final = {"": tuple(Stage), "data_": (Stage.DATA,), "header_": (Stage.HEADER,)}

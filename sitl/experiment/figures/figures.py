@@ -1,11 +1,9 @@
-"""The figures of an experiment, drawn from its finished runs; those that compare rows.
-
-Ours and the paper's, with 95 % confidence intervals. Needs matplotlib.
-"""
+"""The figures of an experiment, drawn from its finished runs. Needs matplotlib."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,10 +13,21 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from air_router.counted import counted
+from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
-from sitl.experiment.figures.plots import draw_bandwidth, draw_goals, draw_places
-from sitl.experiment.figures.sheet import COLOURS, FAINT, INK, legend_below, save, sheet, styled
-from sitl.experiment.plan import Experiment, Record, words
+from sitl.experiment.engine.result import BIN_S
+from sitl.experiment.figures.sheet import (
+    COLOURS,
+    DASHES,
+    FAINT,
+    INK,
+    legend_below,
+    save,
+    sheet,
+    styled,
+)
+from sitl.experiment.plan import Experiment, Record, Row, words
+from sitl.experiment.settings import value_of
 
 _MEASURES: Final = (
     ("goals_percent", "goals_percent", "goals reached (%)"),
@@ -34,6 +43,9 @@ _COMPARED: Final = (
     ("sent_mb", "sent (MB)"),
 )
 _MOST_ROWS: Final = 16
+_MOST_EXAMPLES: Final = 4
+_MOST_LINES: Final = 9
+_STEP_S: Final = 15.0
 
 
 def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
@@ -110,13 +122,87 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     return figure
 
 
+def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
+    """Goals over time: a line for each row, in panels by the first settings."""
+    rows = _rows_with_runs(experiment, records)
+    inner, outer = list(experiment.varied), list[str]()
+
+    def panels() -> dict[str, list[Row]]:
+        found: dict[str, list[Row]] = {}
+        for row in rows:
+            found.setdefault(words(row.settings, outer), []).append(row)
+        return found
+
+    while inner[:-1] and max(map(len, panels().values())) > _MOST_LINES:
+        outer.append(inner.pop(0))
+    note = f"{experiment.title}; mean of the runs of each team, band: one standard error"
+    figure, axes = sheet(len(panels()), "Goals reached over time", note)
+    for one, (shared, own) in zip(axes, panels().items(), strict=True):
+        for row, colour, dash in zip(own, cycle(COLOURS), cycle(DASHES), strict=False):
+            label = words(row.settings, inner) or row.label
+            _plot_goals(one, _runs_of(row, records), {"color": colour, "ls": dash, "label": label})
+        one.set(xlabel="time (min)", ylabel="goals reached (%)", ylim=(0, 100))
+        one.set_title(shared or experiment.title, loc="left")
+        one.legend(fontsize=7.5, labelcolor=INK, handlelength=2.4)
+    return figure
+
+
+def _plot_goals(one: Axes, runs: Sequence[Record], style: dict[str, Any]) -> None:
+    longest_s = max(value_of(run["settings"], "duration_s") for run in runs)
+    times_s = np.arange(0, longest_s + _STEP_S, _STEP_S)
+    curves = np.array([_reached(run, times_s) for run in runs])
+    mean = curves.mean(axis=0)
+    one.plot(times_s / 60, mean, lw=1.7, **style)
+    if len(curves) > 1:
+        error = curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
+        band = {"color": style["color"], "alpha": 0.13, "linewidth": 0}
+        one.fill_between(times_s / 60, mean - error, mean + error, **band)
+    one.set_xlim(0, float(times_s[-1]) / 60)
+
+
+def _reached(run: Record, times_s: Numbers) -> Numbers:
+    total = run["measures"]["goals_total"] or 1
+    found = np.sort([visit[1] for visit in run["curves"]["goals"]])
+    share: Numbers = 100 * np.searchsorted(found, times_s, side="right") / total
+    return share
+
+
+def draw_bandwidth(experiment: Experiment, records: Sequence[Record]) -> Figure:
+    """Bandwidth over time of the first runs of a few rows, as the paper's figure of the field."""
+    rows = _rows_with_runs(experiment, records)
+    if len(rows) > _MOST_EXAMPLES:  # spread over the experiment
+        rows = [rows[n] for n in np.linspace(0, len(rows) - 1, _MOST_EXAMPLES).round().astype(int)]
+    note = f"{experiment.title}; the first run of some teams, in bins of {BIN_S:.0f} s"
+    figure, axes = sheet(len(rows), "Bandwidth over time, all robots together", note)
+    for one, row in zip(axes, rows, strict=True):
+        _plot_bandwidth(one, _runs_of(row, records)[0])
+        one.set_title(row.label, loc="left")
+    return figure
+
+
+def _plot_bandwidth(one: Axes, run: Record) -> None:
+    rate = np.array(run["curves"]["bin_bytes"], dtype=np.float64) / BIN_S / 1e3
+    times_min = (np.arange(len(rate)) + 0.5) * BIN_S / 60
+    one.bar(times_min, rate, width=BIN_S / 60, color=COLOURS[0], linewidth=0)
+    silent = 100 * float(np.mean(rate == 0)) if len(rate) else 0.0
+    said = f"mean {rate.mean():.1f} kB/s, silent {silent:.0f} % of the time"
+    style: dict[str, Any] = {"ha": "right", "va": "bottom", "color": FAINT, "fontsize": 8}
+    one.text(0.995, 1.02, said, transform=one.transAxes, **style)
+    one.set(xlabel="time (min)", ylabel="kB/s", xlim=(0, len(rate) * BIN_S / 60))
+
+
+def _rows_with_runs(experiment: Experiment, records: Sequence[Record]) -> list[Row]:
+    labels = {record["row"] for record in records}
+    return [row for row in experiment.rows if row.label in labels]
+
+
+def _runs_of(row: Row, records: Sequence[Record]) -> list[Record]:
+    return [record for record in records if record["row"] == row.label]
+
+
 _Draw = Callable[[Experiment, Sequence[Record]], Figure | None]
 _OF_MEASURES: Final[Mapping[str, _Draw]] = {"table": draw_table, "compare": draw_comparison}
-_OF_CURVES: Final[Mapping[str, _Draw]] = {
-    "goals": draw_goals,
-    "bandwidth": draw_bandwidth,
-    "places": draw_places,
-}
+_OF_CURVES: Final[Mapping[str, _Draw]] = {"goals": draw_goals, "bandwidth": draw_bandwidth}
 """Figures in the order in which to look at them; archives have no curves."""
 
 

@@ -6,14 +6,12 @@ be read in black and white.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from air_router.errors import PictureError
 from mocha_link.errors import needs_extra
-from sitl.experiment.plan import Experiment, Record, Row
 
 with needs_extra("a figure", "experiments", "air-router"):
     import matplotlib as mpl
@@ -25,12 +23,8 @@ INK, FAINT = "#30363d", "#7b838b"
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 DASHES: Final[tuple[Any, ...]] = ("-", (0, (4, 1.6)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 _DPI: Final = 140
-_MOST_EXAMPLES: Final = 4
 
 _STYLE: Final = Path(__file__).with_name("figures.mplstyle")
-
-Runs = Sequence[Record]
-"""The runs of one row."""
 
 
 def styled() -> AbstractContextManager[None]:
@@ -64,25 +58,6 @@ def sheet(  # noqa: PLR0913 - how sheets differ
     return figure, axes[:count]
 
 
-def example_panels(
-    title: str,
-    note: str,
-    plot: Callable[[Axes, Runs], None],
-    experiment: Experiment,
-    records: Sequence[Record],
-) -> Figure:
-    """A figure with a panel for each of a few rows, which are spread over the experiment."""
-    chosen = rows_with_runs(experiment, records)
-    if len(chosen) > _MOST_EXAMPLES:
-        steps = _MOST_EXAMPLES - 1
-        chosen = [chosen[round(i * (len(chosen) - 1) / steps)] for i in range(_MOST_EXAMPLES)]
-    figure, axes = sheet(len(chosen), title, f"{experiment.title}; {note}")
-    for one, row in zip(axes, chosen, strict=True):
-        plot(one, runs_of(row, records))
-        one.set_title(row.label, loc="left")
-    return figure
-
-
 def legend_below(figure: Figure) -> None:
     """One legend for all panels, each of its labels once."""
     handles: dict[str, Any] = {}
@@ -96,17 +71,6 @@ def legend_below(figure: Figure) -> None:
         "labelcolor": INK,
     }
     figure.legend(list(handles.values()), list(handles), **below)
-
-
-def rows_with_runs(experiment: Experiment, records: Sequence[Record]) -> list[Row]:
-    """The rows of which there are runs, in their order."""
-    labels = {record["row"] for record in records}
-    return [row for row in experiment.rows if row.label in labels]
-
-
-def runs_of(row: Row, records: Sequence[Record]) -> Runs:
-    """The runs of a row."""
-    return [record for record in records if record["row"] == row.label]
 
 
 def save(figure: Figure, *paths: Path) -> None:

@@ -27,7 +27,7 @@ from sitl.experiment.robots.messages import (
     read_sightings,
 )
 from sitl.experiment.settings import ExplorerSettings
-from sitl.world.towns.town import Cell, Town
+from sitl.world.towns.town import REACHED_M, Cell, Town
 from sitl.world.towns.ways import PASSABLE, Ways, length_m
 
 _PACE: Final = np.full(len(Terrain), 0.5)
@@ -84,10 +84,8 @@ class GroundRobot:
         self.unmapped: Sequence[Point] = ()
         self.visited: list[Visit] = []
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
-        self.book = GoalBook(name, settings.same_goal_m)
-        self._post = ExplorerPost(
-            town.frame, settings.pose_interval_s, settings.reachability_interval_s
-        )
+        self.book = GoalBook(name)
+        self._post = ExplorerPost(town.frame)
         self._start = start
         self._chance = random.Random(seed)  # noqa: S311 - repeatable on purpose
         self._mean_speed_m_s = settings.speed_m_s * settings.progress  # on roads
@@ -180,7 +178,7 @@ class GroundRobot:
 
     def _arrive(self, time_s: float) -> None:
         goal = self.book.current
-        if goal is None or math.dist(self.position, goal) > self.settings.arrival_m:
+        if goal is None or math.dist(self.position, goal) > REACHED_M:
             return
         self._way = []
         self.book.visit()
@@ -222,11 +220,11 @@ class GroundRobot:
 
     @property
     def _at_start(self) -> bool:
-        return math.dist(self.position, self._start) <= self.settings.arrival_m
+        return math.dist(self.position, self._start) <= REACHED_M
 
     def _way_to(self, place: Point, ways: Ways) -> list[Cell] | None:
         """A way to where a place counts as reached; None: there is none over known ground."""
-        cell = ways.nearest(place, self.settings.arrival_m - _INSIDE_M)
+        cell = ways.nearest(place, REACHED_M - _INSIDE_M)
         return None if cell is None else ways.to(cell)
 
     def _claim(self, goal: Point, way: list[Cell]) -> None:

@@ -1,6 +1,6 @@
 """What a ground robot knows: of the ground, by its eyes and by maps, and of goals.
 
-A place within `same_goal_m` of another is the same goal. Of two robots that claim one goal without
+A place within `SAME_GOAL_M` of another is the same goal. Of two robots that claim one goal without
 having heard each other, the first by name keeps it as soon as they hear; a goal that any robot has
 visited is no longer claimed.
 """
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from geo.frame import Geodetic, Point
 from geo.grid import Cells, GridPatch, SemanticGrid, Terrain
-from sitl.world.towns.town import GRAIN_M, Cell, Lattice, coarse
+from sitl.world.towns.town import GRAIN_M, SAME_GOAL_M, Cell, Lattice, coarse
 
 Status = Literal["in_progress", "visited"]
 
@@ -36,7 +36,6 @@ class GoalBook:
 
     Attributes:
         name: Whose book it is.
-        same_goal_m: Places within this distance are one goal.
         goals: Places of goals, as first heard of; no two are the same goal.
         claims: The robot's own claims, visited ones first; the one in progress is the last.
         failed: Goals that it has given up for now.
@@ -44,7 +43,6 @@ class GoalBook:
     """
 
     name: str
-    same_goal_m: float
     goals: list[Point] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
     failed: list[Point] = field(default_factory=list)
@@ -114,7 +112,7 @@ class GoalBook:
         )
 
     def _same(self, place: Point, others: Iterable[Point]) -> bool:
-        return any(math.dist(place, other) <= self.same_goal_m for other in others)
+        return any(math.dist(place, other) <= SAME_GOAL_M for other in others)
 
 
 LEAST_VEHICLE_M2: Final = 4.0

@@ -64,6 +64,8 @@ def degrees(frame: LocalFrame, place: Point) -> dict[str, float]:
 FRESH_CELLS = 10
 """Reachability is told when the robot's eyes have found so many cells that no map had shown."""
 
+_POSE_S, _REACHABILITY_S = 1.0, 30.0  # between two messages at least
+
 _TICK_S = 1e-3
 """Stamps of one topic grow by so much at least: a node tells news apart by milliseconds."""
 
@@ -74,14 +76,10 @@ class ExplorerPost:
 
     Attributes:
         frame: The frame of the robot's positions; messages are in degrees.
-        pose_interval_s: It tells its pose so often.
-        reachability_interval_s: It tells so often at most what its eyes have found.
         claims, way, objects: News since the last call of `collect`; None: none.
     """
 
     frame: LocalFrame
-    pose_interval_s: float
-    reachability_interval_s: float
     claims: list[Claim] | None = None
     way: list[Point] | None = None
     objects: list[Point] | None = None
@@ -101,7 +99,7 @@ class ExplorerPost:
         def there(place: Point) -> dict[str, float]:
             return degrees(self.frame, place)
 
-        if self._due(POSE_TOPIC, now_s, self.pose_interval_s):
+        if self._due(POSE_TOPIC, now_s, _POSE_S):
             say(POSE_TOPIC, PoseMessage, **there(position), heading_deg=round(heading_deg, 1))
         if self.claims is not None:
             goals = [ClaimedGoal(**there(c.place), status=c.status) for c in self.claims]
@@ -109,7 +107,7 @@ class ExplorerPost:
         if self.way is not None:
             say(PATH_TOPIC, PathMessage, points=tuple(tuple(there(p).values()) for p in self.way))
         if knowledge.first_seen - self._told_cells >= FRESH_CELLS and self._due(
-            REACHABILITY_TOPIC, now_s, self.reachability_interval_s
+            REACHABILITY_TOPIC, now_s, _REACHABILITY_S
         ):
             self._told_cells = knowledge.first_seen
             self._stamp(REACHABILITY_TOPIC, now_s)

@@ -7,7 +7,6 @@ import numpy as np
 from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
 from sitl.experiment.engine.ages import USES
-from sitl.experiment.engine.engine import Sample
 from sitl.experiment.engine.exchange import Contact, Transmission
 from sitl.experiment.robots.explorer import Visit
 from sitl.experiment.settings import RunSettings
@@ -28,11 +27,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         for n in range(10)
         if chance.random() < share
     ]
-    times_s = np.arange(0, duration_s + 1, settings.sample_s)
-    starts_m = chance.uniform(-100, 100, (1, team, 2))
-    steps_m = chance.normal(0, 0.5, (len(times_s), team, 2)) * settings.sample_s
-    steps_m += 1.5 * settings.sample_s * np.sin(times_s / 97)[:, None, None]
-    places_m = (starts_m + np.cumsum(steps_m, axis=0) / 8).astype(np.float32)
+    uav = SimpleNamespace(painter=SimpleNamespace(known_share=0.95))
     return SimpleNamespace(
         settings=settings,
         fleet=SimpleNamespace(names=robots, kinds=kinds, ugvs=ugvs),
@@ -47,10 +42,7 @@ def made_up_run(settings: RunSettings, seed: int) -> SimpleNamespace:
         ),
         channel_sim=SimpleNamespace(open=1),
         contacts=_contacts(chance, team, duration_s),
-        samples=[
-            Sample(float(time_s), min(time_s / duration_s * 1.4, 0.95), place_m)
-            for time_s, place_m in zip(times_s, places_m, strict=True)
-        ],
+        uavs=[uav] * settings.uavs,
         held=_held(chance, robots, kinds, duration_s),
         log=SimpleNamespace(actions=99, digest=f"{seed:064x}"),
         wall_s=0.01 * team**2,

@@ -145,7 +145,7 @@ def test_no_robot_is_ever_in_a_house_or_too_fast(five):
 def test_with_nothing_left_to_do_they_return(five):
     robots, _, places = five
     for robot, home in zip(robots, places[0], strict=True):
-        assert math.dist(robot.position, home) <= robot.settings.arrival_m
+        assert math.dist(robot.position, home) <= 5.0
 
 
 def test_the_ways_they_announce_lead_through_no_house(five):
@@ -331,7 +331,7 @@ def do(book, deed):
 )
 def test_claims_converge_however_news_travel(known, deeds):
     """Once every robot has heard the others, no goal is in progress twice, or visited and open."""
-    books = {name: GoalBook(name, 17.85) for name in NAMES}
+    books = {name: GoalBook(name) for name in NAMES}
     told = {}
 
     def tell(book):
