@@ -329,7 +329,8 @@ def test_the_request_in_other_languages():
 
 
 def test_an_experiment(tmp_path):
-    (tmp_path / "mine.yaml").write_text(ALL["experiments.md yaml 1"].text)
+    file, space = (ALL[f"experiments.md yaml {number}"].text for number in (1, 2))
+    (tmp_path / "mine.yaml").write_text(re.sub("space: .*", space, file))
     experiment, _ = load_experiment(str(tmp_path / "mine.yaml"))
     assert len(experiment.rows) == 4
 
