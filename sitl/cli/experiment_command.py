@@ -247,7 +247,7 @@ def _evaluate(
 
 def _figures(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
     try:
-        from sitl.experiment.figures.figures import draw_all  # noqa: PLC0415 - only with matplotlib
+        from sitl.experiment.analysis.figures import draw_all  # noqa: PLC0415 - only with matplotlib
     except AirRouterError as error:
         sys.stderr.write(f"no figures: {error}\n")
         return []

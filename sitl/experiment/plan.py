@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from air_router.counted import counted
 from air_router.errors import UsageError
-from sitl.experiment.settings import value_of
+from sitl.experiment.settings import Prior, draw, value_of, with_setting
 
 Settings = Mapping[str, Any]
 """A run's settings as the plain values that stand in the file."""
@@ -152,28 +152,6 @@ class Task:
             "seed": self.seed,
             "fingerprint": self.row.fingerprint,
         }
-
-
-class Between(BaseModel):
-    """A setting that every run draws: it, or its logarithm, evenly from low to high."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    low: float
-    high: float
-    log: bool = False
-
-
-Prior = Between | list[Any]
-"""What is declared of a setting: numbers, or a list of values that are as likely as each other."""
-
-
-def draw(prior: Prior, chance: random.Random) -> Any:
-    """A value of a setting."""
-    if isinstance(prior, list):
-        return chance.choice(prior)
-    part, low, high = chance.random(), prior.low, prior.high
-    return round(low * (high / low) ** part if prior.log else low + (high - low) * part, 4)
 
 
 class Header(BaseModel):
@@ -329,12 +307,6 @@ def flat(settings: Settings) -> dict[str, Any]:
         elif key != "sources":
             result |= {f"{key}.{inner}": own for inner, own in value.items()}
     return result
-
-
-def with_setting(settings: Settings, key: str, value: Any) -> Settings:
-    """Settings with another value of one; `timers.init_s` is one within another."""
-    outer, _, inner = key.partition(".")
-    return {**settings, outer: {**settings.get(outer, {}), inner: value} if inner else value}
 
 
 def words(settings: Settings, keys: Iterable[str]) -> str:

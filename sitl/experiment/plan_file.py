@@ -18,8 +18,8 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 
 from air_router.errors import UsageError
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied, with_setting
-from sitl.experiment.settings import RunSettings
+from sitl.experiment.plan import Experiment, Header, Row, phrase, rows_with, varied
+from sitl.experiment.settings import RunSettings, with_setting
 
 MOST_ROWS: Final = 1000
 

@@ -6,6 +6,7 @@ defaults came about is told in docs/experiments.md. An experiment that takes ano
 
 from __future__ import annotations
 
+import random
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -248,3 +249,31 @@ def value_of(settings: Mapping[str, Any], key: str) -> Any:
     usual = RunSettings.model_fields.get(key)
     plain = usual is not None and isinstance(usual.default, str | int | float)
     return settings.get(key, usual.default if usual and plain else None)
+
+
+def with_setting(settings: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Settings with another value of one; `timers.init_s` is one within another."""
+    outer, _, inner = key.partition(".")
+    return {**settings, outer: {**settings.get(outer, {}), inner: value} if inner else value}
+
+
+class Between(BaseModel):
+    """A setting that every run draws: it, or its logarithm, evenly from low to high."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    low: float
+    high: float
+    log: bool = False
+
+
+Prior = Between | list[Any]
+"""What is declared of a setting: numbers, or a list of values that are as likely as each other."""
+
+
+def draw(prior: Prior, chance: random.Random) -> Any:
+    """A value of a setting."""
+    if isinstance(prior, list):
+        return chance.choice(prior)
+    part, low, high = chance.random(), prior.low, prior.high
+    return round(low * (high / low) ** part if prior.log else low + (high - low) * part, 4)

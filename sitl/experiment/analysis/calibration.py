@@ -20,8 +20,8 @@ import numpy as np
 
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import COLUMNS, PAPER_TABLE, PaperRow
-from sitl.experiment.plan import Between, Experiment, Record, draw, flat, said
-from sitl.experiment.settings import MessageWait, value_of
+from sitl.experiment.plan import Experiment, Record, flat, said
+from sitl.experiment.settings import Between, MessageWait, draw, value_of
 
 RUNS: Final = 3
 """The paper's percentages are those of so many runs of a row, mostly."""

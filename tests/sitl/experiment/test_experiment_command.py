@@ -311,7 +311,7 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
 
 
 def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp_path, monkeypatch):
-    figures = pytest.importorskip("sitl.experiment.figures.figures", exc_type=MissingExtraError)
+    figures = pytest.importorskip("sitl.experiment.analysis.figures", exc_type=MissingExtraError)
     drawn = []
 
     def save(figure, png, pdf):
@@ -334,7 +334,7 @@ def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp
 
 
 def test_a_figure_is_written_in_both_formats(tmp_path):
-    sheet = pytest.importorskip("sitl.experiment.figures.sheet", exc_type=MissingExtraError)
+    sheet = pytest.importorskip("sitl.experiment.analysis.sheet", exc_type=MissingExtraError)
     paths = tmp_path / "one.png", tmp_path / "one.pdf"
     sheet.save(sheet.sheet(1, "title", "subtitle")[0], *paths)
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]

@@ -13,10 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from air_router.counted import counted
-from sitl.experiment.analysis.statistics import Numbers
-from sitl.experiment.analysis.tables import Line, lines, of_the_paper
-from sitl.experiment.engine.result import BIN_S
-from sitl.experiment.figures.sheet import (
+from sitl.experiment.analysis.sheet import (
     COLOURS,
     DASHES,
     FAINT,
@@ -26,6 +23,9 @@ from sitl.experiment.figures.sheet import (
     sheet,
     styled,
 )
+from sitl.experiment.analysis.statistics import Numbers
+from sitl.experiment.analysis.tables import Line, lines, of_the_paper
+from sitl.experiment.engine.result import BIN_S
 from sitl.experiment.plan import Experiment, Record, Row, words
 from sitl.experiment.settings import value_of
 
