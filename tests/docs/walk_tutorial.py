@@ -27,7 +27,8 @@ PATIENCE_S = 240
 @pytest.fixture
 def home(tmp_path):
     """The project's folder as a newcomer finds it; the environment is the one that is there."""
-    for name in ("missions", "Makefile", "pyproject.toml", "constraints.txt", "README.md"):
+    names = "missions packaging Makefile pyproject.toml constraints.txt README.md"
+    for name in names.split():
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
         copy(ROOT / name, tmp_path / name)
     (tmp_path / ".venv").symlink_to(ROOT / ".venv")
