@@ -61,7 +61,7 @@ class LocalFrame:
     origin: Geodetic
 
     def __post_init__(self) -> None:
-        check_on_earth(self.origin.latitude_deg, self.origin.longitude_deg)
+        check_on_earth(*self.origin)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> Point:
         """Metres east and north of the origin, of a place given in degrees."""

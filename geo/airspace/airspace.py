@@ -6,7 +6,7 @@ no buffer polygon takes part, and the distance to a circle is that to its centre
 The distance to keep from a zone is the zone's own clearance, or else that of the airspace, plus the
 margin of the airspace; from a fence's border it is the airspace's clearance plus the margin. A
 place or a leg is clear when it keeps these distances (less a tolerance of a micrometre, so that
-points computed to lie on the limit count as clear).
+points computed to lie on the limit count as clear). What is not finite is not clear.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Airspace:
 
     def __init__(
         self,
-        fences: Shape | Ring | Sequence[Shape] | None,
+        fences: Shape | Sequence[Point] | Sequence[Shape] | None,
         zones: Sequence[Zone],
         clearance_m: float,
         margin_m: float = 0.0,
@@ -161,10 +161,12 @@ class Airspace:
 
     def point_clear(self, point: Point) -> bool:
         """Whether the vehicle may be here."""
-        return self._clear(ShapelyPoint(point))
+        return math.isfinite(point[0] + point[1]) and self._clear(ShapelyPoint(point))
 
     def leg_clear(self, start: Point, end: Point) -> bool:
         """Whether every point of the straight leg is clear."""
+        if not math.isfinite(start[0] + start[1] + end[0] + end[1]):
+            return False
         leg = leg_line(start, end)
         return not self._index.leg_close(start, end, leg) and self._within_fences(leg)
 
@@ -178,8 +180,10 @@ class Airspace:
 
     def legs_clear_between(self, starts: Floats, ends: Floats) -> Flags:
         """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""
+        clear = np.asarray(np.isfinite(np.hstack((starts, ends))).all(axis=1))
+        if not clear.all():
+            starts, ends = (np.where(clear[:, None], places, 0.0) for places in (starts, ends))
         lines = leg_lines(starts, ends)
-        clear = np.ones(len(lines), dtype=bool)
         for fence in self._fences:
             clear[clear] = fence.keeps(lines[clear], self._fence_threshold_m)
         rest = np.flatnonzero(clear)
@@ -192,6 +196,8 @@ class Airspace:
         A vehicle that is moving when it is sent elsewhere cuts a curve; its caller gives corners
         of an area that contains it.
         """
+        if not np.isfinite(points).all():
+            return False
         return self._clear(MultiPoint(points).convex_hull)
 
     def blockers(self, start: Point, end: Point) -> tuple[str, ...]:
@@ -334,7 +340,7 @@ class Airspace:
         return least
 
 
-def _shapes(fences: Shape | Ring | Sequence[Shape] | None) -> tuple[Shape, ...]:
+def _shapes(fences: Shape | Sequence[Point] | Sequence[Shape] | None) -> tuple[Shape, ...]:
     if fences is None:
         return ()
     if isinstance(fences, Outline | Circle):

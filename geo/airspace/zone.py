@@ -154,7 +154,7 @@ class Zone:
     def __init__(  # noqa: PLR0913 - one for each field
         self,
         name: str,
-        shape: Shape | Ring,
+        shape: Shape | Sequence[Point],
         *,
         clearance_m: float | None = None,
         band: Band | None = None,
@@ -165,7 +165,7 @@ class Zone:
             raise ZoneError(f"a clearance of {clearance_m} m; it must be 0 or more", "out-of-range")
         for attribute, value in (
             ("name", name),
-            ("shape", shape if isinstance(shape, Outline | Circle) else Outline(shape)),
+            ("shape", shape if isinstance(shape, Outline | Circle) else Outline(tuple(shape))),
             ("clearance_m", clearance_m),
             ("band", band),
             ("validity", validity),

@@ -241,6 +241,8 @@ class _Cells:
 
     def near(self, east_m: float, north_m: float) -> list[int]:
         """The triangles that reach into the square of a point."""
+        if not math.isfinite(east_m + north_m):
+            return []
         last = self._side - 1
         column = min(max((east_m - self._west_m) / self._step_east_m, 0.0), last)
         row = min(max((north_m - self._south_m) / self._step_north_m, 0.0), last)

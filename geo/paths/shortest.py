@@ -111,7 +111,8 @@ class ShortestPaths:
                 itself, the nearest place that is.
         """
         part = None
-        if not len(self.mesh):
+        start = point if reachable_from is None else reachable_from
+        if not len(self.mesh) or not np.isfinite([point, start]).all():
             return None
         if reachable_from is not None:
             part = self.part_of(reachable_from)

@@ -5,6 +5,7 @@ import pytest
 
 from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
+from geo.paths.shortest import ShortestPaths
 from tests.geo.shapes import box, ring
 
 
@@ -146,3 +147,21 @@ def test_holders_say_what_one_is_in():
 def test_a_clearance_is_a_distance(clearance_m):
     with pytest.raises(ValueError, match="clearance"):
         airspace(clearance_m=clearance_m)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("zones", [[], [box("hall", 0, 0, 10, 10)]])
+@pytest.mark.parametrize("fence", [None, FENCED])
+def test_what_is_not_finite_is_not_clear(fence, zones, wrong):
+    space, here = airspace(*zones, fence=fence), P(-50, 50)
+    for there in (P(wrong, 50), P(-50, wrong)):
+        assert not space.point_clear(there)
+        assert not space.leg_clear(here, there)
+        assert not space.leg_clear(there, here)
+        assert space.legs_clear(here, [there, P(-40, 50)]) == [False, True]
+        assert space.legs_clear(there, [here]) == [False]
+        assert not space.swept_clear([here, P(-40, 50), there])
+        paths = ShortestPaths(space)
+        assert paths.path(here, there) is paths.path(there, here) is None
+        assert paths.part_of(there) is paths.nearest(there) is paths.nearest(here, there) is None
+        assert not paths.connected(here, there)
