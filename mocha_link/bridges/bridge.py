@@ -109,8 +109,7 @@ class Outbox:
 class Progress:
     """The place in the node's sequence, and the headers of the latest messages of every channel.
 
-    A file that cannot be used is reported and left alone; then nothing is remembered beyond the
-    process. Any thread may use it.
+    A file that fails is reported and left alone; memory takes its place. Any thread may use it.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -148,25 +147,38 @@ class Progress:
 
     def note(self, channel: str, header: str, history: int = 1) -> None:
         """A message was handed on, or is not worth another try."""
-        with self._lock, self._file:
-            self._file.execute(
-                "INSERT OR IGNORE INTO handed (channel, header) VALUES (?, ?)", (channel, header)
-            )
-            self._file.execute(
-                "DELETE FROM handed WHERE channel = ?1 AND number <= (SELECT number FROM handed "
-                "WHERE channel = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)",
-                (channel, history + SPARE),
-            )
+        forget = (
+            "DELETE FROM handed WHERE channel = ?1 AND number <= (SELECT number FROM handed "
+            "WHERE channel = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)"
+        )
+        self._change(
+            ("INSERT OR IGNORE INTO handed (channel, header) VALUES (?, ?)", (channel, header)),
+            (forget, (channel, history + SPARE)),
+        )
 
     def move(self, place: tuple[str, int]) -> None:
         """All up to a place was handed on."""
-        with self._lock, self._file:
-            self._file.execute("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place)
+        self._change(("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place))
 
     def close(self) -> None:
         """Give up the file."""
         with self._lock:
             self._file.close()
+
+    def _change(self, *changes: tuple[str, tuple[object, ...]]) -> None:
+        """Make changes together."""
+        with self._lock:
+            try:
+                with self._file:
+                    for change in changes:
+                        self._file.execute(*change)
+            except sqlite3.Error as error:
+                LOG.warning("cannot write state: %s; a restart will repeat messages", error)
+                failed, self._file = self._file, self._open(None)
+                with contextlib.suppress(sqlite3.Error), contextlib.closing(failed):
+                    failed.backup(self._file)
+                for change in changes:
+                    self._file.execute(*change)
 
 
 class Bridge:

@@ -33,7 +33,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
 from mocha_link.bridges.rcl import Cdr
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import Guard, MochaLinkError
+from mocha_link.node.lifetime import Closeable
 from mocha_link.ros.ros_store import RosTypes, element
 
 _BASES: dict[str, Any] = {"bool": bool, "string": str, "char": types.uint8}  # others by their name
@@ -131,8 +132,8 @@ class DdsError(MochaLinkError):
     """A DDS domain cannot be joined."""
 
 
-class Dds(Cdr):
-    """Publishes and subscribes the topics of ROS 2 nodes in a DDS domain.
+class Dds(Cdr, Closeable):
+    """Publishes and subscribes the topics of ROS 2 nodes in a DDS domain. A context manager.
 
     A topic's name begins with ``/``; one that does not is taken as DDS has it: those of services.
 
@@ -162,7 +163,8 @@ class Dds(Cdr):
         # reader, its condition, who takes the data
         self._readers: list[tuple[Any, Any, Callable[[bytes], None]]] = []
         self._lock = threading.Lock()
-        self._stopping = False  # set by `stop`
+        self._stopping = False  # set by `close`
+        self._guard = Guard("what a DDS topic says was not taken in; the others are")
         self._awake = GuardCondition(self._participant)  # triggered to end the wait
         self._waiting = WaitSet(self._participant)  # for data, or for `_awake`
         self._waiting.attach(self._awake)
@@ -170,7 +172,7 @@ class Dds(Cdr):
         self._thread.start()
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> Any:
-        """See `bridge.Middleware`; gives the reader."""
+        """See `bridge.Middleware`; gives the reader. What `hand` raises is logged, no more."""
         with self._lock:
             reader = DataReader(
                 self._participant,
@@ -200,7 +202,9 @@ class Dds(Cdr):
         self.advertise(topic, kind, history).write(self._types.of(kind)(data))
 
     def close(self) -> None:
-        """See `bridge.Middleware`."""
+        """See `bridge.Middleware`; may be called twice."""
+        if self._stopping:
+            return
         self._stopping = True
         self._awake.set(True)
         self._thread.join()
@@ -220,7 +224,8 @@ class Dds(Cdr):
                     for sample in reader.take(TAKEN):
                         data = getattr(sample, "data", b"")  # that a publisher ended has none
                         if data:
-                            hand(data)
+                            with self._guard:
+                                hand(data)
                 except DDSException as error:
                     LOG.warning("cannot read %s: %s", reader.topic.name, error)
 

@@ -256,3 +256,19 @@ def test_a_file_that_is_none(tmp_path, caplog):
         progress.close()
         assert f"cannot keep state in {bad}" in caplog.text
     assert path.read_bytes() == b"not a database" * 100
+
+
+def test_a_disk_that_becomes_full(tmp_path, caplog):
+    progress = Progress(tmp_path / "state")
+    progress.move(("a", 1))
+    progress._file.execute("PRAGMA max_page_count = 1")  # no more than it has
+    for number in range(200):
+        progress.note(f"/{number}", "h" * 200)
+    progress.move(("a", 2))
+    assert progress.place == ("a", 2)
+    assert all(progress.handed(f"/{number}", "h" * 200) for number in range(200))
+    progress.close()
+    assert caplog.text.count("cannot write state: database or disk is full") == 1
+    again = Progress(tmp_path / "state")
+    assert again.place == ("a", 1)
+    again.close()

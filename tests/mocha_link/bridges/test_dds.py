@@ -101,6 +101,24 @@ def test_a_publisher_that_is_not_reliable(domain):
     dds.close()
 
 
+def test_what_takes_a_message_may_fail(domain, caplog):
+    """The thread goes on, to hand over the next one."""
+    heard = queue.SimpleQueue()
+
+    def take(data):
+        heard.put(data)
+        raise RosError("no position")
+
+    with Dds({}, domain=domain) as dds:
+        dds.subscribe("/point", POINT, 1, take)
+        out = writer(DomainParticipant(domain), "rt/point")
+        for _ in range(2):
+            out.write(SAMPLE)
+            assert heard.get(timeout=60)
+    dds.close()  # again
+    assert "no position" in caplog.text
+
+
 @pytest.mark.parametrize("number", ["abc", "233", "-1"])
 def test_a_domain_that_is_none(number, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", number)
