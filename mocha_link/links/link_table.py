@@ -87,6 +87,8 @@ class _LinkRecord:
 
     def end(self, at_s: float, ending: str) -> None:
         """The peer is out of reach."""
+        if self.began_s is not None:  # the clock may have been set back since
+            self.began_s = min(self.began_s, at_s)
         contact = self.contact(at_s, ending)
         if contact:
             self.contacts.append(contact)

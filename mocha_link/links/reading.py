@@ -32,7 +32,7 @@ class Reading:
 
     Readings of different units or sources are never compared with each other. The value may be
     given as any real number, such as one of numpy; it is kept as a float. Raises RadioError if it
-    cannot be one in that unit, or if the source is no short printable text.
+    cannot be one in that unit, if that is none, or if the source is no short printable text.
     """
 
     value: float  # in the unit's own measure
@@ -42,6 +42,8 @@ class Reading:
     def __post_init__(self) -> None:
         if isinstance(self.value, bool) or not isinstance(self.value, numbers.Real):
             raise RadioError(f"a reading must be a number, not {type(self.value).__name__}")
+        if not isinstance(self.unit, Unit):
+            raise RadioError(f"the unit of a reading must be a Unit, not {self.unit!r:.40}")
         limit = LIMIT_DEVICE if self.unit is Unit.DEVICE else LIMIT_DBM
         if not -limit <= self.value <= limit:  # also NaN
             raise RadioError(f"a reading in {self.unit.value} must be within ±{limit:g}")

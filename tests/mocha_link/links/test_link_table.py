@@ -190,3 +190,11 @@ def test_a_clock_set_back_ends_no_contact():
     link_table.update(SyncEnded("io", 1001, IN, 1, 6, 1.0))
     assert link_table.links(500)["io"].contacts == (Contact(500, None, 1, 0, 0, 0, ""),)
     assert link_table.links(511)["io"].contacts == (Contact(500, 500, 1, 0, 0, 0, "quiet"),)
+
+
+def test_no_contact_ends_before_it_began():
+    """The clock was set back while it lasted."""
+    link_table = LinkTable(("io",))
+    link_table.update(ContactBegan("io", 1000, None))
+    link_table.update(ContactEnded("io", 500, 0.0, "too weak"))
+    assert link_table.links()["io"].contacts == (Contact(500, 500, 0, 0, 0, 0, "too weak"),)
