@@ -55,7 +55,7 @@ class RosCodec:
         """Whether messages of a type can be read and written."""
         return self._types[ros].known(kind)
 
-    def decode(self, kind: str, data: bytes, ros: Ros) -> object:
+    def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
         """The message object that bytes hold.
 
         At most 64 MiB and a million messages within a message are read; arrays stay in the bytes.
@@ -212,16 +212,21 @@ class _Builder:
             items = _list([{}] * size if value is None else value, where)
             return [self.message(inner, v, f"{where}[{i}]") for i, v in enumerate(items)]
         base = inner[0]
+        dtype = _DTYPES.get(base, base)
         if base in _OCTETS and isinstance(value, str):
             try:
                 octets = base64.b64decode(value, validate=True)
             except ValueError:
                 raise RosError(f"{where}: not Base64 text") from None
-            return np.frombuffer(octets, dtype=_DTYPES.get(base, base))
+            return np.frombuffer(octets, dtype=dtype)
+        if isinstance(value, np.ndarray):
+            if base != "string" and value.ndim == 1 and value.dtype == dtype:
+                return np.ascontiguousarray(value)
+            value = value.tolist()
         instead = [_INSTEAD.get(base, 0)] * size
         items = _list(instead if value is None else value, where)
         plain = [_scalar(base, item, f"{where}[{i}]") for i, item in enumerate(items)]
-        return plain if base == "string" else np.array(plain, dtype=_DTYPES.get(base, base))
+        return plain if base == "string" else np.array(plain, dtype=dtype)
 
 
 def _list(value: object, where: str) -> list[Any]:
@@ -231,6 +236,7 @@ def _list(value: object, where: str) -> list[Any]:
 
 
 def _scalar(base: str, value: object, where: str) -> Any:
+    value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, str) and base.startswith("float"):
         value = _NO_NUMBERS.get(value, value)
     if not _fits(base, value):

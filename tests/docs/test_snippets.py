@@ -47,6 +47,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
         "air_router/files/missions/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
     ),
+    "radios.md python 1": "mocha_link/test_docs_embedding.py::test_the_radio_of_a_program",
     "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
     "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",

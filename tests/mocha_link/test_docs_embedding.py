@@ -10,6 +10,8 @@ import sys
 import typing
 from pathlib import Path
 
+import pytest
+
 from mocha_link import (
     Contact,
     LinkEvent,
@@ -22,6 +24,7 @@ from mocha_link import (
     Unit,
     open_radio,
 )
+from mocha_link.errors import RadioError
 from mocha_link.links.link_events import Direction
 from mocha_link.radios import parse_report
 from mocha_link.team.document import Document
@@ -108,6 +111,29 @@ def test_every_radio_and_unit_is_documented():
     trigger = Trigger()
     for name in ("rssi_threshold_dbm", "snr_threshold_db", "device_threshold", "hysteresis_db"):
         assert f"`{name}` ({getattr(trigger, name):g})" in RADIOS
+
+
+def test_the_radio_of_a_program(field, tmp_path):
+    (program,) = re.findall(r"```python\n(.*?)```", RADIOS, re.DOTALL)
+    path = tmp_path / "team.yaml"
+    path.write_text(field.team.dump())
+    with Node(Team.load(path), "io") as node:
+        node.publish("/pose", b"{}")
+        ended = subprocess.run(
+            [sys.executable, "-c", program, str(path), "titan", "io"],
+            capture_output=True,
+            text=True,
+            timeout=WAIT_S,
+            check=True,
+        )
+    assert re.fullmatch(r"(in|out) io -60 dBm \(modem\)\n", ended.stdout)
+    assert not ended.stderr
+
+
+@pytest.mark.parametrize("unit", ["dBm", None])
+def test_a_unit_that_is_none(unit):
+    with pytest.raises(RadioError, match="the unit of a reading must be a Unit, not"):
+        Reading(-60.0, unit, "modem")
 
 
 def test_the_reports_are_reports():

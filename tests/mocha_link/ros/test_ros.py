@@ -37,6 +37,7 @@ TYPES = (
     "visualization_msgs/MarkerArray",
     "field/Goal",
 )
+GRID = "nav_msgs/OccupancyGrid"
 GOAL = {
     "header": {"stamp": {"sec": 5, "nanosec": 7}, "frame_id": "map"},
     "places": [
@@ -114,6 +115,19 @@ def test_numbers_that_json_does_not_have(codec):
         "-inf",
         0,
     ]
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_numbers_of_numpy_are_numbers(codec, ros):
+    cells = np.arange(12, dtype=np.int8)
+    for data in (cells, cells.astype(np.int64), np.stack([cells, cells], axis=1)[:, 0]):
+        values = {"info": {"resolution": np.float32(0.5), "width": np.int64(12)}, "data": data}
+        grid = codec.decode(GRID, codec.encode(GRID, values, ros), ros)
+        assert (grid.info.resolution, grid.info.width) == (0.5, 12)
+        assert grid.data.tolist() == list(range(12))
+    for wrong in (np.array([300]), np.array([0.5]), np.array([[1]]), np.array(1)):
+        with pytest.raises(RosError, match="stands where a"):
+            codec.encode(GRID, {"data": wrong}, ros)
 
 
 @pytest.mark.parametrize(
