@@ -114,13 +114,11 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if controller.states.reachability.no_way_home:
         parts.append("NO WAY HOME")
     signals = {
-        peer: f"{link.rssi_dbm:.0f}"
-        for peer, link in sorted(links.items())
-        if link.rssi_dbm is not None
+        peer: link.signal.words for peer, link in sorted(links.items()) if link.signal is not None
     }
     sought = controller.context.robot
     if sought is not None:
-        parts.append(f"{sought} {signals.pop(sought)} dBm" if sought in signals else sought)
+        parts.append(f"{sought} {signals.pop(sought)}" if sought in signals else sought)
     left_s = controller.context.left_s
     if left_s is not None:
         parts.append(f"{left_s:4.0f} s left")
@@ -133,7 +131,7 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if controller.context.telemetry is not None:
         parts += _vehicle(controller, controller.context.telemetry)
     if signals:
-        parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()) + " dBm")
+        parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()))
     return " | ".join(parts)
 
 

@@ -98,8 +98,8 @@ class Scene:
         header = {"stamp": stamp(unix_s), "frame_id": MAP_FRAME}
         body = f"{self._name}/base_link"
         at = self._xyz(view["position"], view["altitude_m"])
-        # Without a heading it looks east, as what has none in ROS.
-        turned = math.radians((90.0 - (view["heading_deg"] or 90.0)) / 2)
+        heading_deg = view["heading_deg"]  # without one it looks east, as what has none in ROS
+        turned = math.radians((90.0 - (90.0 if heading_deg is None else heading_deg)) / 2)
         rotation = {"z": math.sin(turned), "w": math.cos(turned)}
         yield self._out(
             "~/pose", {"header": header, "pose": {"position": at, "orientation": rotation}}
@@ -145,7 +145,7 @@ class Scene:
         ]
         if view["position"] is not None:
             here = self._xyz(view["position"], view["altitude_m"])
-            heard = [link["peer"] for link in view["links"] if link["rssi_dbm"] is not None]
+            heard = [link["peer"] for link in view["links"] if link["signal"] is not None]
             lines = [end for peer in heard if peer in places for end in (here, places[peer])]
             markers.append(_marker("link", 0, _LINES, _LINK, lines))
             if view["goal"] is not None:
@@ -194,10 +194,10 @@ class Scene:
         told = {key: view.get(key) for key in keys}
         statuses = [self._status("mission", level, message, told)]
         for link in view["links"]:
-            level, message = _OK, f"{link['rssi_dbm']} dBm"
+            level, message = _OK, link["signal"]
             if link["team_differs"]:
                 level, message = _ERROR, "it has another team file: nothing is exchanged"
-            elif link["rssi_dbm"] is None:
+            elif link["signal"] is None:
                 level, message = _STALE, "the radio does not hear it"
             statuses.append(self._status(f"link {link['peer']}", level, message, link))
         return self._diagnostics(statuses, unix_s)

@@ -45,7 +45,7 @@ class RosGraph:
     def publish(self, topic: str, kind: str, values: Values) -> None:
         """Publish on a topic that is advertised; what readers are too slow for is left out."""
         try:
-            self._dds.publish(topic, kind, 1, self._encoded(kind, values))
+            self._dds.publish(topic, kind, 1, self._codec.encode(kind, values, 2))
         except DDSException as error:
             _LOG.warning("%s: a message was left out: %s", topic, error)
 
@@ -85,11 +85,3 @@ class RosGraph:
     def close(self) -> None:
         """Leave the domain."""
         self._dds.close()
-
-    def _encoded(self, kind: str, values: Values) -> bytes:
-        large = values.get("data")  # a map: too long for a list of numbers
-        if isinstance(large, (str, type(None))):
-            return self._codec.encode(kind, values, 2)
-        message: Any = self._codec.from_json(kind, {**values, "data": []}, 2)
-        message.data = large
-        return self._codec.encode(kind, message, 2)

@@ -52,6 +52,11 @@ class Reading:
         if not (source and len(source) <= MAX_SOURCE_LETTERS and source.isprintable()):
             raise RadioError(f"a source must be 1 to {MAX_SOURCE_LETTERS} printable letters")
 
+    @property
+    def words(self) -> str:
+        """The value, rounded, and its unit."""
+        return f"{self.value:.0f} {self.unit.value}"
+
     def __str__(self) -> str:
         return f"{self.value:g} {self.unit.value} ({self.source})"
 

@@ -6,6 +6,7 @@ from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine, flight_line
 from air_router.live.scene import LiveScene
 from air_router.vehicle.height_frame import HomeMove
 from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links.reading import Reading, Unit
 
 
 class Terminal(io.StringIO):
@@ -51,7 +52,7 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     flight.robots = {"io": flight.mission.waypoints[26].position}
     flight.take_off()
     links = {
-        "io": LinkMetrics("io", rssi_dbm=-61.4),
+        "io": LinkMetrics("io", signal=Reading(-61.4, Unit.DBM, "wifi")),
         "europa": LinkMetrics("europa"),
     }
     line = flight_line(flight.controller, links)
@@ -63,10 +64,9 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     assert "callisto" in line
     assert "on the way" in line
     assert "dBm" not in line
-    line = flight_line(
-        flight.controller, {**links, "callisto": LinkMetrics("callisto", rssi_dbm=-80)}
-    )
-    assert "| callisto -80 dBm |" in line  # who is sought first, the others at the end
+    callisto = LinkMetrics("callisto", signal=Reading(31, Unit.DEVICE, "rajant"))
+    line = flight_line(flight.controller, {**links, "callisto": callisto})
+    assert "| callisto 31 device |" in line  # who is sought first, the others at the end
     assert line.endswith("| io -61 dBm")
 
 

@@ -34,12 +34,13 @@ from air_router.flight.flight_stats import FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.gossip.mapper import Mapper
 from air_router.ros2.bridge import MAP_LOOKS, AnotherVehicleError, Ros2Bridge
-from air_router.ros2.messages import TOPICS
+from air_router.ros2.messages import TOPICS, Scene
 from air_router.ros2.ros_graph import RosGraph
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.bridges.dds import DdsTypes
 from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links.reading import Reading, Unit
 from mocha_link.ros.ros import RosCodec
 from tests.loopback_dds import taken
 
@@ -64,7 +65,8 @@ class FakeClient(ControlClient):
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
     def links(self):
-        return {"io": LinkMetrics("io", rssi_dbm=-60.0), "europa": LinkMetrics("europa")}
+        rajant = Reading(31, Unit.DEVICE, "rajant")
+        return {"io": LinkMetrics("io", signal=rajant), "europa": LinkMetrics("europa")}
 
     def deliver(self, request):
         before = len(self.flight.actions)
@@ -233,9 +235,19 @@ def test_the_flight_in_standard_messages(client, bridge, program):
     assert (io.pose.position.x, io.pose.position.y) == pytest.approx(ROBOTS["io"], abs=0.02)
     assert any(marker.ns == "link" and len(marker.points) == 2 for marker in team)
     told = {status.name: status for status in program.standard("/diagnostics").status}
-    assert told["titan: link io"].message == "-60.0 dBm"
+    assert told["titan: link io"].message == "31 device"
     assert told["titan: link europa"].level == 3
     assert told["titan: mission"].level == 0
+
+
+@pytest.mark.parametrize(("heading_deg", "yaw_deg"), [(0.0, 90), (90.0, 0), (180, -90), (None, 0)])
+def test_where_it_looks(client, heading_deg, yaw_deg):
+    client.flight.take_off()
+    view = client.request({"request": "view"}) | {"heading_deg": heading_deg}
+    scene = Scene("titan", view["origin"])
+    (pose,) = (out.values for out in scene.vehicle(view, 0.0) if out.topic == "~/pose")
+    turn = pose["pose"]["orientation"]
+    assert math.degrees(2 * math.atan2(turn["z"], turn["w"])) == pytest.approx(yaw_deg)
 
 
 def test_services_answer_in_the_flights_words(client, program):
