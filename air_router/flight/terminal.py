@@ -91,7 +91,7 @@ class _Screen(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write what it takes."""
-        self._raw.write(text.encode())
+        self._raw.write(text.encode(errors="replace"))
         return len(text)
 
     def close(self) -> None:
@@ -159,6 +159,9 @@ _STOPS: Final = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 
 _GONE: Final = "the terminal is gone; the flight goes on without it"
 
+_AGAIN_S: Final = 0.5
+"""A terminal that gave no line, at Ctrl-D or in the background, is read again after so long."""
+
 
 @contextlib.contextmanager
 def listening(
@@ -179,11 +182,7 @@ def listening(
     loop = asyncio.get_running_loop()
     keyboard = keyboard if keyboard is not None else sys.stdin
 
-    def on_line() -> None:
-        line = _line_of(keyboard)
-        if not line:
-            loop.remove_reader(keyboard)
-            return
+    def on_line(line: str) -> None:
         if not line.strip():
             return
         try:
@@ -193,20 +192,43 @@ def listening(
         else:
             deliver(command)
 
-    typed = keyboard.isatty()
-    if typed:
-        loop.add_reader(keyboard, on_line)
     loop.add_signal_handler(signal.SIGHUP, complain, _GONE)
     for number, word in SIGNALS.items():
         loop.add_signal_handler(number, deliver, parse_command(word))
     try:
-        with _unstopped():
+        with _typed(keyboard, on_line), _unstopped():
             yield
     finally:
         for number in (signal.SIGHUP, *SIGNALS):
             loop.remove_signal_handler(number)
-        if typed:
-            loop.remove_reader(keyboard)
+
+
+@contextlib.contextmanager
+def _typed(keyboard: TextIO, take: Callable[[str], None]) -> Iterator[None]:
+    """Hand each line that is typed at a terminal to `take` while this lasts."""
+    if not keyboard.isatty():
+        yield
+        return
+    loop = asyncio.get_running_loop()
+    again: asyncio.TimerHandle | None = None
+
+    def read() -> None:
+        nonlocal again
+        line = line_of(keyboard)
+        if line:
+            take(line)
+            return
+        loop.remove_reader(keyboard)
+        if keyboard.isatty():  # it is still there
+            again = loop.call_later(_AGAIN_S, loop.add_reader, keyboard, read)
+
+    loop.add_reader(keyboard, read)
+    try:
+        yield
+    finally:
+        if again is not None:
+            again.cancel()
+        loop.remove_reader(keyboard)
 
 
 @contextlib.contextmanager
@@ -227,9 +249,11 @@ def _unstopped() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _line_of(keyboard: TextIO) -> str:
-    """What was typed; empty once the terminal is gone."""
+def line_of(keyboard: TextIO) -> str:
+    """What was typed; empty at Ctrl-D, in the background, and once the terminal is gone."""
     try:
         return keyboard.readline()
     except OSError:
         return ""
+    except UnicodeDecodeError as error:  # bytes that are no letters here: a request of no meaning
+        return error.object.decode(error.encoding, "replace")

@@ -13,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import termios
 import tty
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from types import FrameType
 from typing import IO, Any, Final, TextIO
 
 from air_router.errors import ExitCode
+from air_router.flight.terminal import line_of
 
 AIR_ROUTER: Final = (sys.executable, "-m", "air_router.cli.cli")
 
@@ -35,6 +37,7 @@ _GRAVITY: Final = (
     ExitCode.NO_VEHICLE,
     ExitCode.INVALID_FILE,
     ExitCode.USAGE,
+    ExitCode.MISSING_EXTRA,
     ExitCode.ENDED_OTHERWISE,
     ExitCode.DONE,
 )
@@ -238,7 +241,7 @@ class Flights:
 
     def _take_words(self) -> bool:
         """`home` goes to all, `titan home` to one."""
-        line = self._keyboard.readline()
+        line = line_of(self._keyboard)
         name, _, rest = line.strip().partition(" ")
         names = [flight.uav for flight in self.flights]
         words = rest if name in {*names, _ALL} else line.strip()
@@ -246,7 +249,7 @@ class Flights:
             if name in {flight.uav, _ALL} or name not in names:
                 with contextlib.suppress(OSError):
                     os.write(flight.screen, f"{words}\n".encode())
-        return bool(line)
+        return bool(line) or self._keyboard.isatty()  # Ctrl-D ends nothing
 
 
 def _start(uav: str, command: Sequence[str], block: StatusBlock) -> FlightProcess:
@@ -254,6 +257,9 @@ def _start(uav: str, command: Sequence[str], block: StatusBlock) -> FlightProces
     if block.live:
         ours, theirs = pty.openpty()
         tty.setraw(theirs)
+        mode = termios.tcgetattr(theirs)
+        mode[tty.LFLAG] |= termios.ICANON  # line by line all the same: each is one request
+        termios.tcsetattr(theirs, termios.TCSANOW, mode)
         stdin = theirs
     else:
         ours, theirs = os.pipe()

@@ -37,10 +37,33 @@ def test_typed_words_are_requests_and_nonsense_is_answered(terminal):
     assert "no request 'fly'; use one of hold" in complaints[0]
 
 
+def test_no_byte_and_no_ctrl_d_at_the_terminal_ends_anything(terminal):
+    typist, keyboard = terminal
+    requests, complaints, faults = [], [], []
+
+    async def listen():
+        loop, done = asyncio.get_running_loop(), asyncio.Event()
+        loop.set_exception_handler(lambda _loop, context: faults.append(context["exception"]))
+
+        def deliver(request):
+            requests.append(request)
+            done.set()
+
+        with listening(deliver, complaints.append, keyboard):
+            os.write(typist.fileno(), b"h\xf6ld\n\x04home\n")  # of a Latin-1 terminal, then Ctrl-D
+            await asyncio.wait_for(done.wait(), 60)
+
+    asyncio.run(listen())
+    assert (requests, faults) == ([parse_command("home")], [])
+    assert len(complaints) == 1
+    assert "no request 'h\N{REPLACEMENT CHARACTER}ld'" in complaints[0]
+
+
 def test_a_terminal_that_takes_nothing_keeps_nothing_waiting(terminal):
     _, keyboard = terminal
     with os.fdopen(os.dup(keyboard.fileno()), "w") as screen:
         status = StatusLine(screen)
+        status.say(os.fsdecode(b"fl\xfcge.mcap"))  # a path need not be UTF-8
         for number in range(2_000):  # far more than it buffers, and nothing reads it
             status.say(f"line {number} {'x' * 60}")
 

@@ -64,6 +64,7 @@ def run(script, arguments, screen=None):
         (("0", "killed"), ExitCode.ENDED_OTHERWISE),
         (("4", "1"), ExitCode.NO_VEHICLE),
         (("5", "130"), ExitCode.INTERRUPTED),
+        (("0", "7"), ExitCode.MISSING_EXTRA),
     ],
 )
 def test_all_are_waited_for_and_the_worst_exit_code_counts(ends, worst):
@@ -127,3 +128,27 @@ def test_without_a_terminal_news_are_printed_and_nothing_is_drawn_over():
     block.say("titan", "found")
     block.end()
     assert screen.getvalue() == "titan  found\n"
+
+
+def test_every_line_that_is_typed_at_once_is_read_by_itself():
+    """As a flight reads it: a line whenever there is something to read."""
+    reads = """
+import os, sys, time
+sys.stderr.write("ready\\n")
+time.sleep(1.0)
+for _ in range(2):
+    sys.stderr.write(f"read {os.read(0, 1000)}\\n")
+"""
+    typist, terminal = os.openpty()
+    typed = []
+
+    def type_it(text):
+        if "ready" in text and not typed:
+            typed.append(os.write(typist, b"\x04h\xf6ld\nhome\n"))  # Ctrl-D ends nothing
+
+    screen = Screen(tty=True, when=type_it)
+    with os.fdopen(typist), os.fdopen(terminal) as keyboard:
+        flights = Flights({"titan": []}, screen, keyboard, program=(sys.executable, "-c", reads))
+        assert flights.run() is ExitCode.DONE
+    said = [line for line in screen.getvalue().replace("\r", "\n").splitlines() if "read b" in line]
+    assert ["b'home" in line for line in said] == [False, True]
