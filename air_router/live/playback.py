@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import PublishMap
+from air_router.controller.model.actions import Announce, PublishMap
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
@@ -114,7 +114,10 @@ class RecordedFlight:
         return False
 
     def _decide(self, step: RecordedStep, page: RecordConsumer) -> None:
-        decided = self._replayer.decide(step)
+        try:
+            decided = self._replayer.decide(step)
+        except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
+            decided = [Announce(f"no decision: {type(error).__name__}: {error}")]
         page.step(step.event, decided, step.t)
         due = isinstance(step.event, Telemetry) and step.t - self._published_s >= MAP_INTERVAL_S
         if due or any(isinstance(action, PublishMap) for action in decided):

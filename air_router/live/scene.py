@@ -14,6 +14,7 @@ from air_router.compass import wind_words
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
+from air_router.controller.targets.target_list import TargetTrack
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
@@ -63,10 +64,8 @@ class History(Generic[Item]):
 
 @dataclass(slots=True)
 class _Robot:
-    position: Point
-    heard_s: float  # vehicle's clock
-    peer: str  # who handed its pose on
-    way: tuple[Point, ...] = ()  # that it intends to drive
+    track: TargetTrack  # its newest pose, and path
+    peer: str = ""  # who handed that pose on
 
 
 class LiveScene:
@@ -95,8 +94,8 @@ class LiveScene:
         self._track_end: Point | None = None  # position of its last point
         self._robots: dict[str, _Robot] = {}  # heard of, by name
         self._syncing: dict[tuple[str, Direction], float] = {}  # when each began
-        self._synced_s: dict[str, float] = {}  # pulled from, by peer
-        self._syncs: Counter[str] = Counter()  # ended well, by peer
+        self._synced_s: dict[str, float] = {}  # when the last one ended well, by peer
+        self._syncs: Counter[str] = Counter()  # begun, by peer
         self._links: Mapping[str, LinkMetrics] = {}  # metrics, refreshed by the server
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
@@ -112,11 +111,12 @@ class LiveScene:
                 if event.in_air:
                     self._fly(event.position)
                 self._sample(event)
-            case RobotPose(robot=robot, position=position, peer=peer):
-                way = self._robots[robot].way if robot in self._robots else ()
-                self._robots[robot] = _Robot(position, self._now_s, peer, way)
-            case RobotPath(robot=robot, points=points) if robot in self._robots:
-                self._robots[robot].way = points
+            case RobotPose(robot=name, position=position, stamp_s=stamp_s, peer=peer):
+                robot = self._robot(name)
+                if robot.track.pose_heard(position, stamp_s, self._now_s):
+                    robot.peer = peer
+            case RobotPath(robot=name, points=points, stamp_s=stamp_s):
+                self._robot(name).track.path_heard(points, stamp_s, self._now_s)
             case SyncStarted(peer=peer, direction=direction):
                 self._syncing[peer, direction] = self._now_s
                 self._syncs[peer] += 1
@@ -126,6 +126,9 @@ class LiveScene:
             case SyncTimedOut(peer=peer, direction=direction):
                 self._syncing.pop((peer, direction), None)
         self._take_decided(actions)
+
+    def _robot(self, name: str) -> _Robot:
+        return self._robots.setdefault(name, _Robot(TargetTrack(name)))
 
     def _take_decided(self, actions: Collection[Action]) -> None:
         for action in actions:
@@ -187,16 +190,18 @@ class LiveScene:
         }
 
     def robots(self) -> list[dict[str, Any]]:
-        """Where robots were heard to be, how long ago, and by whom."""
+        """Where robots were, how long ago that was, and who told it."""
         return [
             {
                 "name": name,
-                "at": self._pair(robot.position),
-                "age_s": round(self._now_s - robot.heard_s, 1),
+                "at": self._pair(pose.position),
+                "age_s": round(self._now_s - robot.track.ours_s(pose.stamp_s), 1),
                 "by": robot.peer,
-                "way": [self._pair(point) for point in robot.way],
+                "way": [self._pair(point) for point in path.points] if path else [],
             }
             for name, robot in sorted(self._robots.items())
+            for pose, path in [(robot.track.pose, robot.track.path)]
+            if pose is not None
         ]
 
     def link_lines(self) -> list[dict[str, Any]]:

@@ -232,11 +232,13 @@ class LivePage:
         outbox.post(f"answer {answer['id']}", json.dumps(answer, separators=(",", ":")))
 
     def _answer(self, text: str) -> dict[str, Any]:
-        number: object = None
         try:
             values = json.loads(text)
-            number = values.get("id") if isinstance(values, dict) else None
-            number = number if isinstance(number, int) else None
+        except (ValueError, RecursionError):
+            return {"type": "refused", "id": None, "kind": "request", "why": "not a request"}
+        number = values.get("id") if isinstance(values, dict) else None
+        number = number if isinstance(number, int) else None
+        try:
             if self.steer is not None and isinstance(values, dict) and "ask" in values:
                 return {"type": "done", "id": number, **self.steer(values)}
             command = command_request_of(values)
@@ -245,5 +247,3 @@ class LivePage:
             return {"type": "done", **self._commands.grant(command, "the page"), "id": number}
         except CommandRequestError as error:
             return {"type": "refused", "id": number, "kind": "request", "why": str(error)}
-        except (ValueError, RecursionError):
-            return {"type": "refused", "id": number, "kind": "request", "why": "not a request"}

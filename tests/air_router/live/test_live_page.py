@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from air_router.controller.model.actions import CommandAck
-from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.events import AirspaceChanged, RobotPath, RobotPose
 from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
 from air_router.errors import UsageError
@@ -172,6 +172,34 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     ]
     flight.controller.handle(HoldNow(), flight.now_s)
     assert scene.vehicle()["what"] == State.HOLD.value
+
+
+def test_a_position_that_others_carried_is_as_old_as_it_is(flight):
+    """By the robot's own clock, which is another than ours: as the flight itself reckons."""
+    scene = LiveScene(flight.mission, flight.controller, "titan")
+    here, there = Point(10.0, 0.0), Point(50.0, 0.0)
+    for event, now_s in (
+        (RobotPath("io", (there,), 999.0), 99.0),
+        (RobotPose("io", here, 1_000.0, "io"), 100.0),
+        (RobotPose("io", there, 1_060.0, "callisto"), 400.0),
+    ):
+        scene.step(event, (), now_s)
+    (io,) = scene.robots()
+    assert (io["age_s"], io["by"]) == (240.0, "callisto")
+    assert io["at"] == io["way"][-1]
+    scene.step(RobotPose("io", here, 1_010.0, "europa"), (), 401.0)  # older than what is known
+    assert scene.robots() == [{**io, "age_s": 241.0}]
+
+
+def test_a_fault_in_a_decision_is_not_taken_for_a_wrong_request(flight):
+    page = Shown(flight).page
+
+    def fault(*_):
+        raise ValueError("math domain error")
+
+    page._commands.grant = fault
+    with pytest.raises(ValueError, match="domain"):
+        page._answer('{"request": "hold", "id": 1}')
 
 
 def test_tiles_lie_under_the_map(flight, tmp_path):

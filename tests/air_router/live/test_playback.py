@@ -14,6 +14,7 @@ from air_router.errors import ExitCode, RefusedError
 from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.record.log import Note, RecordEntry
+from air_router.record.replay import Replayer
 from air_router.web.serving import Web
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
@@ -132,6 +133,20 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
     assert back["paused"]
     assert back["now_s"] == pytest.approx(back["begin_s"] + 20.0, abs=0.1)
     assert vehicle["state"] == "INIT"
+
+
+def test_a_flight_that_ended_by_a_fault_is_shown_up_to_its_end(record, monkeypatch):
+    """As `replay` compares it: what has failed fails again."""
+    decide, last_s = Replayer.decide, record[-1].t
+
+    def fail(replayer, step):
+        if step.t == last_s:
+            raise ZeroDivisionError("of ours")
+        return decide(replayer, step)
+
+    monkeypatch.setattr(Replayer, "decide", fail)
+    marks = Playback(RecordedFlight(record), Web())._page.record["marks"]
+    assert marks[-1]["text"] == "no decision: ZeroDivisionError: of ours"
 
 
 def test_a_page_that_fails_to_show_something_says_so_some_times_and_goes_on(record, caplog):
