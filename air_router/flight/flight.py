@@ -225,16 +225,15 @@ class Flight:
         found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
         self._status.say(found)
         self._take_card(await self._survey.card_in_the_air(self._vehicle), in_air=True)
-        find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
+        record, rate = self._recorder, self._clock.rate
+        find = partial(flown_before, folder=record.folder, own=record.path, rate=rate)
         found_out = await asyncio.to_thread(find, self._mission, info, self._newest)
         self._status.say(found_out.words)
         if found_out.home_amsl_m is not None:
             self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
         self._admit()
-        self.loop.on_event(found_out.flown)
-        self.loop.on_event(self._newest)
-        for event in self._early:
+        for event in (found_out.flown, self._newest, *self._early):
             self.loop.on_event(event)
 
     def _go_on(self) -> None:

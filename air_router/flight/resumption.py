@@ -71,6 +71,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     info: VehicleInfo,
     telemetry: Telemetry,
     *,
+    folder: Path | None = None,
     own: Path | None = None,
     rate: float = 1.0,
     unix: Callable[[], float] = time.time,
@@ -81,12 +82,12 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
         mission: To be gone on with.
         info: The vehicle, which may know when it took off.
         telemetry: It flies.
-        own: The record of this companion, which has just begun in the folder where others are;
-            None where nothing is recorded.
+        folder: Where records are, also if none can be added; None where nothing is recorded.
+        own: The record of this companion, which has just begun there; None if there is none.
         rate: Seconds of the vehicle's clock in one of ours.
         unix: Our clock.
     """
-    for path in _newest(own):
+    for path in _newest(folder, own):
         try:
             recorded = _recorded(path, mission, telemetry.time_s, rate, unix())
         except (AirRouterError, OSError) as error:
@@ -106,10 +107,10 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
     return Resumption(flown, None, _words(mission, flown, telemetry, how))
 
 
-def _newest(own: Path | None) -> list[Path]:
-    if own is None:
+def _newest(folder: Path | None, own: Path | None) -> list[Path]:
+    if folder is None:
         return []
-    others = [path for path in own.parent.glob("*.mcap") if path != own]
+    others = [path for path in folder.glob("*.mcap") if path != own and path.is_file()]
     return sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)[:NEWEST]
 
 

@@ -80,6 +80,10 @@ class Recorder(Closeable):
         must: A folder that cannot be written to is an error.
         viewer: Shows what is recorded while it happens, also where nothing is kept.
 
+    Attributes:
+        folder: Where records are, also if this one cannot be; None where nothing is to be kept.
+        path: The record; None if there is none.
+
     Raises:
         OSError: `must` is set and the file cannot be made.
     """
@@ -96,7 +100,7 @@ class Recorder(Closeable):
         must: bool = True,
         viewer: RecordViewer | None = None,
     ) -> None:
-        self.trouble = trouble
+        self.trouble, self.folder = trouble, folder
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
         self._last_ns = 0  # of the newest message; never runs back

@@ -1,6 +1,7 @@
 """A flight that another companion goes on with: how long it has flown, what it has explored."""
 
 import dataclasses
+import errno
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ from air_router.controller.model.states import State
 from air_router.flight import flight as flight_module
 from air_router.flight.resumption import flown_before
 from air_router.mission.flight_plan import FlightPlan
+from air_router.record import recorder
 from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.vehicle.clock import VehicleClock
@@ -63,7 +65,7 @@ def telemetry(rig, later_s=0.0):
 
 
 def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, mission, tmp_path):
-    known = partial(flown_before, mission, INFO, own=tmp_path / "own.mcap", unix=lambda: 0.0)
+    known = partial(flown_before, mission, INFO, folder=tmp_path, unix=lambda: 0.0)
     flown, home_amsl_m, words = known(telemetry(first, later_s=10.0))
     assert flown == first.flight.controller.flown
     assert home_amsl_m == pytest.approx(HOME_AMSL_M)
@@ -84,7 +86,7 @@ def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, missio
 def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, later_s, changes):
     mission = dataclasses.replace(mission, **changes)
     _, _, words = flown_before(
-        mission, INFO, telemetry(first, later_s), own=tmp_path / "own.mcap", unix=lambda: 0.0
+        mission, INFO, telemetry(first, later_s), folder=tmp_path, unix=lambda: 0.0
     )
     assert "by its record" not in words
 
@@ -135,6 +137,26 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
     assert re.search(r"battery +30%", said)  # not good, and said
     assert airframe.mode is FlightMode.LAND
     assert second.vehicle.home_amsl_m == pytest.approx(HOME_AMSL_M)
+
+
+def test_what_can_be_recorded_no_more_is_resumed_by_its_record_all_the_same(
+    first, mission, pretend_vehicle, tmp_path, monkeypatch
+):
+    """A disk that has failed, and is read-only now."""
+
+    def read_only(*_):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(recorder, "open_record", read_only)
+    said = []
+    made = recorder.Recorder(tmp_path, "mission.yaml", must=False, trouble=said.append)
+    assert said == [f"{tmp_path}: Read-only file system; the flight is not recorded"]
+    (tmp_path / "newest.mcap").symlink_to(tmp_path / "gone.mcap")
+    assert (made.path, made.folder) == (None, tmp_path)
+    _, _, words = flown_before(
+        mission, INFO, telemetry(first), folder=made.folder, own=made.path, unix=lambda: 0.0
+    )
+    assert "by its record" in words
 
 
 def test_a_plan_that_is_replaced_while_the_flight_is_looked_at_is_not_flown(second):
