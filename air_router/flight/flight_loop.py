@@ -84,9 +84,11 @@ class CommandService:
         """Ask for something, in the mission's metres; the answer says whether it is done."""
         self._number += 1
         number = request.request_id or str(self._number)
-        for action in self._decide(dataclasses.replace(request, request_id=number)):
-            if isinstance(action, CommandAck) and action.request_id == number:
-                return action
+        decided = self._decide(dataclasses.replace(request, request_id=number))
+        for ack in (action for action in decided if isinstance(action, CommandAck)):
+            # A station numbers its goals itself: those that wait may be answered now, too.
+            if (ack.request_id, ack.by) == (number, request.by):
+                return ack
         return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
 
     def typed(self, say: Callable[[str], None], command: CommandRequest) -> None:

@@ -33,7 +33,7 @@ from air_router.control.control import (
     ControlUnreachableError,
 )
 from air_router.control.control_server import ControlServer, endpoint_of
-from air_router.controller.model.requests import ChangeAltitude, GoTo, HoldNow
+from air_router.controller.model.requests import ChangeAltitude, ComeHome, GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.flight_loop import CommandService
 from air_router.flight.mission_reloader import ReloadReport
@@ -416,3 +416,17 @@ def test_a_budget_fills_up_to_what_may_be_spent_at_once():
     assert [budget.spend() for _ in range(11)] == [True] * 10 + [False]
     now_s[0] += 0.25
     assert [budget.spend() for _ in range(2)] == [True, False]
+
+
+def test_an_answer_to_another_request_of_the_same_number_is_not_taken_for_its_own(pretend):
+    """Goals of a base station that wait are answered when a request ends the mission."""
+    flight = pretend()
+    flight.give(GoTo((Point(30.0, 0.0),), waits=True, by="base", request_id="1"))
+    flight.give(flight.telemetry())
+    service = CommandService(
+        flight.mission.frame,
+        flight.controller,
+        lambda request: flight.controller.handle(request, flight.now_s),
+    )
+    answer = service.ask(ComeHome())
+    assert (answer.by, answer.accepted) == ("the operator", True)
