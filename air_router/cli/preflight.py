@@ -109,6 +109,8 @@ async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
     except (PlanRefusedError, NotConfirmedError) as error:
         if upload:
             return Check("plan", BAD, str(error), "change the mission, or the vehicle")
+        if isinstance(error, NotConfirmedError):
+            return Check("plan", LOOK, f"not known: {error}", "look once more")
         advice = "a flight will put the mission on board"
         return Check("plan", LOOK, f"another one is on board: {error}", advice)
     done = "on board, read back, equal, can be flown" if upload else "on board already"

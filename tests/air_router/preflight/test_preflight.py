@@ -1,9 +1,13 @@
+import asyncio
 import dataclasses
 import math
+from types import SimpleNamespace
 from typing import get_args
 
 import pytest
 
+from air_router.cli.preflight import _plan
+from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.files.settings import Accepted
 from air_router.preflight import preflight
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
@@ -336,3 +340,19 @@ def test_what_is_not_flown_as_written_is_on_the_card(pennovation):
     assert (check.verdict, check.found) == (LOOK, note.message)
     assert check.advice == "see mission.yaml:7"
     assert refused.verdict is BAD
+
+
+@pytest.mark.parametrize(
+    ("error", "found"),
+    [
+        (PlanRefusedError("8 items"), "another one is on board: 8 items"),
+        (NotConfirmedError("no answer"), "not known: no answer"),
+    ],
+)
+def test_a_plan_that_cannot_be_read_is_not_said_to_be_another(error, found):
+    async def recognise(_plan):
+        raise error
+
+    look = _plan(SimpleNamespace(recognise=recognise), None, upload=False)
+    assert (check := asyncio.run(look)).found == found
+    assert check.verdict is LOOK
