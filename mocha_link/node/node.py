@@ -158,20 +158,21 @@ class Node(Startable):
         No listener hears of anything after it. One that has not returned by then is logged; the
         ports are free when it does.
         """
-        if self._closed:
-            return
-        self._closed = True
-        self._end()
+        if not self._closed:
+            self._closed = True
+            self._end()
 
     def _end(self) -> None:
         until_s = time.monotonic() + CLOSE_S
-        if self._radio:
-            self._radio.close()
-        if self._transport:
-            self._transport.close()
-        if self._storage:
-            self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
-        self._broadcast.close()
+        try:
+            if self._radio:
+                self._radio.close()
+        finally:
+            if self._transport:
+                self._transport.close()
+            if self._storage:
+                self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
+            self._broadcast.close()
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
         """Put a message of this robot where the others can pull it; returns its header.

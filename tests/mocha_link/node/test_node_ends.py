@@ -5,8 +5,11 @@ from __future__ import annotations
 import sqlite3
 import threading
 
+import pytest
+
 from mocha_link.links.metrics import SyncStarted
 from mocha_link.node.node import LEAST_CLOSE_S, Node
+from mocha_link.radios import ManualRadio
 from mocha_link.store.storage import Storage
 
 WAIT_S = 60
@@ -91,3 +94,18 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     publishing.join(WAIT_S)
     join_nodes()
     assert granted_s == [LEAST_CLOSE_S]  # the listener has had the rest
+
+
+def test_a_radio_that_fails_to_close_leaves_nothing_open(field):
+    """Its error is the caller's; the thread and the ports of the node end all the same."""
+    node, radio, _ = field.node("titan")
+
+    def fail() -> None:
+        raise OSError("no such device")
+
+    radio.close = fail
+    with pytest.raises(OSError, match="no such device"):
+        node.close()
+    node.close()
+    with Node(field.team, "titan", radio=ManualRadio(), clock=field.clock):
+        pass
