@@ -96,6 +96,10 @@ class AirspaceUpdate:
         by_hand = context.in_air and not context.in_charge  # also before it is handed over
         return by_hand or context.state is State.PASSIVE or context.giving_up is not None
 
+    def objection(self) -> str | None:
+        """Why nothing may be put on board any more; None if it may."""
+        return "the vehicle is not flown by us any more" if self._put_off else None
+
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""
         paths, home, say = router.graph.paths, mission.home, self._context.say
@@ -118,13 +122,16 @@ class AirspaceUpdate:
         telemetry, state = self._context.telemetry, self._context.state
         if state is State.READY and (telemetry is None or not telemetry.armed):
             self._upload()
-        if telemetry is None or state in {State.READY, State.PASSIVE}:
+        climbs = self._context.in_air or state is not State.READY
+        if telemetry is None or not (self._context.in_charge and climbs):
             return
         if self._context.giving_up is not None:
             return  # it is told to hold, and given away then
         self._new |= _names_of_new(before, now)
         if state is not State.LAND:  # that goes on nowhere else: it is a breach
             self._context.leaving |= self._reached(before, now, telemetry)
+        if state is State.READY:
+            return  # once it has climbed
         inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
         if before.skipped != now.skipped and state is not State.LAND:
             self._stop("waypoints go off the plan on board, or back on it")

@@ -112,14 +112,16 @@ class ControlAuthority:
     # Away.
 
     def give_up(self, why: str) -> None:
-        """Have it hold, then hands off."""
+        """Have it hold, then hands off; both wait until it is known who flies it."""
+        if self._context.inputs.silent:
+            self._context.say(f"{why}: told to hold once its flight mode is heard")
         self._context.giving_up = why
         self._context.compares = None
         self._holds = 0
         self._hold_at_last(why)
 
     def _hold_at_last(self, why: str) -> None:
-        self._holds += 1
+        self._holds += not self._context.inputs.silent  # while it is, none leaves
         self._hold_again_s = self._context.now_s + RETRY_S
         self._gate.command(HoldHere(why))
 
@@ -298,7 +300,9 @@ class ControlAuthority:
         """Take it back to come home, whatever plan is on board; returns why not, if not."""
         why = self.why_not_back(flies_plan=False)
         if why is None:
-            self._gate.by_points |= self._context.on_board is not OnBoard.OURS
+            if self._context.on_board is not OnBoard.OURS:
+                self._gate.by_points = True
+                self._context.zones = None  # they count for its legs; what is on board stays
             self._take_back()
         return why
 

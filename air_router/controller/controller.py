@@ -188,13 +188,13 @@ class Controller:
             authority.take_over(ControlHolder.PILOT, foreign)
         elif context.giving_up is not None or context.compares is not None:
             authority.wait(telemetry)
+        elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
+            authority.give_up(f"{breach} is not resumed by itself")
         elif context.state is State.READY:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:
             authority.look_on(telemetry)
             self._envelope.forget()
-        elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
-            authority.give_up(f"{breach} is not resumed by itself")
         elif ours:
             self._go_on(telemetry, moved)
 

@@ -145,23 +145,23 @@ class ClearanceWatch:
 
     _context: MissionContext
     _told_m: float | None = 0.0  # what was to spare when that was told last; None: it is kept
-    # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
-    _spare: tuple[float, Point, int, Mission] | None = None
+    # So much was to spare there, at the cruise altitudes (elsewhere each may have other zones).
+    _spare: tuple[float, Point, bool, Mission] | None = None
 
     def look(self, telemetry: Telemetry) -> Deviation | None:
         """Whether it has come too near to something, or nearer still."""
         here = telemetry.position
         mission, altitude_m = self._context.mission, telemetry.altitude_m
-        side = (altitude_m > mission.cruise.upper_m) - (altitude_m < mission.cruise.lower_m)
+        cruises = mission.cruise.lower_m <= altitude_m <= mission.cruise.upper_m
         if self._spare is not None:
-            spare_m, there, at, among = self._spare
+            spare_m, there, cruised, among = self._spare
             if among is not mission:
                 self._told_m = 0.0  # a zone may have been drawn near to the vehicle
-            elif at == side and math.dist(here, there) < spare_m:
+            elif cruises and cruised and math.dist(here, there) < spare_m:
                 return None
         airspace = mission.airspace_at(altitude_m)
         spare_m, name = airspace.spare_m(here)
-        self._spare = (spare_m, here, side, mission)
+        self._spare = (spare_m, here, cruises, mission)
         told_m = self._told_m
         if spare_m >= -NOISE_M:
             if spare_m >= 0.0:

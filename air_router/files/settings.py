@@ -78,4 +78,5 @@ class PlannerSettings:
 
 
 DEFAULT_SPEED_M_S = 3.5
+SLOWEST_M_S = 1.0  # a slower one cannot be told from one that hovers
 DEFAULT_BATTERY_RESERVE = 0.25

@@ -211,7 +211,7 @@ class MissionReloader:
         plan = FlightPlan.of(self._controller.context.mission)
         try:
             async with asyncio.timeout(BOARD_S):
-                await self._vehicle.renew(plan)
+                await self._vehicle.renew(plan, self._controller.airspace_update.objection)
         except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
             why = str(error) or f"not within {BOARD_S:.0f} s"
             self._deliver(PlanRenewed(why + await self._put_back()))
@@ -222,7 +222,9 @@ class MissionReloader:
     async def _put_back(self) -> str:
         try:
             async with asyncio.timeout(BOARD_S):
-                await self._vehicle.renew(self._on_board)
+                await self._vehicle.renew(
+                    self._on_board, self._controller.airspace_update.objection
+                )
         except (PlanRefusedError, NotConfirmedError, TimeoutError):
             return "; and the one before is not back"
         return "; the one before is"

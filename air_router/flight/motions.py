@@ -36,6 +36,7 @@ class MotionSender:
         self._waiting: Motion | None = None  # replaced by a newer one
         self._given = asyncio.Event()  # a motion waits to be sent
         self._sending: asyncio.Task[None] | None = None  # until the vehicle follows
+        self._objected: str | None = None  # to what is sent, while it is
 
     def give(self, motion: Motion) -> None:
         """Send this next; one that still waits is void.
@@ -64,9 +65,9 @@ class MotionSender:
                 await self._send(motion)
 
     async def _send(self, motion: Motion) -> None:
-        objection = self._objection(motion)
+        objection = self._object(motion)
         if objection is not None:
-            self._report(CommandFailed(motion, objection))
+            self._report(CommandFailed(motion, objection, sent=False))
             return
         self._sending = asyncio.ensure_future(self._command(motion))
         try:
@@ -78,15 +79,19 @@ class MotionSender:
         try:
             self._sending.result()
         except NotConfirmedError as error:
-            self._report(CommandFailed(motion, str(error)))
+            self._report(CommandFailed(motion, str(error), sent=self._objected is None))
         else:
             self._report(CommandConfirmed(motion))
+
+    def _object(self, motion: Motion) -> str | None:
+        self._objected = self._objection(motion)
+        return self._objected
 
     async def _command(self, motion: Motion) -> None:
         match motion:
             case FlyToNode(node=node):
                 item = self._plan.item_of(node)
-                await self._vehicle.jump(item, lambda: self._objection(motion))
+                await self._vehicle.jump(item, lambda: self._object(motion))
             case FlyToPoint(position=position, altitude_m=altitude_m):
                 await self._vehicle.reposition(position, altitude_m)
             case HoldHere():

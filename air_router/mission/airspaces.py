@@ -23,7 +23,7 @@ LAUNCH_WAIT = timedelta(hours=1)
 """So much later than it was to start a mission may start."""
 
 COMING_HOME = timedelta(minutes=10)
-"""What it may take to come home and land, after `duration_s`."""
+"""What it may take to come home and land, after `duration_s`; more where the way takes more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,20 @@ class FlightWindow:
     latest_start: datetime | None = None
 
     @classmethod
-    def of(cls, now: datetime, start: datetime | None, duration_s: float | None) -> FlightWindow:
+    def of(
+        cls,
+        now: datetime,
+        start: datetime | None,
+        duration_s: float | None,
+        way_home_s: float = 0.0,
+    ) -> FlightWindow:
         """The window of a flight that starts at `start`, or soon after `now`."""
         first = now if start is None else start
         if duration_s is None:
             return cls(first, None)
         latest = first + LAUNCH_WAIT
-        return cls(first, latest + timedelta(seconds=duration_s) + COMING_HOME, latest)
+        home = max(COMING_HOME, timedelta(seconds=way_home_s))
+        return cls(first, latest + timedelta(seconds=duration_s) + home, latest)
 
     def __str__(self) -> str:
         end = "on" if self.end is None else f"to {self.end:%Y-%m-%d %H:%M}"

@@ -3,6 +3,7 @@
 Missions of other programs that say too little are converted before they are flown.
 """
 
+import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +15,9 @@ from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.qgc_read import read_plan, read_waypoints
+from air_router.files.settings import SLOWEST_M_S
 from air_router.files.whole_file import bytes_within
+from air_router.messages import FARTHEST_M
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
@@ -134,7 +137,8 @@ def validate(draft: MissionDocument) -> Mission | None:
 
 
 def _validate(draft: MissionDocument) -> Mission | None:
-    window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
+    now = datetime.now(UTC)
+    window = FlightWindow.of(now, draft.start, draft.duration_s, _way_home_s(draft))
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
     check_team(draft)
@@ -143,6 +147,15 @@ def _validate(draft: MissionDocument) -> Mission | None:
         return mission
     _note_fence(draft, mission)
     return replace(mission, notes=tuple(draft.notes))
+
+
+def _way_home_s(draft: MissionDocument) -> float:
+    """What the way home may take: from the farthest waypoint, twice as far as straight."""
+    if draft.home is None or draft.speed_m_s < SLOWEST_M_S:
+        return 0.0
+    home = draft.home.position
+    away_m = max((math.dist(spot.position, home) for spot in draft.waypoints), default=0.0)
+    return 2.0 * min(away_m, FARTHEST_M) / draft.speed_m_s
 
 
 def mission_of(

@@ -20,6 +20,9 @@ _RATE_WINDOW_S: Final = 0.3
 _ALIKE: Final = 0.25
 """Two windows that differ by no more than this share of the larger rate tell the same one."""
 
+REBOOT_S: Final = 1.0
+"""A time that is earlier than the newest by more than this is of a vehicle that has rebooted."""
+
 _SILENCE_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
 
@@ -70,7 +73,7 @@ class VehicleClock:
         """A message said that the vehicle has been up for `boot_s`."""
         with self._lock:
             wall_s = self._monotonic()
-            if self._boot_s is not None and boot_s < self._boot_s - 1.0:
+            if self._boot_s is not None and boot_s < self._boot_s - REBOOT_S:
                 self._mark = None  # it rebooted: start anew
                 self._told_s = 0.0
                 self._synchronised = False

@@ -253,8 +253,12 @@ class Vehicle(Protocol):
     async def upload(self, plan: FlightPlan) -> None:
         """Put nodes and fence on board and read both back."""
 
-    async def renew(self, plan: FlightPlan) -> None:
+    async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
         """Put a changed fence on board, in flight too, and read all back.
+
+        Args:
+            plan: With that fence.
+            objection: Asked before each transfer: why nothing may be put on board any more.
 
         Items are sent only where they are others than those on board, and then not in Mission
         mode in the air: the vehicle would begin the plan anew.

@@ -337,7 +337,7 @@ class PretendVehicle(Vehicle):
         self._fail("upload")
         self.plan = plan
 
-    async def renew(self, plan):
+    async def renew(self, plan, objection):
         self._fail("renew")
         self.plan = plan
 

@@ -156,16 +156,16 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
         high = mission.altitude_above_home_m - 2.0
         await log.until(lambda: log.telemetry.altitude_m > high)
         await vehicle.jump(plan.item_of(1))
-        await vehicle.renew(FlightPlan.of(beside))
+        await vehicle.renew(FlightPlan.of(beside), lambda: None)
         assert log.telemetry.item == plan.item_of(1)  # the leg is flown on
         with pytest.raises(PlanRefusedError, match="hold first"):
-            await vehicle.renew(FlightPlan.of(changed))
+            await vehicle.renew(FlightPlan.of(changed), lambda: None)
         await vehicle.hold()
-        await vehicle.renew(FlightPlan.of(changed))
+        await vehicle.renew(FlightPlan.of(changed), lambda: None)
         await vehicle.recognise(FlightPlan.of(changed))
         await vehicle.jump(plan.item_of(2))
         await vehicle.hold()
-        await vehicle.renew(plan)
+        await vehicle.renew(plan, lambda: None)
         await vehicle.jump(plan.item_of(5))
         assert not any(isinstance(event, PlanReplaced) for event in log.events)
         assert log.telemetry.mode is FlightMode.MISSION

@@ -79,6 +79,7 @@ class CommandFailed:
 
     action: Motion
     reason: str  # in words
+    sent: bool = True  # False: it was objected to in its turn
 
 
 @dataclass(frozen=True, slots=True)

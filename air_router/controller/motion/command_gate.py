@@ -324,7 +324,7 @@ class CommandGate:
         if event.action is not self.pending:
             return
         self.pending = self.last = None
-        self.refused_jumps += isinstance(event.action, FlyToNode)
+        self.refused_jumps += event.sent and isinstance(event.action, FlyToNode)
         self._context.say(f"the vehicle did not follow: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
             self.by_points = True

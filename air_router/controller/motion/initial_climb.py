@@ -47,10 +47,14 @@ def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | 
     return None
 
 
-def low(mission: Mission, telemetry: Telemetry) -> bool:
-    """Whether the vehicle is below the mission's altitude, where no leg was checked."""
-    altitude_m = mission.altitude_above_home_m
+def below(altitude_m: float, telemetry: Telemetry) -> bool:
+    """Whether the vehicle is below an altitude above home."""
     return telemetry.altitude_m < altitude_m - min(ALTITUDE_M, altitude_m / 2)
+
+
+def low(mission: Mission, telemetry: Telemetry) -> bool:
+    """Whether the vehicle is below the mission's altitudes, where no leg was checked."""
+    return below(mission.altitudes_m[0], telemetry)
 
 
 @dataclass(slots=True, eq=False)
@@ -119,7 +123,7 @@ class InitialClimb:
             # It did not follow, or was told to hold: the climb begins anew before the next leg.
             self.climb = None
             return False
-        if low(self._context.mission, telemetry):
+        if below(self.climb.altitude_m, telemetry):
             return True
         self.climb = None
         self._context.climbs_first = False

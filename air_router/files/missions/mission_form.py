@@ -9,6 +9,7 @@ from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
     DEFAULT_SPEED_M_S,
+    SLOWEST_M_S,
     Accepted,
     PlannerKind,
     PlannerSettings,
@@ -147,7 +148,7 @@ class MissionForm(BaseModel):
     home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
     altitude_m: _Altitude
     altitudes_m: Annotated[list[_Altitude], Field(min_length=2, max_length=2)] | None = None
-    speed_m_s: Annotated[float, Field(gt=0, le=50)] = DEFAULT_SPEED_M_S
+    speed_m_s: Annotated[float, Field(ge=SLOWEST_M_S, le=50)] = DEFAULT_SPEED_M_S
     waypoints: Annotated[
         list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")
     ]

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from air_router.files.json_document import JsonValues, named, shown
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
+from air_router.files.settings import SLOWEST_M_S
 
 SAME_PLACE_M: Final = 0.1
 _AT_HOME_M: Final = 20.0
@@ -236,9 +237,9 @@ class ItemsReader(PlanValues):
         kind, speed_m_s = self.number((*keys, "params", 0)), self.number((*keys, "params", 1))
         if kind is None or speed_m_s is None or speed_m_s in (-1, -2):  # no change, the default
             return
-        if kind != _GROUND_SPEED or not 0 < speed_m_s <= _FASTEST_M_S:
-            message = f"a speed of {speed_m_s:g} m/s of type {kind:g}; write a ground speed up to "
-            message += f"{_FASTEST_M_S:g} m/s"
+        if kind != _GROUND_SPEED or not SLOWEST_M_S <= speed_m_s <= _FASTEST_M_S:
+            message = f"a speed of {speed_m_s:g} m/s of type {kind:g}; write a ground speed of "
+            message += f"{SLOWEST_M_S:g} to {_FASTEST_M_S:g} m/s"
             self.draft.report((*keys, "params", 1), message, "out-of-range")
             return
         self._speeds.append((speed_m_s, (*keys, "params", 1)))
@@ -280,8 +281,8 @@ class ItemsReader(PlanValues):
                 draft.note(differing[0], message, "speeds-differ")
         elif (hover_m_s := self.number(("mission", "hoverSpeed"))) is not None:
             draft.speed_m_s = hover_m_s
-            if not 0 < hover_m_s <= _FASTEST_M_S:
-                message = f"the speed must be more than 0 and at most {_FASTEST_M_S:g} m/s"
+            if not SLOWEST_M_S <= hover_m_s <= _FASTEST_M_S:
+                message = f"the speed must be {SLOWEST_M_S:g} to {_FASTEST_M_S:g} m/s"
                 draft.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
 
 

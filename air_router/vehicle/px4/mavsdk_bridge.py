@@ -9,15 +9,20 @@ import asyncio
 import json
 import logging
 from collections.abc import Callable, Collection
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Mavsdk
 from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkMessage
-from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
+from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw
+
+from air_router.errors import PlanRefusedError
+from air_router.mission.flight_plan import Command, Frame, PlanItem
 
 _log = logging.getLogger(__name__)
+
+MISSION: Final = 0  # MAV_MISSION_TYPE
 
 _LEVELS = {  # what matters of its chatter comes back as a result, and we say it ourselves
     LogLevel.WARN: logging.INFO,
@@ -118,3 +123,22 @@ def _from_thread(
         loop.call_soon_threadsafe(function, *args)
     except RuntimeError:
         _log.debug("a message came after the flight had ended")
+
+
+def to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
+    """An item of a plan, or of what else is put on board, as MAVSDK uploads it."""
+    current = int(seq == 0 and mission_type == MISSION)
+    head = (seq, int(item.frame), int(item.command), current, int(item.autocontinue))
+    place = (item.x_deg_e7, item.y_deg_e7, item.z_m)
+    return MissionItem(*head, *item.params, *place, mission_type)
+
+
+def from_raw(what: str, item: MissionItem) -> PlanItem:
+    """An item that was read back of a list. Raises PlanRefusedError: it is of no kind of ours."""
+    try:
+        command, frame = Command(item.command), Frame(item.frame)
+    except ValueError as error:
+        raise PlanRefusedError(f"{what}: item {item.seq} on board is not ours: {error}") from None
+    params = (item.param1, item.param2, item.param3, item.param4)
+    autocontinue = bool(item.autocontinue)
+    return PlanItem(command, frame, params, item.x, item.y, item.z, autocontinue=autocontinue)

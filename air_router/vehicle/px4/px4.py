@@ -127,9 +127,9 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.upload`."""
         await self._onboard.upload(plan)
 
-    async def renew(self, plan: FlightPlan) -> None:
+    async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
         """See `Vehicle.renew`."""
-        await self._onboard.renew(plan)
+        await self._onboard.renew(plan, objection)
 
     async def arm(self) -> None:
         """See `Vehicle.arm`."""

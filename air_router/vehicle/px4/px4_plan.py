@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.geofence.geofence import GeofenceResult
-from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRawResult
+from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
-from air_router.mission.flight_plan import FENCE_POINTS, Command, FlightPlan, Frame, PlanItem
-from air_router.vehicle.px4.mavsdk_bridge import call
+from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan, Frame, PlanItem
+from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, PlanIds, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
@@ -42,7 +42,11 @@ _PASSING: Final = frozenset(
         MissionRawResult.PROTOCOL_ERROR,
     }
 )
-MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+FENCE, RALLY = 1, 2  # MAV_MISSION_TYPE
+
+
+def _none() -> str | None:
+    return None
 
 
 class _ItemList(NamedTuple):
@@ -78,6 +82,7 @@ class OnboardPlan:
         self._plugins, self._telemetry, self._report = plugins, telemetry, report
         self.lock = asyncio.Lock()
         self._plan: FlightPlan | None = None  # what we put, or found, on board last
+        self._objection: Callable[[], str | None] = _none  # why nothing more is put on board
         self._once_more = False  # it changed while it was compared
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
@@ -103,15 +108,17 @@ class OnboardPlan:
         async with self.lock:
             self._guard(plan, await self.compare(plan))
 
-    async def renew(self, plan: FlightPlan) -> None:
+    async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
         """Put a changed fence on board, and what it makes of the items. See `Vehicle.renew`."""
         async with self.lock:
             self._telemetry.leave_plan_alone()
             found: PlanIds | None = None
+            self._objection = objection
             try:
                 found = await self._renew(plan)
                 self._plan = plan
             finally:
+                self._objection = _none
                 self._telemetry.guard_plan(found)
 
     def replaced(self) -> None:
@@ -228,6 +235,7 @@ class OnboardPlan:
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
+        self._may_change()
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
         if result != GeofenceResult.SUCCESS:
@@ -242,6 +250,7 @@ class OnboardPlan:
         for _ in range(BUSY_ATTEMPTS):
             if not await self.download(self.rally):
                 return
+            self._may_change()
             fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
             if fault is not None:
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
@@ -249,9 +258,18 @@ class OnboardPlan:
             said = self._telemetry.said()
             raise PlanRefusedError(f"rally points of another mission stay on board{said}")
 
+    def _may_change(self) -> None:
+        if (why := self._objection()) is not None:
+            raise PlanRefusedError(why)
+
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
-        raw_items = [_to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
-        result, *_ = await _patiently(to.what, to.upload, raw_items)
+        raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
+
+        def begin(*arguments: Any) -> None:
+            self._may_change()
+            to.upload(*arguments)
+
+        result, *_ = await _patiently(to.what, begin, raw_items)
         if result == MissionRawResult.SUCCESS:
             return
         hint = ""
@@ -269,7 +287,7 @@ class OnboardPlan:
         if result != MissionRawResult.SUCCESS:
             said = self._telemetry.said()
             raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{said}")
-        return [_from_raw(of.what, item) for item in items]
+        return [from_raw(of.what, item) for item in items]
 
     async def _feasible(self, total: int) -> None:
         telemetry = self._telemetry
@@ -325,20 +343,3 @@ def _place(item: PlanItem) -> PlanItem:
     return PlanItem(
         item.command, Frame.GLOBAL_INT, (item.params[0], 0, 0, 0), item.x_deg_e7, item.y_deg_e7
     )
-
-
-def _to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
-    current = int(seq == 0 and mission_type == MISSION)
-    head = (seq, int(item.frame), int(item.command), current, int(item.autocontinue))
-    place = (item.x_deg_e7, item.y_deg_e7, item.z_m)
-    return MissionItem(*head, *item.params, *place, mission_type)
-
-
-def _from_raw(what: str, item: MissionItem) -> PlanItem:
-    try:
-        command, frame = Command(item.command), Frame(item.frame)
-    except ValueError as error:
-        raise PlanRefusedError(f"{what}: item {item.seq} on board is not ours: {error}") from None
-    params = (item.param1, item.param2, item.param3, item.param4)
-    autocontinue = bool(item.autocontinue)
-    return PlanItem(command, frame, params, item.x, item.y, item.z, autocontinue=autocontinue)

@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
-from air_router.vehicle.clock import VehicleClock, loop_s
+from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
 from air_router.vehicle.px4.px4_messages import Handler, Px4Messages
@@ -47,8 +47,9 @@ TELL_S: Final = 0.5
 class PlanIds(NamedTuple):
     """By which a PX4 tells one plan on board from another; 0: not told."""
 
-    mission: int
-    fence: int
+    mission_id: int
+    fence_id: int
+    rally_points_id: int
 
 
 class Px4Telemetry(Px4Messages):
@@ -273,7 +274,7 @@ class Px4Telemetry(Px4Messages):
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         boot_s = fields["time_boot_ms"] / 1e3
-        if abs(boot_s - self.clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
+        if -REBOOT_S <= boot_s - self.clock.boot_s() <= CLOCK_S:  # another's: by positions
             self.clock.heard(boot_s)
         if fields["time_unix_usec"] > 0:
             self.clock.heard_unix(fields["time_unix_usec"] / 1e6, boot_s)
@@ -293,14 +294,13 @@ class Px4Telemetry(Px4Messages):
         self.mission_state = fields.get("mission_state", 0)
         self.mission_reports += 1
         self.item = fields["seq"]
-        ids = self.plan_ids = PlanIds(fields.get("mission_id", 0), fields.get("fence_id", 0))
+        ids = self.plan_ids = PlanIds(*(fields.get(name, 0) for name in PlanIds._fields))
         if not self._guarding:
             return
-        if self._guarded is None:
-            self._guarded = ids
-        elif ids != self._guarded:
-            before, self._guarded = self._guarded, ids
-            self._emit(PlanReplaced(self.time_s, only_fence=ids.mission == before.mission))
+        before, self._guarded = self._guarded or ids, ids
+        if ids != before:
+            only_fence = ids == before._replace(fence_id=ids.fence_id)
+            self._emit(PlanReplaced(self.time_s, only_fence=only_fence))
 
     def _on_item_reached(self, fields: dict[str, Any]) -> None:
         # PX4 repeats the report once or twice a second while it holds; once is enough.

@@ -221,7 +221,7 @@ class Uav:
         now_s = self._queue.now_s
         objection = self.controller.navigator.objection(motion, now_s)
         if objection is not None:
-            self._tell(CommandFailed(motion, objection))
+            self._tell(CommandFailed(motion, objection, sent=False))
             return
         self.flyer.fly(now_s)
         self.flyer.command(motion)

@@ -16,7 +16,7 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
 from air_router.controller.model.mission_context import ZoneChange
-from air_router.controller.model.requests import GoOn, HoldNow, Reload, SeekNow
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, Reload, SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
@@ -246,6 +246,55 @@ def test_what_did_not_get_on_board_takes_no_vehicle_from_a_pilot_who_has_taken_o
     flight.fly_until(lambda: boarding(flight) == 2, 5.0)
     flight.give(PlanRenewed())
     to_the_end(flight)
+
+
+@pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.RETURN])
+@pytest.mark.parametrize("ready", [False, True])
+def test_nothing_more_is_put_on_board_once_the_pilot_has_it(pretend, mode, ready):
+    if ready:
+        flight = pretend(pilot_arms=True)
+        flight.step()
+    else:
+        flight = cruising(pretend)
+    change(flight, box((300.0, 300.0)))
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    objection = flight.controller.airspace_update.objection
+    assert objection() is None
+    flight.take_off_halfway(mode) if ready else flight.pilot_chooses(mode)
+    assert objection() == "the vehicle is not flown by us any more"
+
+
+def test_brought_home_with_another_plan_on_board_it_uploads_none(pretend):
+    flight = cruising(pretend)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.give(PlanCompared(flight.now_s, "8 items"))
+    flight.fly_to_state(State.PASSIVE)
+    zone = box((90.0, 90.0))
+    change(flight, zone)
+    flight.give(ComeHome())
+    to_the_end(flight)
+    assert boarding(flight) == 0
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_a_zone_that_is_drawn_over_the_climb_is_left_and_one_that_was_there_is_a_breach(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.take_off_halfway()
+    change(flight, box(flight.position))
+    flight.fly_for(2.0)
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.fly_until(lambda: boarding(flight) == 1, 30.0)
+    assert State.PASSIVE not in flight.states
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.position = Point(
+        *flight.mission.climb_airspace.zones[0].polygon.representative_point().coords[0]
+    )
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.fly_for(2.0)
+    assert flight.controller.state is State.PASSIVE
+    assert "hands off: breach of" in " ".join(flight.said)
 
 
 def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_resumed(pretend):

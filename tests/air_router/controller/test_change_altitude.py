@@ -16,6 +16,7 @@ from air_router.controller.model.requests import ChangeAltitude, GoOn, HoldNow, 
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.routing.return_planner import Pace
+from air_router.vehicle.vehicle import PlanCompared, PlanReplaced
 from tests.air_router.conftest import MISSIONS
 
 PENNOVATION = MISSIONS / "pennovation" / "mission.yaml"
@@ -115,3 +116,14 @@ def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission,
     assert (mission.cruise.lower_m, mission.cruise.upper_m) == (25.0, 65.0)
     assert Pace.of(mission).landing_s == pytest.approx(Pace.of(pennovation).landing_s * 1.5)
     assert mission.waypoints == pennovation.waypoints  # the plan itself is as it was
+
+
+def test_at_a_lower_altitude_of_the_mission_no_leg_climbs_first(holding):
+    """Beside a zone it could not, and would wait there for a pilot."""
+    assert asked(holding, ChangeAltitude(30.0)).accepted
+    holding.fly_for(20.0)
+    holding.give(PlanReplaced(holding.now_s, only_fence=True))
+    holding.give(PlanCompared(holding.now_s))
+    assert sends_to(holding, 30.0)
+    assert asked(holding, GoOn()).accepted
+    assert not any("climbing" in said for said in holding.said)

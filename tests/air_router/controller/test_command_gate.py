@@ -4,7 +4,7 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere,
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.mission_context import MissionContext, ZoneChange
 from air_router.controller.model.states import State
-from air_router.controller.motion.command_gate import CommandGate, PendingSetpoints
+from air_router.controller.motion.command_gate import JUMPS, CommandGate, PendingSetpoints
 from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.input_limits import InputWatch, Stop
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -50,6 +50,15 @@ def test_a_late_confirmation_of_an_older_command_changes_nothing(gate):
     assert gate.pending is second
     gate.failed(CommandFailed(first, "deaf"))
     assert gate.pending is second
+
+
+@pytest.mark.parametrize("sent", [False, True])
+def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent):
+    for _ in range(JUMPS):
+        jump = FlyToNode(1, HERE)
+        gate.send(jump)
+        gate.failed(CommandFailed(jump, "the position is too old", sent=sent))
+    assert gate.by_points is sent
 
 
 # What stands against a motion.

@@ -560,3 +560,23 @@ def test_a_silence_is_told_at_once_and_then_now_and_then():
     told = [s for s in range(3, 26) if silence.news(float(s)) is not None]
     assert told == [3, 13, 23]
     assert silence.news(3.0) is not None
+
+
+def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_again(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    telemetry, ages = flight.telemetry, [Ages(mode_s=6.0)]
+    flight.telemetry = lambda: dataclasses.replace(telemetry(), ages=ages[0])
+    flight.fly_for(1.0)
+    commanded = len(flight.motions)
+    inside = flight.mission.zones[0]
+    flight.position = Point(*inside.polygon.representative_point().coords[0])
+    flight.fly_for(25.0)
+    assert flight.motions[commanded:] == []
+    assert not any(said.startswith("hands off") for said in flight.said)
+    assert any("told to hold once its flight mode is heard" in said for said in flight.said)
+    ages[0] = Ages()
+    flight.fly_for(6.0)
+    assert isinstance(flight.motions[commanded], HoldHere)
+    assert f"hands off: breach of {inside.name} is not resumed by itself" in flight.said

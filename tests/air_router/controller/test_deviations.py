@@ -5,7 +5,13 @@ import math
 
 import pytest
 
-from air_router.controller.envelope import FAST_S, OFF_HOME_S, OFF_S, ReturnMonitor
+from air_router.controller.envelope import (
+    FAST_S,
+    OFF_HOME_S,
+    OFF_S,
+    ClearanceWatch,
+    ReturnMonitor,
+)
 from air_router.controller.model.actions import CommandAck, FlyToNode, FlyToPoint, HoldHere, Refusal
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
@@ -15,7 +21,7 @@ from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from geo.airspace.zone import Band
+from geo.airspace.zone import Band, Zone
 from geo.frame import Point
 from tests.air_router.conftest import Airframe
 
@@ -167,6 +173,19 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
     assert left_m == pytest.approx(distance_m, abs=1.0)
     cruising.fly_until(lambda: cruising.finished is not None)
     assert cruising.finished.landed_by_us
+
+
+def test_a_zone_far_above_counts_once_it_has_climbed_there(pennovation):
+    east_m, north_m = home = pennovation.home
+    corners = ((3.0, -9.0), (9.0, -9.0), (9.0, 9.0), (3.0, 9.0))
+    outline = tuple(Point(east_m + e, north_m + n) for e, n in corners)
+    high = Zone("high", outline, band=Band(70.0, math.inf))
+    mission = pennovation.with_areas(pennovation.fences, (*pennovation.zones, high))
+    watch = ClearanceWatch(MissionContext(mission, None))
+    assert watch.look(Telemetry(1.0, home, 60.0)) is None
+    found = watch.look(Telemetry(2.0, home, 75.0))
+    assert found is not None
+    assert "too near to no-fly zone 'high'" in found.words
 
 
 def test_faster_than_commanded_is_told_and_held_for(cruising):

@@ -78,6 +78,7 @@ WRONG = [
     ("altitude_m: 30", "altitude_m: §.nan", "wrong-value"),
     ("altitude_m: 30", "altitude_m: 30\n§altitude_m: 31", "repeated-key"),
     ("speed_m_s: 4", "speed_m_s: §400", "out-of-range"),
+    ("speed_m_s: 4", "speed_m_s: §0.9", "out-of-range"),
     ("speed_m_s: 4", "§sped_m_s: 4", "unknown-key"),
     ("speed_m_s: 4", "altitudes_m: §[30]", "wrong-length"),
     ("speed_m_s: 4", "altitudes_m: [30, §0]", "out-of-range"),

@@ -118,6 +118,8 @@ def test_the_window_of_a_flight():
     ends = late + timedelta(seconds=600) + COMING_HOME
     assert FlightWindow.of(now, None, 600) == FlightWindow(now, ends, late)
     assert str(FlightWindow.of(now, None, 600)) == "2026-11-20 09:00 to 2026-11-20 10:20 UTC"
+    far = FlightWindow.of(now, None, 600, way_home_s=900)
+    assert far.end == late + timedelta(seconds=600 + 900)
     assert str(FlightWindow.of(START, None, None)) == "2026-11-20 09:00 on UTC"
 
 

@@ -4,11 +4,13 @@ import asyncio
 import dataclasses
 
 import pytest
+from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan, Frame
 from air_router.vehicle.px4 import px4_plan
+from air_router.vehicle.px4.mavsdk_bridge import to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_plan import OnboardPlan
 
@@ -92,7 +94,7 @@ class Board:
 
 def test_the_same_mission_that_was_found_wrong_at_power_on_is_judged_anew(pennovation):
     plan, board = FlightPlan.of(pennovation), Board()
-    board.judged = identity([px4_plan._to_raw(n, item, 0) for n, item in enumerate(plan.items)])
+    board.judged = identity([to_raw(n, item, 0) for n, item in enumerate(plan.items)])
     asyncio.run(board.onboard().upload(plan))
     assert (board.uploads, board.mission_state) == (2, 2)
 
@@ -131,10 +133,10 @@ def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovati
 
 def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovation):
     plan, board = FlightPlan.of(pennovation), Board()
-    board.rally = [px4_plan._to_raw(0, plan.rally[0], px4_plan.RALLY)]
+    board.rally = [to_raw(0, plan.rally[0], px4_plan.RALLY)]
     board.send = lambda _name, _fields: "CONNECTION_ERROR"
     with pytest.raises(PlanRefusedError, match="CONNECTION_ERROR"):
-        asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=())))
+        asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=()), lambda: None))
 
 
 def changed(item, **changes):
@@ -180,3 +182,31 @@ def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation,
     (difference,), items = asyncio.run(script())
     wanted = f"the mission: {items} items sent, {items - 1} are on board" if lost else None
     assert difference == wanted
+
+
+@pytest.mark.parametrize("before", [1, 2, 3])
+def test_what_is_objected_to_is_not_put_on_board_any_more(pennovation, before):
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard, begun = board.onboard(), []
+    asyncio.run(onboard.upload(plan))
+    for name in ("upload_geofence_async", "upload_rally_points_async", "upload_mission_async"):
+        begin = getattr(board, name)
+        setattr(board, name, lambda *given, begin=begin: (begun.append(1), begin(*given)))
+    onboard.mission, onboard.fence, onboard.rally = (
+        of._replace(upload=getattr(board, f"upload_{kind}_async"))
+        for of, kind in (
+            *((onboard.mission, "mission"), (onboard.fence, "geofence")),
+            (onboard.rally, "rally_points"),
+        )
+    )
+    other = dataclasses.replace(plan, items=plan.items[:-1], rally=plan.rally[:-1])
+    board.clear_geofence_async = lambda answer: (
+        begun.append(1),
+        answer(GeofenceResult.SUCCESS, None),
+    )
+    with pytest.raises(PlanRefusedError, match="a pilot has it"):
+        asyncio.run(
+            onboard.renew(other, lambda: "a pilot has it" if len(begun) >= before else None)
+        )
+    assert len(begun) == before
+    asyncio.run(onboard.upload(plan))

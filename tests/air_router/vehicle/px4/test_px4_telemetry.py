@@ -88,14 +88,22 @@ def test_before_take_off_home_is_where_the_autopilot_has_it_and_near_the_vehicle
         assert (None if told is None else round(told.up_m)) == moved
 
 
+def test_a_system_time_that_comes_late_is_no_reboot(px4):
+    px4.says("SYSTEM_TIME", time_unix_usec=1_700_000_000_000_000)
+    before_s, unix_s = px4.clock.boot_s(), px4.clock.now_s()
+    late_ms = round((px4.boot_s - 1.5) * 1e3)
+    px4.says("SYSTEM_TIME", time_boot_ms=late_ms, time_unix_usec=1_600_000_000_000_000)
+    assert (px4.clock.boot_s(), px4.clock.now_s()) == (before_s, unix_s)
+
+
 def test_a_repeated_report_of_an_item_is_told_once(px4):
     for seq in (3, 3, 3, 4, 4):
         px4.says("MISSION_ITEM_REACHED", seq=seq)
     assert [e.item for e in px4.events if isinstance(e, ItemReached)] == [3, 4]
 
 
-def has(px4, plan, fence=7):
-    px4.says("MISSION_CURRENT", mission_id=plan, fence_id=fence)
+def has(px4, plan, fence=7, rally=3):
+    px4.says("MISSION_CURRENT", mission_id=plan, fence_id=fence, rally_points_id=rally)
     return [event for event in px4.events if isinstance(event, PlanReplaced)]
 
 
@@ -114,12 +122,13 @@ def test_a_fence_that_came_after_ours_was_read_and_before_anything_was_told_is_a
 
 
 @pytest.mark.parametrize(
-    ("plan", "fence", "only_fence"), [(1, 8, True), (2, 7, False), (2, 8, False)]
+    ("ids", "only_fence"),
+    [((1, 8), True), ((2, 7), False), ((2, 8), False), ((1, 7, 4), False), ((1, 8, 4), False)],
 )
-def test_another_fence_is_told_from_another_mission(px4, plan, fence, only_fence):
+def test_another_fence_is_told_from_another_mission_and_other_rally_points(px4, ids, only_fence):
     px4.telemetry.guard_plan(None)
     has(px4, 1)
-    (event,) = has(px4, plan, fence)
+    (event,) = has(px4, *ids)
     assert event.only_fence is only_fence
 
 
