@@ -120,6 +120,7 @@ class Companion:
         world: Goes on while the companion waits.
         send: Sends a message to the vehicle.
         say: Takes the lines that the operator sees.
+        arm: Arm it, and take off.
         resume: Go on with a flight that is under way.
         records: The folder of its records; None: it keeps none.
 
@@ -138,6 +139,7 @@ class Companion:
         send: Send,
         say: Callable[[str], None],
         *,
+        arm: bool = True,
         resume: bool = False,
         records: Path | None = None,
     ) -> None:
@@ -172,7 +174,7 @@ class Companion:
             seek=sought(team, uav, mission.seek, mission.goals_from),
             recorder=self._recorder,
             status=_Status(self._told, self._loop.time),
-            arm=not resume,
+            arm=arm,
             resume=resume,
             survey=lambda router: PreflightSurvey(mission, router, uav=uav, unix=self._unix_s),
         )

@@ -299,6 +299,15 @@ def ready_taken(dice: random.Random) -> Iterator[Row]:
     yield 1.0 if how == "arm" and dice.randrange(2) else at_s, "before us", how
 
 
+def by_hand(dice: random.Random) -> Iterator[Row]:
+    """A zone is drawn when all is ready; its fence is being refused as the pilot takes off."""
+    yield 20.0, "stream", (("MISSION_COUNT",), StreamFault.LOST, 8.0)
+    yield 20.0, "reject", 1
+    yield 21.0, "reload", dice.uniform(25.0, 40.0)
+    yield dice.uniform(22.5, 23.5), "before us", "AUTO_TAKEOFF"
+    yield 110.0, "climb", 0.0
+
+
 def zone_in_haste(dice: random.Random) -> Iterator[Row]:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)

@@ -124,6 +124,7 @@ class Fault(Enum):
     UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
     ALTERED = Kind("an item is stored that was not sent", 6, courses.altered, "ready")
     READY_TAKEN = Kind("pilot arms or chooses before us", 9, courses.ready_taken, "ready")
+    BY_HAND = Kind("pilot takes off while a fence is refused", 4, courses.by_hand, "ready")
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, courses.busy, "INIT")
     # The pilot and other stations.
     PILOT = Kind("pilot takes over", 48, one("pilot", choice(*ON_MODE)))
@@ -242,7 +243,7 @@ _ALONE: Final = frozenset(
     {
         *(Fault.NONE, Fault.PUSHED, Fault.BLIND_AND_EMPTY, Fault.UPLOAD, Fault.ALTERED),
         *(Fault.READY_TAKEN, Fault.HANDED_BACK_LOW, Fault.TAKEN_IN_HASTE, Fault.DIVERTED),
-        *(Fault.HANDED_BACK_HIGH, Fault.REFUSED),
+        *(Fault.HANDED_BACK_HIGH, Fault.REFUSED, Fault.BY_HAND),
         *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.LANDED_HERE, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),

@@ -19,6 +19,7 @@ from air_router.controller.model.requests import (
     Reload,
 )
 from geo.frame import Point
+from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.mission_file import SIDES, FlyableSpace
@@ -259,7 +260,8 @@ class Operator:
     def _change(self, draw: Callable[[], bool]) -> None:
         """Draw into the file, and have it read again; one change at a time."""
         zones = self._zones_flown_by
-        if zones is None or not self.flies or self._reading is not None:
+        waits = self._flight.scene.fault is Fault.BY_HAND and not self._flight.autopilot.armed
+        if zones is None or not (self.flies or waits) or self._reading is not None:
             return
         if draw():
             self._reading = (self._flight.now_s + _READ_S, zones)

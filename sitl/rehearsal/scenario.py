@@ -94,7 +94,7 @@ class Scenario:
         self._off_m = 0.0  # error of the estimate as it was recorded last
         self._seen = FlightRecord()  # for the judge
         self._report: Mapping[str, Any] = {}
-        self._records: Path | None = None  # where the companion keeps its own
+        self._logs: Path | None = None  # where the companion keeps its own
         self.file: MissionFile
         self.mission: Mission
         self.seek: tuple[str, ...]
@@ -130,7 +130,7 @@ class Scenario:
     def _set_up(self, folder: Path) -> None:
         scene, kind = self.scene, self.scene.fault.value
         document = changed(hurried(self._path), kind.mission, kind.waypoints)
-        self._records = folder / "records" if kind.records else None
+        self._logs = folder / "records" if kind.records else None
         document = with_room(document) if scene.draws else document
         if scene.fault is Fault.LAYERS:
             document = with_another_uav(document, folder, scene.chance("layers"))
@@ -189,10 +189,10 @@ class Scenario:
     def _live(self, *, resume: bool) -> tuple[int | None, str]:
         """One life of a companion, from start to end or power cut."""
         self.happened(SceneEventKind.STARTED)
-        companion = Companion(
-            self.file.path, self, self.send, self._say, resume=resume, records=self._records
+        arm = not (resume or self.scene.fault is Fault.BY_HAND)
+        companion = self.companion = Companion(
+            self.file.path, self, self.send, self._say, arm=arm, resume=resume, records=self._logs
         )
-        self.companion = companion
         try:
             companion.run()
         except PowerCutError:
@@ -309,7 +309,7 @@ class Scenario:
         """The companion's power is back, and the flight is to be resumed."""
         if self.companion is None and self.autopilot.armed:
             self._restarts = True
-            for path in self._records.glob("*") if self._records else ():
+            for path in self._logs.glob("*") if self._logs else ():
                 os.utime(path, times=(time.time() - self._down_s,) * 2)  # so long ago it ended
 
     @property

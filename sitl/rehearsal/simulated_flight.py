@@ -184,8 +184,11 @@ class SimulatedFlight(Scenario):
         if how == "arm":
             pilot.arm()
         else:
-            pilot.sticks()
+            if FlightMode[how].needs_pilot:
+                pilot.sticks()
             pilot.choose(FlightMode[how])
+        if how == "AUTO_TAKEOFF":
+            pilot.arm()
         if how != "arm" or self.autopilot.armed:
             self._taken("armed" if how == "arm" else how)
 

@@ -117,6 +117,7 @@ ACCEPTED: Final = MappingProxyType(
         "NO_FIX": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
+        "BY_HAND": _row(End.PILOT, says="is not on board"),
         "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
         # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a
         # battery failsafe ends it. What has to be said of it, and when, `inputs` knows.

@@ -57,6 +57,9 @@ _STANDS_M: Final = 0.2
 _STRAIGHT_UP_M: Final = 10.0
 """A place so near is one to climb at: where a vehicle comes to rest that is told to."""
 
+_TRANSFER_S: Final = 5.0
+"""A transfer that began before is not begun once more after so long."""
+
 _CONNECTS_S: Final = 1.0
 """A companion that was started has looked at the vehicle no sooner."""
 
@@ -196,6 +199,22 @@ def nothing_is_put_on_board_of_an_armed_vehicle(case: Case) -> Iterator[Violatio
                 text = "a plan is put on board of a vehicle that the pilot has armed"
                 yield Violation(message.time_s, "authority", text)
                 return
+
+
+def nothing_is_put_on_board_of_anothers(case: Case) -> Iterator[Violation]:
+    """No list is sent to a vehicle that a pilot, or a failsafe, flies, but what is under way."""
+    asked_s = [h.time_s for h in case.evidence.told(SceneEventKind.REQUEST, SceneEventKind.STARTED)]
+    for message in case.commands:
+        if message.name not in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}:
+            continue
+        for begin_s, end_s, by in case.given:
+            from_s = begin_s + _TRANSFER_S + case.row.notice_s
+            again = any(begin_s < at_s <= message.time_s for at_s in asked_s)
+            flies = bool(case.flying[case.at(message.time_s)])
+            if from_s < message.time_s < end_s and flies and not again:
+                text = f"a list is put on board while the vehicle is {by} since {begin_s:.1f} s"
+                yield Violation(message.time_s, "authority", text)
+                break
 
 
 def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:

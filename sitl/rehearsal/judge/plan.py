@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import MultiPoint, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.case import Case, Responsible, Violation
 from sitl.rehearsal.judge.evidence import (
     AUTOPILOT,
     EVERYTHING,
@@ -135,12 +135,13 @@ def rally_points_are_on_board(case: Case) -> Iterator[Violation]:
 
 
 def _moments(case: Case) -> list[tuple[float, MissionVersion]]:
-    """When what is on board has to be a file's: when it is armed, and once another was taken."""
+    """When what is on board has to be a file's: when we have it armed, and once one was taken."""
     armed_s = _armed_s(case)
     if not case.uploads or armed_s == math.inf:
         return []
     changed = [(v.from_s + _SETTLES_S, v) for v in case.versions[1:] if _has_to_settle(case, v)]
-    return [(armed_s, case.version_at(armed_s)), *changed]
+    ours = case.by[case.at(armed_s)] is Responsible.OURS
+    return [(armed_s, case.version_at(armed_s)), *changed] if ours else changed
 
 
 def fence_is_the_files(case: Case) -> Iterator[Violation]:

@@ -265,6 +265,7 @@ RULES: Final[tuple[Rule, ...]] = (
     commands.legs_are_clear,
     commands.no_leg_begins_low,
     commands.nothing_is_put_on_board_of_an_armed_vehicle,
+    commands.nothing_is_put_on_board_of_anothers,
     commands.what_is_drawn_across_a_leg_ends_it,
     inputs.silence_is_told,
     inputs.lost_streams_are_acted_on,

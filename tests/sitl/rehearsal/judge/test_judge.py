@@ -404,6 +404,17 @@ def test_what_is_drawn_where_it_cannot_stop_is_left_and_counts_from_then_on():
     assert "room" in kinds(evidence(track(again), happenings=scene))
 
 
+@pytest.mark.parametrize(
+    ("at_s", "asked", "wrong"), [(22.0, False, False), (35.0, False, True), (35.0, True, False)]
+)
+def test_no_list_is_begun_for_a_vehicle_that_the_pilot_flies(at_s, asked, wrong):
+    scene = [SceneEvent(20.0, SceneEventKind.PILOT, "sticks")]
+    scene += [SceneEvent(30.0, SceneEventKind.REQUEST, "resume upload")] if asked else []
+    count = ours(at_s, "MISSION_COUNT", count=1, mission_type=1)
+    flown = evidence(track(), more=[count], happenings=tuple(scene), faults=("STICKS",))
+    assert any("a list is put" in v.text for v in judge(flown).violations) is wrong
+
+
 def test_every_rule_is_asked():
     rules = {
         each
