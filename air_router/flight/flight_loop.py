@@ -85,9 +85,9 @@ class CommandService:
         self._number += 1
         number = request.request_id or str(self._number)
         decided = self._decide(dataclasses.replace(request, request_id=number))
-        for ack in (action for action in decided if isinstance(action, CommandAck)):
+        for ack in decided:
             # A station numbers its goals itself: those that wait may be answered now, too.
-            if (ack.request_id, ack.by) == (number, request.by):
+            if isinstance(ack, CommandAck) and (ack.request_id, ack.by) == (number, request.by):
                 return ack
         return CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
 
