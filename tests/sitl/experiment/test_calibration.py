@@ -1,7 +1,9 @@
 """Settings that runs draw, a fit that finds those of a table, and what it predicts elsewhere."""
 
+import csv
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from sitl.experiment.analysis.prediction import Prediction
 from sitl.experiment.analysis.report import Report
 from sitl.experiment.analysis.tables import PAPER_TABLE
 from sitl.experiment.campaign.running import run_settings
+from sitl.experiment.plan import flat, said
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import value_of
 
+DRAWN = Path(__file__).parents[3] / "docs" / "evidence" / "calibration-draws.csv"
 WAITS = ("wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay")
 
 
@@ -161,3 +165,15 @@ def test_the_other_guesses_know_the_rows_that_were_fitted_to_only():
     )
     assert math.exp(found.formula[0, 2]) == pytest.approx(one * 4**2 * 10)
     assert math.exp(found.regression[-1, 2]) > 3 * math.exp(found.regression[0, 2])
+
+
+def test_what_predicts_is_what_was_fitted():
+    experiment, _ = load_experiment("prediction")
+    assert experiment.phase(experiment.first_seed) == "confirmation"
+    with DRAWN.open(encoding="utf-8") as file:
+        drawn = list(csv.DictReader(file))
+    for row in experiment.rows:
+        number = int(row.label.partition(",")[0].removeprefix("draw "))
+        settings = flat(row.settings)
+        assert {key: said(settings[key]) for key in drawn[0]} == drawn[number - 1]
+    assert len(experiment.rows) == 12 * len(drawn) == 12 * DRAWS
