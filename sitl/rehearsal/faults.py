@@ -215,6 +215,10 @@ class Fault(Enum):
         mission={"duration_s": 190, "timers": {"init_s": 400, "search_s": 10}},
     )
     LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
+    ALTITUDES = Kind(
+        *("asked to hold at other altitudes", 6, requests.altitudes, "INIT"),
+        mission={"altitudes_m": [30, 60]},
+    )
     HOME_FOR_GOOD = Kind("requests on a way home for a fault", 10, requests.home_for_good, "INIT")
     ENDURANCE = Kind(
         *("a way home that takes more than the reserve", 6, one("battery", 250.0), "ready"),
@@ -246,7 +250,7 @@ _ALONE: Final = frozenset(
         *(Fault.HANDED_BACK_HIGH, Fault.REFUSED, Fault.BY_HAND),
         *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
-        *(Fault.LANDED_HERE, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
+        *(Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.WEAK_LINKS, Fault.GOALS, Fault.LAYERS),
         *(Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
     }

@@ -12,6 +12,7 @@ from typing import Final
 
 from air_router.controller.model.requests import (
     AnyRequest,
+    ChangeAltitude,
     GoOn,
     GoTo,
     HoldNow,
@@ -114,6 +115,10 @@ class Operator:
     def do_resume(self, _: None) -> None:
         """Have it go on with what it held for."""
         self.ask(GoOn())
+
+    def do_altitude(self, altitude_m: float) -> None:
+        """Have it hold at another altitude, above home."""
+        self.ask(ChangeAltitude(altitude_m))
 
     def do_land(self, _: None) -> None:
         """Have it land where it is."""

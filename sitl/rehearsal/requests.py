@@ -8,6 +8,7 @@ from typing import Final
 
 from air_router.controller.model.requests import (
     AnyRequest,
+    ChangeAltitude,
     ComeHome,
     ExploreNow,
     GoOn,
@@ -30,6 +31,7 @@ _VERBS: Final = {
     ExploreNow: "explore",
     GoTo: "goto",
     LandNow: "land",
+    ChangeAltitude: "altitude",
     Reload: "reload",
 }
 _ROBOTS: Final = ("callisto", "europa", "io", "phantom")
@@ -40,6 +42,8 @@ _BESIDE_M: Final = 40.0
 def words_of(request: AnyRequest, mission: Mission) -> str:
     """A request as it is typed; of points also `hold_s=SECONDS`."""
     words = [_VERBS.get(type(request), "another")]
+    if isinstance(request, ChangeAltitude):
+        words.append(f"{request.altitude_m}")
     if isinstance(request, SeekNow):
         words.append(request.robot)
     if isinstance(request, GoTo):
@@ -130,6 +134,16 @@ def landed_here(dice: random.Random) -> Iterator[Row]:
     at_s = dice.uniform(4.0, 60.0)
     yield at_s, "hold"
     yield from ((at_s + later_s, "land") for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0))
+
+
+def altitudes(dice: random.Random) -> Iterator[Row]:
+    """Held, and sent up and down: as it may be, out of that, again before it is there, and on."""
+    at_s = dice.uniform(4.0, 60.0)
+    yield at_s, "hold"
+    for altitude_m in (dice.uniform(30.0, 60.0), 70.0, dice.uniform(30.0, 60.0), 25.0, 58.0):
+        at_s += dice.uniform(6.0, 30.0)
+        yield at_s, "altitude", altitude_m
+    yield at_s + 40.0, "resume"
 
 
 def home_for_good(dice: random.Random) -> Iterator[Row]:

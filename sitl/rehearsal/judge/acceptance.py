@@ -96,6 +96,7 @@ ACCEPTED: Final = MappingProxyType(
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),
+        "ALTITUDES": _HOME,
         "LANDED_HERE": _row(End.LANDED, End.ASKED),
         "ENDURANCE": _HOME,
         "HOME_FOR_GOOD": _row(End.LANDED, height_m=5.0),  # its altitude may drift, as BAROMETER's

@@ -45,6 +45,9 @@ _NO_MORE: Final = re.compile("already|as soon as|once the changed|before it begi
 _TURNS_S: Final = 1.0
 """Within that time a hold is sent."""
 
+_CLIMBS_S, _CLIMBS_M_S, _LEVEL_M = 6.0, 0.8, 1.5
+"""What a climb or descent takes, at least so fast, and how near it ends to where it was sent."""
+
 _HOLDS_S: Final = 12.0
 """For so long a hold is looked at: later the mission's own time may be over."""
 
@@ -164,7 +167,7 @@ def comes_home(
 
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
-    """What followed an accepted "hold", "home" or "goto", until the next request."""
+    """What followed an accepted "hold", "home", "goto" or "altitude", until the next request."""
     answered = list(_answered(case))
     ends_s = [*(request.time_s for request, _ in answered), float(case.time_s[-1])]
     for (request, answer), until_s in zip(answered, ends_s[1:], strict=True):
@@ -173,6 +176,8 @@ def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
             yield from _holds(case, request.time_s, until_s)
         elif verb == "home" or (verb == "goto" and _is_far(case, request)):
             yield from _sets_out(case, request.time_s, until_s)
+        elif verb == "altitude":
+            yield from _comes_to(case, request, until_s)
 
 
 def _answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
@@ -193,10 +198,15 @@ def _promises(answer: Answer) -> bool:
 
 
 def _holds(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
-    ends = (at_s for at_s, text in case.said if at_s > asked_s and _ENDS.search(text))
-    until_s = min(until_s, next(ends, until_s), asked_s + _HOLDS_S) - 0.1
+    until_s = min(_ends_s(case, asked_s, until_s), asked_s + _HOLDS_S) - 0.1
     from_s = asked_s + _TURNS_S + case.row.notice_s
     yield from stands(case, News(asked_s, "a hold was accepted"), (from_s, until_s), "request")
+
+
+def _ends_s(case: Case, asked_s: float, until_s: float) -> float:
+    """When something else ended what was asked for, the next request at the latest."""
+    ends = (at_s for at_s, text in case.said if at_s > asked_s and _ENDS.search(text))
+    return min(until_s, next(ends, until_s))
 
 
 def _sets_out(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]:
@@ -206,6 +216,20 @@ def _sets_out(case: Case, asked_s: float, until_s: float) -> Iterator[Violation]
     sent = any(asked_s <= m.time_s <= due_s for m in case.commands if is_motion(m))
     if case.answers(asked_s, due_s) and not sent:
         text = f"nothing was sent, though a way was accepted at {asked_s:.1f} s"
+        yield Violation(due_s, "request", text)
+
+
+def _comes_to(case: Case, request: SceneEvent, until_s: float) -> Iterator[Violation]:
+    asked_m, above_m = float(str(request.value).split()[1]), case.above_m[case.at(request.time_s)]
+    due_s = request.time_s + _CLIMBS_S + abs(asked_m - above_m) / _CLIMBS_M_S
+    until_s = _ends_s(case, request.time_s, until_s)
+    above_m = case.above_m[case.at(due_s)]
+    if (
+        case.answers(request.time_s, due_s)
+        and until_s > due_s
+        and abs(above_m - asked_m) > _LEVEL_M + case.row.height_m
+    ):
+        text = f"{above_m:.1f} m above home, though {asked_m:.1f} m was accepted"
         yield Violation(due_s, "request", text)
 
 

@@ -55,7 +55,7 @@ _BY_TIME: Final = {
     **dict.fromkeys(("SEARCH", "GOTO", "COMM"), "EXPL"),
 }
 _NO_WAY: Final = "no way|left out|no clear way|no robot"
-_CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "LANDED_HERE"})
+_CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "LANDED_HERE", "ALTITUDES"})
 """Faults in which nothing keeps the vehicle from its mission."""
 
 _AT_ONCE_S, _LATE_S, _EARLY_S = 0.5, 2.5, 1.0
