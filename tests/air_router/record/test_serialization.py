@@ -171,6 +171,7 @@ def test_what_an_object_looks_like():
             "position": {"east_m": "NaN", "north_m": "-Infinity"},
         },
         "reason": "no",
+        "sent": True,
     }
 
 
