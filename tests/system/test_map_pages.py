@@ -172,7 +172,9 @@ def test_nothing_covers_anything_and_the_map_is_fitted_to_what_is_free(pages, na
 def test_the_plots_cover_nothing(replayed, size):
     page = replayed.page
     page.set_viewport_size(viewport(size))
-    assert page.evaluate(HIDDEN, [*AIR[:3], "#when", "#clock", "#panel h2"]) == []
+    # The page is laid out anew in the frame after its size has changed.
+    all_shown = f"(selectors) => !({HIDDEN})(selectors).length"
+    page.wait_for_function(all_shown, arg=[*AIR[:3], "#when", "#clock", "#panel h2"])
     assert "battery" in page.locator("#facts").inner_text()
     page.locator("#plot").click()
     page.wait_for_function(IS_PLOTTED)
