@@ -123,7 +123,7 @@ class Controller:
             context,
             self.returns,
             authority,
-            GotoValidator(context, navigator),
+            GotoValidator(context, navigator, gate),
             states,
             self.airspace_update,
         )

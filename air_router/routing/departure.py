@@ -38,6 +38,8 @@ _SAME_M = 0.5
 _DRIFT_M = 0.25
 """What a hovering vehicle may seem to drift within its stopping distance."""
 
+_TURNED = 3
+"""The corners of what it sweeps before it is bound for the end of a leg come first, so many."""
 
 BRAKING_M_S2: Final = 2.0
 """Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
@@ -218,17 +220,16 @@ class Departure:
         if kept is not None and not kept.swept_clear(area):
             return False
         if math.dist(self.start, end) > reach_m:
-            turned = 2 if self._momentum is None else 3  # corners before it is bound for the end
-            later = [_along(place, end, reach_m) for place in area[:turned]]
-            if not self._airspace.swept_clear([*later, *area[turned:]]):
+            later = [_along(place, end, reach_m) for place in area[:_TURNED]]
+            if not self._airspace.swept_clear([*later, *area[_TURNED:]]):
                 return False
         return near.swept_clear(area)
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
-        turn = () if self._momentum is None else (self._momentum.turn(self.start, end),)
+        turn = self.rest if self._momentum is None else self._momentum.turn(self.start, end)
         elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M]
-        return [self.start, self.rest, *turn, *elsewhere, end]
+        return [self.start, self.rest, turn, *elsewhere, end]
 
     @property
     def special(self) -> bool:

@@ -32,6 +32,8 @@ from air_router.controller.model.events import (
     RobotPose,
 )
 from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
@@ -189,6 +191,14 @@ class PretendFlight(Airframe):
 
     def fly_away(self):
         self.fly_until(lambda: math.dist(self.position, self.mission.home) > 60.0)
+
+    def hold_away(self):
+        """Take off, and hover on request somewhere on the way."""
+        self.take_off()
+        self.fly_away()
+        self.operator_asks(HoldNow())
+        self.fly_for(6.0)
+        assert self.controller.state is State.HOLD
 
     def closest_m(self):
         return self.mission.airspace.track_distance_m(self.track)[0]

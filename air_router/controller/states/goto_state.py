@@ -11,7 +11,7 @@ from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint,
 from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
 from air_router.controller.model.requests import RequestRefusedError
 from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import REACTION_S, CommandGate, stopping_point
+from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_state import SearchState
 from air_router.messages import FARTHEST_M
@@ -72,10 +72,12 @@ class GotoValidator:
     Args:
         context: The airspace, and the routes in it.
         navigator: Where to hover for a place that is not clear.
+        gate: What the vehicle flies on by itself.
     """
 
     _context: MissionContext
     _navigator: Navigator
+    _gate: CommandGate
 
     def goto_task(self, points: Sequence[Point], hold_s: float, by: str) -> GotoTask:
         """Look at every point, the ways between them, and what the way home then takes.
@@ -126,12 +128,10 @@ class GotoValidator:
 
     def _first(self, telemetry: Telemetry, goal: Goal) -> Route | NoRoute:
         """From where the vehicle is; or, where its speed allows no way, from where it stops."""
-        here, speed_m_s = telemetry.position, self._context.mission.speed_m_s
-        rest = stopping_point(telemetry)
-        momentum = Momentum(rest, telemetry.velocity_m_s, speed_m_s, REACTION_S)
-        route = self._route(here, goal, momentum)
+        momentum = self._gate.momentum(telemetry)
+        route = self._route(telemetry.position, goal, momentum)
         if isinstance(route, NoRoute) and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S:
-            return self._route(rest, goal)
+            return self._route(momentum.rest, goal)
         return route
 
     def _route(self, start: Point, goal: Goal, momentum: Momentum | None = None) -> Route | NoRoute:

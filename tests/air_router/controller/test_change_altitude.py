@@ -42,11 +42,7 @@ def mission(tmp_path_factory):
 def holding(pretend, mission):
     """A flight that hovers on request, somewhere on its way."""
     flight = pretend(mission, duration_s=4000.0)
-    flight.take_off()
-    flight.fly_away()
-    assert asked(flight, HoldNow()).accepted
-    flight.fly_for(6.0)
-    assert flight.controller.state is State.HOLD
+    flight.hold_away()
     return flight
 
 

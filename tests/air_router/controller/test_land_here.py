@@ -25,11 +25,7 @@ def asked(flight, request):
 def holding(pretend):
     """A flight that hovers on request, somewhere on its way."""
     flight = pretend(duration_s=4000.0)
-    flight.take_off()
-    flight.fly_away()
-    assert asked(flight, HoldNow()).accepted
-    flight.fly_for(6.0)
-    assert flight.controller.state is State.HOLD
+    flight.hold_away()
     return flight
 
 
