@@ -59,6 +59,11 @@ def _check_names(draft: MissionDocument) -> None:
 
 
 def _check_altitudes(draft: MissionDocument) -> None:
+    if draft.altitudes_m and draft.altitudes_m[0] > draft.altitudes_m[1]:
+        message = (
+            "'altitudes_m' are the lowest and the highest altitude, in this order; exchange them"
+        )
+        draft.report(("altitudes_m",), message, "out-of-range")
     for area in draft.zones:
         label = f"no-fly zone '{area.name}'"
         try:

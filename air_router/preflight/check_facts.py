@@ -1,7 +1,7 @@
 """What `air-router check` tells of a mission that can be flown, to people and to programs."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -38,7 +38,10 @@ def summary(findings: MissionSurvey) -> list[str]:
 
 def _flight(findings: MissionSurvey) -> Iterator[_Row]:
     mission, planner = findings.mission, findings.mission.planner
-    yield "flies", f"{_altitudes(mission)} above home at {mission.speed_m_s:g} m/s"
+    flown = (mission.altitude_above_home_m, *(w.altitude_above_home_m for w in mission.waypoints))
+    flies, allowed = _altitudes(flown), _altitudes(mission.altitudes_m)
+    asked = f"; {allowed} on request" if allowed != flies else ""
+    yield "flies", f"{flies} above home at {mission.speed_m_s:g} m/s{asked}"
     margin = (
         f"clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m"
     )
@@ -286,9 +289,8 @@ def _fences(mission: Mission) -> str:
     return {0: "no fence", 1: "a fence"}.get(count, f"{count} fences")
 
 
-def _altitudes(mission: Mission) -> str:
-    flown = {mission.altitude_above_home_m, *(w.altitude_above_home_m for w in mission.waypoints)}
-    low, high = min(flown), max(flown)
+def _altitudes(given_m: Sequence[float]) -> str:
+    low, high = min(given_m), max(given_m)
     return f"{low:g} m" if math.isclose(low, high) else f"{low:g} to {high:g} m"
 
 

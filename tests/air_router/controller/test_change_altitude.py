@@ -15,6 +15,9 @@ from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.requests import ChangeAltitude, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
+from air_router.preflight.check_facts import summary
+from air_router.preflight.survey import MissionSurvey
+from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import Pace
 from air_router.vehicle.vehicle import PlanCompared, PlanReplaced
 from tests.air_router.conftest import MISSIONS
@@ -112,6 +115,13 @@ def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission,
     assert (mission.cruise.lower_m, mission.cruise.upper_m) == (25.0, 65.0)
     assert Pace.of(mission).landing_s == pytest.approx(Pace.of(pennovation).landing_s * 1.5)
     assert mission.waypoints == pennovation.waypoints  # the plan itself is as it was
+
+
+def test_the_check_says_what_may_be_asked_for(mission, pennovation):
+    words = "40 m above home at 3.5 m/s"
+    for flown, asked in ((pennovation, ""), (mission, "; 30 to 60 m on request")):
+        flies = summary(MissionSurvey(WaypointGraph(flown)))[1]
+        assert flies.endswith(f"{words}{asked}")
 
 
 def test_at_a_lower_altitude_of_the_mission_no_leg_climbs_first(holding):

@@ -82,6 +82,7 @@ WRONG = [
     ("speed_m_s: 4", "§sped_m_s: 4", "unknown-key"),
     ("speed_m_s: 4", "altitudes_m: §[30]", "wrong-length"),
     ("speed_m_s: 4", "altitudes_m: [30, §0]", "out-of-range"),
+    ("speed_m_s: 4", "altitudes_m: §[60, 30]", "out-of-range"),
     ("duration_s: 600", "duration_s: §0", "out-of-range"),
     ("coordinates: local", "coordinates: §metres", "unknown-word"),
     ("frame: {origin: [38.5, -98.5]}", "frame: §{}", "missing-key"),
