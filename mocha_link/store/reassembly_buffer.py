@@ -211,3 +211,8 @@ class ReassemblyBuffer:
         """The messages that other peers are bringing."""
         bringers = self._bringers.items()
         return {number for number, by in bringers if by.peer != peer and by.is_at_it(now_s)}
+
+    def brings_no_more(self, peer: str) -> None:
+        """A peer is out of reach, or has said all: what it was bringing may come from another."""
+        bringers = self._bringers.items()
+        self._bringers = {number: by for number, by in bringers if by.peer != peer}

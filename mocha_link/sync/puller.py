@@ -202,6 +202,7 @@ class Puller:
         """Take in what the peer pushes after a pull; None: nothing any more."""
         node = self._peer.node
         robot_id = node.team.robot(self._peer.name).robot_id
+        node.reassembly.brings_no_more(self._peer.name)
         self.followed = pull
         if pull:
             node.followed.add(robot_id)

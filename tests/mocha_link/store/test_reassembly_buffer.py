@@ -172,6 +172,10 @@ def test_a_message_comes_from_one_peer_at_a_time():
     assert reassembly.comes_from(7, "io", STALL_S + SLOW_S)  # titan is slow
     reassembly.drop(7)
     assert reassembly.comes_from(7, "titan", STALL_S + SLOW_S)
+    reassembly.brings_no_more("io")
+    assert not reassembly.comes_from(7, "io", STALL_S + SLOW_S)
+    reassembly.brings_no_more("titan")
+    assert reassembly.comes_from(7, "io", STALL_S + SLOW_S)
 
 
 def test_who_brings_what_is_forgotten_before_it_takes_memory():

@@ -5,6 +5,7 @@ one is asked when that one goes silent, fails or takes long, and nothing is lost
 """
 
 import random
+from functools import partial
 
 import pytest
 
@@ -106,11 +107,13 @@ def test_where_the_one_that_brings_it_goes_another_one_goes_on(told):
     while net.nodes["io"].links(net.now)["r0"].bytes_in < SIZE / 2:
         net.wait(0.01)
     net.silent = {"r0"}
-    if told:
+    if told:  # so it is waited for no longer
         net.nodes["io"].lost("r0", "the peer closed the connection", net.at("io"))
+    again_s = 0.0 if told else STALL_S + 0.1
     for relay in relays_of(net):
-        net._later(lambda relay=relay: net.nodes["io"].sync(relay, net.at("io")), net.time_s + 2.1)
-    until_it_came(net, limit_s=2.1 + STALL_S)
+        ask = partial(net.nodes["io"].sync, relay)
+        net._later(lambda ask=ask: ask(net.at("io")), net.time_s + again_s)
+    until_it_came(net, limit_s=again_s + STALL_S / 2)
     assert crossed(net, "r1", "r2") < 0.6 + 2 * WINDOW / SIZE
 
 
