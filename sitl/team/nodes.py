@@ -9,6 +9,7 @@ import json
 import logging
 import queue
 import socket
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -32,7 +33,14 @@ from air_router.mission.team import FIX, POSE, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock
-from mocha_link.links.metrics import LinkEvent, MessageStored
+from mocha_link.links.metrics import (
+    Direction,
+    LinkEvent,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
 from mocha_link.node.lifetime import Closeable
 from mocha_link.node.node import Node
 from mocha_link.ros.typed import Types
@@ -45,6 +53,9 @@ _log = logging.getLogger(__name__)
 
 MAP_TYPE: Final = "grid/SemanticMap"
 MAP_HISTORY_LIMIT: Final = 100_000
+
+EXCHANGE_S: Final = 0.5
+"""Wall seconds within which an exchange ends, on a busy machine too, unless its link was cut."""
 
 
 class RadioReadings(Closeable):
@@ -131,6 +142,8 @@ class GroundNodes(Closeable):
         self._team = team
         self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()  # maps
         self._unsubscribe: list[Callable[[], object]] = []  # from each node
+        # When each began, monotonic, by puller, peer and direction; set on the nodes' threads.
+        self._exchanges: dict[tuple[str, str, Direction], float] = {}
         self.keepers = {name: MapKeeper() for name in names}  # the maps that reach each robot
         self.nodes: dict[str, Node] = {}
         try:
@@ -158,6 +171,12 @@ class GroundNodes(Closeable):
             if message is not None:
                 self.keepers[name].take(message, event.at_s)
 
+    @property
+    def exchanging(self) -> bool:
+        """Whether any robot is in an exchange that may be expected to end at once."""
+        since_s = time.monotonic() - EXCHANGE_S
+        return any(began_s > since_s for began_s in tuple(self._exchanges.values()))
+
     def close(self) -> None:
         """Stop all nodes, at the same time."""
         for unsubscribe in self._unsubscribe:
@@ -168,10 +187,17 @@ class GroundNodes(Closeable):
 
     def _note(self, name: str, event: LinkEvent) -> None:
         """On the node's thread, so quick: maps are looked at later."""
-        if not isinstance(event, MessageStored) or event.robot == name:
-            return
-        if self._team.topic(event.robot, event.topic).type == MAP_TYPE:
-            self._arrivals.put((name, event))
+        match event:
+            case SyncStarted(peer=peer, direction=direction):
+                self._exchanges[name, peer, direction] = time.monotonic()
+            case (
+                SyncEnded(peer=peer, direction=direction)
+                | SyncTimedOut(peer=peer, direction=direction)
+            ):
+                self._exchanges.pop((name, peer, direction), None)
+            case MessageStored(robot=robot, topic=topic) if robot != name:
+                if self._team.topic(robot, topic).type == MAP_TYPE:
+                    self._arrivals.put((name, event))
 
 
 class Rovers(Closeable):

@@ -30,6 +30,7 @@ from sitl.world.world_file import WorldPlan
 _log = logging.getLogger(__name__)
 
 _STOP_LOOK_S = 0.1  # how often the loop looks whether it should stop, while no truth comes
+_EXCHANGE_LOOK_S = 0.002  # how often while it waits for robots in an exchange
 _SILENCE_NOTE_S = 5.0
 _FAR_FROM_HOME_M = 2000.0
 _CAMERA_QUEUE = 100  # pictures kept for a companion that is slow to take them
@@ -126,6 +127,7 @@ class TeamSimulation(Closeable):
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
+        self._awaits = plan.rate_bytes_s is None  # exchanges, which take no simulated time then
         self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
         self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
         with ExitStack() as stack:
@@ -167,12 +169,18 @@ class TeamSimulation(Closeable):
     ) -> None:
         """Follow the vehicle until `stopped` says so.
 
-        `reached` is told up to which second of the vehicle's clock the world has been moved on.
+        `reached` is told up to which second of the vehicle's clock the world has been moved on, and
+        the robots' exchanges have come to their end: without a limit of rate these take the
+        wall's time only.
         """
         heard_s = time.monotonic()
         silent = False
+        worked_s: float | None = None  # of the vehicle's clock; None: all of it has been told
         while not stopped():
-            heard = self._first.listen(_STOP_LOOK_S)
+            if worked_s is not None and not (self._awaits and self._nodes.exchanging):
+                reached(worked_s)
+                worked_s = None
+            heard = self._first.listen(_STOP_LOOK_S if worked_s is None else _EXCHANGE_LOOK_S)
             state = self._first.state
             if heard and state is not None:
                 heard_s, silent = time.monotonic(), False
@@ -180,7 +188,7 @@ class TeamSimulation(Closeable):
                     if vehicle is not self._first:
                         vehicle.listen(0.0)
                 self.follow(state)
-                reached(state.time_s)
+                worked_s = state.time_s
             elif not silent and time.monotonic() - heard_s > _SILENCE_NOTE_S:
                 silent = True
                 _log.warning(

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.messages import PoseMessage
 from air_router.mission.loading import load_mission
@@ -156,6 +157,46 @@ def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp
         for data in (pose.encode(), b"junk"):
             program.publish("/pose", data, now=True)
             assert follow() == pytest.approx(there, abs=1e-3)
+
+
+def test_a_moment_is_over_once_its_exchanges_are(tmp_path, mission, monkeypatch):
+    monkeypatch.setattr("sitl.team.nodes.EXCHANGE_S", WAIT_S)
+    team = derive_team(Team.load(mission.team), tmp_path)
+    plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
+    titan, packer = team.robot("titan"), mavlink.MAVLink(None)
+    over: list[float] = []
+    stop = threading.Event()
+    with (
+        TeamSimulation(mission, team, plan, epoch_s=EPOCH_S) as simulation,
+        socket.create_server((titan.listen, titan.port_for("io"))) as mute,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle,
+    ):
+        mute.settimeout(WAIT_S)
+        port = int(simulation.ready()["truth"].rpartition(":")[2])
+        io = mission.frame.to_geodetic(simulation.world.robots["io"].position)
+        above = (int(io.latitude_deg * 1e7), int(io.longitude_deg * 1e7), 50_000)
+
+        def fly_there(time_s: int) -> None:
+            turned = (time_s * 1_000_000, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0)
+            message = packer.hil_state_quaternion_encode(*turned, *above, *(0,) * 8)
+            vehicle.sendto(message.pack(packer), ("127.0.0.1", port))
+            wait_until(lambda: simulation.clock.elapsed_s == time_s)
+
+        runner = threading.Thread(target=simulation.run, args=(stop.is_set, over.append))
+        runner.start()
+        try:
+            fly_there(1)
+            pulls, _ = mute.accept()
+            with pulls:
+                assert pulls.recv(1)  # io has begun to pull from titan
+                fly_there(2)
+                fly_there(3)
+                assert all(time_s < 2 for time_s in over)
+            mute.close()
+            wait_until(lambda: over[-1:] == [3])
+        finally:
+            stop.set()
+            runner.join(WAIT_S)
 
 
 def test_closing_leaves_no_threads_and_frees_the_ports(tmp_path, mission):
