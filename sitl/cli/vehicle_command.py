@@ -123,9 +123,9 @@ def add_speed_and_parameters(parser: argparse.ArgumentParser, speed_help: str) -
     parser.add_argument(
         "--battery-minutes",
         type=number("a number above zero", MORE_THAN_0, ANY_FINITE),
-        default=25.0,
+        default=22.5,
         metavar="M",
-        help="minutes from full to empty (default 25)",
+        help="minutes from full to empty (default 22.5)",
     )
     parser.add_argument(
         "--param",
