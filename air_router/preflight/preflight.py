@@ -172,11 +172,11 @@ def gps(fix: GpsFix | None) -> Check:
     """The satellite receiver."""
     if fix is None:
         return Check("GPS", LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?")
-    satellites = GOOD_SATELLITES if fix.satellites is None else fix.satellites
-    seen = "" if fix.satellites is None else f", {fix.satellites} satellites"
+    satellites = 0 if fix.satellites is None else fix.satellites
+    seen = f", {satellites} satellites" if fix.satellites is not None else ", satellites not told"
     found = f"fix{seen}" + ("" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m")
     poor = satellites < GOOD_SATELLITES or (fix.accuracy_m or 0.0) > WORST_ACCURACY_M
-    few = satellites < FEWEST_SATELLITES
+    few = satellites < FEWEST_SATELLITES and fix.satellites is not None
     return _check(
         "GPS",
         (not fix.good, BAD, f"no fix{seen}", "wait, with a free view of the sky"),

@@ -52,7 +52,7 @@ class PreflightSurvey:
         finally:
             team.cancel()
         mission = self.mission
-        rate = 1.0 if self.clock is None else await self.clock.measured_rate()
+        rate = await self._rate()
         checks: list[Check] = [
             *first,
             preflight.place(mission, self.router, info, telemetry),
@@ -75,17 +75,19 @@ class PreflightSurvey:
 
     async def card_in_the_air(self, vehicle: Vehicle) -> Card:
         """Look at what still matters once it flies; nothing on board is changed."""
-        inspection = await vehicle.inspect(NAMES)
-        mission = self.mission
+        inspection, rate, mission = await vehicle.inspect(NAMES), await self._rate(), self.mission
         return Card(
             (
                 preflight.gps(inspection.gps),
                 preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
-                *parameters(mission, inspection.parameters),
+                *parameters(mission, inspection.parameters, rate=rate),
                 straight_return(mission),
                 preflight.disk(_free_bytes(self.log_dir)),
             )
         )
+
+    async def _rate(self) -> float:
+        return 1.0 if self.clock is None else await self.clock.measured_rate()
 
     async def _reachable(self) -> dict[str, bool] | None:
         """Whose node answers now; None without a team."""

@@ -13,6 +13,7 @@ from air_router.preflight import preflight
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
 from air_router.preflight.preflight import CLIMB_M_S
 from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
+from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
@@ -68,7 +69,7 @@ FAR_OFF = Inspection(unix_s=NOW_S + 3600.0)
 LINES = {
     GOOD: [
         *(preflight.vehicle(info(version)) for version in ("1.17.0", "1.18.0")),
-        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 14, 0.8), (6, None, None))),
+        preflight.gps(GpsFix(3, 14, 0.8)),
         preflight.clock(Inspection(unix_s=NOW_S + 1.0), NOW_S),
         preflight.disk(10**10),
         preflight.peers({"io": True, "europa": True}),
@@ -76,7 +77,7 @@ LINES = {
     LOOK: [
         *(preflight.vehicle(info(version)) for version in ("1.16.1", "of unknown version")),
         preflight.gps(None),
-        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 8, 1.0), (3, 14, 5.0))),
+        *(preflight.gps(GpsFix(*fix)) for fix in ((3, 8, 1.0), (3, 14, 5.0), (6, None, 0.8))),
         *(preflight.clock(found, NOW_S) for found in (OFF, FAR_OFF, Inspection())),
         preflight.clock(OFF, NOW_S, hours=True),
         *map(preflight.disk, (None, 2 * 10**8)),
@@ -287,9 +288,20 @@ def test_no_mission_file_accepts_a_fence_that_does_nothing(pennovation):
     assert parameters(mission, WANTED | {"GF_ACTION": 0})[0].verdict is BAD
 
 
-def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation):
+def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation, router):
     told = WANTED | {"COM_OBC_LOSS_T": 25.0}
     assert [c.name for c in parameters(pennovation, told)] == ["COM_OBC_LOSS_T", "parameters"]
+
+    async def inspect(_):
+        return Inspection(parameters=told)
+
+    async def measured_rate():
+        return 5.0
+
+    clock, vehicle = SimpleNamespace(measured_rate=measured_rate), SimpleNamespace(inspect=inspect)
+    survey = PreflightSurvey(pennovation, router, clock=clock)
+    in_the_air = asyncio.run(survey.card_in_the_air(vehicle))
+    assert "COM_OBC_LOSS_T" not in {check.name for check in in_the_air.checks}
     assert [c.name for c in parameters(pennovation, told, rate=4.8)] == ["parameters"]
 
 
