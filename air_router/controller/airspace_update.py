@@ -30,8 +30,6 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Zone
-from geo.frame import Point
 
 STUCK_S: Final = 3.0
 """How long after no way led out of a new zone it is looked for again."""
@@ -77,13 +75,14 @@ class AirspaceUpdate:
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
         router, self.prepared = self.prepared, None
-        if router is None or not _same_areas(router.graph.mission, mission):
+        made = None if router is None else router.graph.mission
+        same = made and (made.fences, made.zones) == (mission.fences, mission.zones)
+        if router is None or not same:
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.mission, context.router = mission, router
-        self._context.zones = ZoneChange.CLEARING
+        self._begin_clearing()
         self._what = "the changed fence"
-        self._way_out = None
         when = "; they go on board when the mission is resumed" if self._put_off else ""
         context.say(f"zones changed: {_difference(before, mission)}{when}")
         self._skip_waypoints(mission, router)
@@ -160,7 +159,8 @@ class AirspaceUpdate:
         reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
         known = set(before.zones)
         new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]
-        near = {z.name for z in new if _distance_m(z, telemetry.position) <= reach_m}
+        here = telemetry.position
+        near = {z.name for z in new if Airspace(None, [z], 0.0).distance_m(here) <= reach_m}
         return frozenset(near | ({FENCE} if before.fences != now.fences else set()))
 
     # Until they count.
@@ -168,7 +168,7 @@ class AirspaceUpdate:
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
         gate = self._gate
-        leaves = self._way_out is not None and not self._context.has_to_stop
+        leaves = self._context.zones is ZoneChange.LEAVING and not self._context.has_to_stop
         if gate.pending is not None and not (leaves and isinstance(gate.pending, HoldHere)):
             return  # on the way out no hold is waited for: what was asked meanwhile may need one
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
@@ -183,7 +183,7 @@ class AirspaceUpdate:
             return
         airspace = self._context.mission.airspace_at(telemetry.altitude_m)
         inside = airspace.holders(telemetry.position)
-        if inside or self._way_out is not None:
+        if inside or self._context.zones is ZoneChange.LEAVING:
             self._leave(telemetry, inside)
             return
         if not (stopping and moves):
@@ -192,9 +192,8 @@ class AirspaceUpdate:
     def upload_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""
         if self._context.zones is not ZoneChange.UPLOADING:
-            self._context.zones = ZoneChange.CLEARING
+            self._begin_clearing()
             self._what = "this mission's plan"
-            self._way_out = None
             self._context.has_to_stop = True
 
     def _upload(self) -> None:
@@ -212,6 +211,7 @@ class AirspaceUpdate:
             if self._way_out is None:
                 context.say(f"leaving {names_of(inside)}")
             self._way_out = Goal(here if place is None else place)
+            context.zones = ZoneChange.LEAVING
             self._context.has_to_stop = False
             motion = navigator.plan_to(self._way_out)
         elif gate.last is None and context.take_retry():
@@ -227,10 +227,14 @@ class AirspaceUpdate:
             gate.stop()
             gate.hold("no way out")
             self._stuck_until_s = telemetry.time_s + STUCK_S
-            self._way_out = None
+            self._begin_clearing()
         elif context.way.progress is Progress.ARRIVED and not inside:
-            self._way_out = None
+            self._begin_clearing()
             gate.stop()
+
+    def _begin_clearing(self) -> None:
+        self._way_out = None
+        self._context.zones = ZoneChange.CLEARING
 
     def plan_renewed(self, event: PlanRenewed) -> None:
         """Go on, or home where the autopilot has no such fence."""
@@ -256,21 +260,13 @@ class AirspaceUpdate:
             self._context.handler.replan()
 
 
-def _same_areas(one: Mission, other: Mission) -> bool:
-    return (one.fences, one.zones) == (other.fences, other.zones)
-
-
 def _names_of_new(before: Mission, now: Mission) -> frozenset[str]:
     fence = {FENCE} if before.fences != now.fences else set()
     return frozenset({zone.name for zone in set(now.zones) - set(before.zones)} | fence)
 
 
-def _distance_m(zone: Zone, point: Point) -> float:
-    return Airspace(None, [zone], 0.0).distance_m(point)
-
-
 def _difference(before: Mission, now: Mission) -> str:
-    """What has changed, in words."""
+    """What has changed, in words; perhaps nothing since an upload that failed."""
     old, new = set(before.zones), set(now.zones)
     names = {"new": new - old, "gone": old - new}
     changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}
@@ -279,4 +275,4 @@ def _difference(before: Mission, now: Mission) -> str:
         words += [f"'{name}' is {word}" for name in sorted({z.name for z in zones} - changed)]
     if before.fences != now.fences:
         words.append("the fence is another")
-    return ", ".join(words)
+    return ", ".join(words) or "to those that are not on board yet"

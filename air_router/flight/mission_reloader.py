@@ -52,8 +52,12 @@ class NotReloadedError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
 
-def changed_areas(mission: Mission) -> AirspaceChanged:
+def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> AirspaceChanged:
     """The fences and zones that a mission's file has now.
+
+    Args:
+        mission: As it is flown.
+        on_board: What the autopilot has of it; None: all.
 
     Raises:
         MissionFileError: with every problem of the file.
@@ -82,7 +86,8 @@ def changed_areas(mission: Mission) -> AirspaceChanged:
         raise NotReloadedError(
             f"{mission.path}: {names} changed as well; in flight only fences and no-fly zones can"
         )
-    if (now.fences, now.zones) == (mission.fences, mission.zones):
+    same = (now.fences, now.zones) == (mission.fences, mission.zones)
+    if same and on_board in {None, FlightPlan.of(mission)}:
         raise NotReloadedError(f"{mission.path}: its fences and no-fly zones are as they were")
     points = len(FlightPlan.of(now).fence)
     if points > FENCE_POINTS:
@@ -184,7 +189,9 @@ class MissionReloader:
 
     async def _read(self) -> ReloadReport:
         try:
-            event, router = await asyncio.to_thread(_read, self._controller.context.mission)
+            event, router = await asyncio.to_thread(
+                _read, self._controller.context.mission, self._on_board
+            )
         except AirRouterError as error:
             return self._failed(f"not reloaded: {error}")
         except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
@@ -193,13 +200,10 @@ class MissionReloader:
         self._controller.airspace_update.prepared = router
         self._deliver(event)
         now = self._controller.context.mission
-        if (now.fences, now.zones) != (event.fences, event.zones):
-            return ReloadReport(
-                under_way=False, why="not reloaded: the flight did not take the zones"
-            )
-        return ReloadReport(
-            under_way=False, good=True, why="the flight keeps to the changed fences and zones"
-        )
+        good = (now.fences, now.zones) == (event.fences, event.zones)
+        keeps = "the flight keeps to the changed fences and zones"
+        why = keeps if good else "not reloaded: the flight did not take the zones"
+        return ReloadReport(under_way=False, good=good, why=why)
 
     def _failed(self, why: str) -> ReloadReport:
         self._say(why)
@@ -209,27 +213,25 @@ class MissionReloader:
         """Put the changed plan on board; if that fails, what was there before."""
         await self._uploaded.wait()
         plan = FlightPlan.of(self._controller.context.mission)
+        why_not = await self._renew(plan)
+        if why_not is None:
+            self._on_board = plan
+        elif await self._renew(self._on_board) is None:
+            why_not += "; the one before is"
+        else:
+            why_not += "; and the one before is not back"
+        self._deliver(PlanRenewed(why_not))
+
+    async def _renew(self, plan: FlightPlan) -> str | None:
+        """Put a plan on board; returns why that failed, if it did."""
         try:
             async with asyncio.timeout(BOARD_S):
                 await self._vehicle.renew(plan, self._controller.airspace_update.objection)
         except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
-            why = str(error) or f"not within {BOARD_S:.0f} s"
-            self._deliver(PlanRenewed(why + await self._put_back()))
-        else:
-            self._on_board = plan
-            self._deliver(PlanRenewed())
-
-    async def _put_back(self) -> str:
-        try:
-            async with asyncio.timeout(BOARD_S):
-                await self._vehicle.renew(
-                    self._on_board, self._controller.airspace_update.objection
-                )
-        except (PlanRefusedError, NotConfirmedError, TimeoutError):
-            return "; and the one before is not back"
-        return "; the one before is"
+            return str(error) or f"not within {BOARD_S:.0f} s"
+        return None
 
 
-def _read(mission: Mission) -> tuple[AirspaceChanged, Router]:
-    event = changed_areas(mission)
+def _read(mission: Mission, on_board: FlightPlan) -> tuple[AirspaceChanged, Router]:
+    event = changed_areas(mission, on_board)
     return event, Router(WaypointGraph(mission.with_areas(event.fences, event.zones)))

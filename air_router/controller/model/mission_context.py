@@ -49,7 +49,8 @@ class OnBoard(Enum):
 class ZoneChange(Enum):
     """How far a change of zones is."""
 
-    CLEARING = "the vehicle stops, or leaves, where it may not be any more"
+    CLEARING = "the vehicle stops where it may not go on any more"
+    LEAVING = "the vehicle flies out of what was drawn over it"
     UPLOADING = "the new fence is being put on board"
 
 

@@ -229,11 +229,12 @@ class CommandGate:
         if context.giving_up is not None or context.compares is not None:
             return
         if context.zones is not None:
-            if context.zones is ZoneChange.UPLOADING:
+            if context.zones is not ZoneChange.LEAVING:
                 # It is wanted elsewhere than its leg leads; there, it would not be watched.
                 self.stop()
-                context.has_to_stop = True
-                self.hold("zones are being changed")
+                if context.zones is ZoneChange.UPLOADING or self.last is not None:
+                    context.has_to_stop = True
+                    self.hold("zones are being changed")
             return
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             context.way.brake()

@@ -145,6 +145,18 @@ def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
     assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
 
 
+def test_an_order_before_zones_go_on_board_leaves_no_leg_that_is_not_flown(pretend):
+    flight = on_a_long_leg(pretend)
+    change(flight, box(ahead(flight, 40.0)))
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 2.0, 10.0)
+    assert boarding(flight) == 0
+    flight.give(SeekNow("io"))
+    assert flight.controller.context.way.leg is None
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    flight.give(PlanRenewed())
+    assert flight.controller.context.way.leg is not None
+
+
 def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
     flight = cruising(pretend)
     change(flight, box(flight.position, half_m=8.0))

@@ -93,7 +93,7 @@ def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(gate):
     out = FlyToPoint(Point(0.0, 100.0), 40.0)
     gate.send(NODE)  # given up, and may come late
     gate.send(out)
-    gate._context.zones = ZoneChange.CLEARING
+    gate._context.zones = ZoneChange.LEAVING
     gate.command(NODE)
     assert gate.last is out
     gate._context.zones = None
@@ -111,11 +111,12 @@ def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(ga
     assert context.actions == [hold]
 
 
-def test_a_leg_while_zones_are_put_on_board_has_it_hold(gate):
-    gate._context.zones = ZoneChange.UPLOADING
+@pytest.mark.parametrize("zones", [ZoneChange.CLEARING, ZoneChange.UPLOADING])
+def test_a_leg_while_zones_are_changed_has_it_hold(gate, zones):
+    gate.send(PLACE)
+    gate._context.zones = zones
     gate.command(FlyToPoint(HERE, 40.0))
-    (hold,) = gate._context.actions
-    assert isinstance(hold, HoldHere)
+    assert [*map(type, gate._context.actions)] == [FlyToPoint, HoldHere]
     assert gate._context.has_to_stop
 
 

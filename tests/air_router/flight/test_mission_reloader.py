@@ -174,7 +174,7 @@ def test_an_error_in_the_file_is_told_and_changes_nothing(field, file):
 
 
 def test_a_fault_in_reading_it_is_told_and_the_flight_goes_on(field, file, monkeypatch):
-    def broken(mission):
+    def broken(mission, on_board):
         raise ZeroDivisionError(str(mission.path))
 
     monkeypatch.setattr(rereading, "_read", broken)
@@ -189,7 +189,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
         said, began = [], asyncio.Event()
         loop = asyncio.get_running_loop()
 
-        def read(mission):
+        def read(mission, on_board):
             gate = next(reads)
             loop.call_soon_threadsafe(began.set)
             gate.wait()
@@ -227,6 +227,27 @@ def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, sa
     assert result.report["came_home_because"] == "the changed fence is not on board"
     assert f"TIMEOUT{said}" in field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 2
+
+
+def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(field, file):
+    refused = PlanRefusedError("the fence was not taken: TIMEOUT")
+    vehicle, said, asked = field.vehicle, field.out.getvalue, []
+    vehicle.failures["renew"] = [refused]
+
+    def again():
+        if not asked and "is not on board" in said():
+            asked.append(field.flight.commands.ask(Reload()))
+
+    def draw():
+        add_zone(file)
+        step = vehicle.on_step
+        vehicle.on_step = lambda: (step(), again())
+
+    assert field.reload(draw).outcome == "done", said()
+    assert vehicle.verbs.count("renew") == 3
+    assert vehicle.plan == FlightPlan.of(load_mission(file))
+    assert "zones changed: to those that are not on board yet" in said()
+    assert "the changed fence is on board" in said()
 
 
 @pytest.mark.parametrize("verb", ["connect", "upload"])
