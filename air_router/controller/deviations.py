@@ -11,7 +11,7 @@ flies, zones are being changed, or the vehicle lands.
 | the altitude jumps: within them, or off them | at once | hold, then on; hold until it is back |
 | one of the last two | 30 s | home |
 | the satellites' altitude leaves the autopilot's by 3.5 m | for some seconds | it is told |
-| by 6 m | for some seconds | home: which of both is right? |
+| by 6 m | for some seconds | home, by ways that are clear at both: which is right? |
 | nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
 | much slower | for 5 s of a leg | it is told |

@@ -14,6 +14,7 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.initial_climb import below
 from air_router.controller.safety_monitor import DOUBT_M, Deviation, HomeWatch, Response
 from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Mission
@@ -227,12 +228,11 @@ class SpeedWatch:
         return Deviation(Response.HOLD, words, counts=True)
 
     def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
-        leg = self._gate.last
-        far = (
-            self._gate.pending is None
-            and isinstance(leg, FlyToNode | FlyToPoint)
-            and math.dist(telemetry.position, leg.position) > SLOW_M
-        )
+        leg, mission, far = self._gate.last, self._context.mission, False
+        if self._gate.pending is None and isinstance(leg, FlyToNode | FlyToPoint):
+            up_m = mission.altitude_of(leg.node) if isinstance(leg, FlyToNode) else leg.altitude_m
+            climbs = below(up_m, telemetry)  # PX4 does so before it sets out for an item
+            far = math.dist(telemetry.position, leg.position) > SLOW_M and not climbs
         if not far:
             self._slow_since_s = None
             return None
@@ -241,8 +241,7 @@ class SpeedWatch:
         if self._slow_told or telemetry.time_s - self._slow_since_s < SLOW_S:
             return None
         self._slow_told = True
-        commanded_m_s = self._context.mission.speed_m_s
-        words = f"it flies only {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s"
+        words = f"it flies only {speed_m_s:.1f} m/s and was told {mission.speed_m_s:.1f} m/s"
         return Deviation(Response.TELL, words)
 
     def forget(self) -> None:

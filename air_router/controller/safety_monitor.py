@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from statistics import median
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion
@@ -16,6 +17,8 @@ from air_router.controller.model.mission_context import MissionContext, OnBoard
 from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
@@ -182,7 +185,8 @@ class HomeWatch:
 
     _context: MissionContext
     receiver_off_m: float = 0.0
-    _receiver_began_m: float | None = None
+    _first: list[float] = field(default_factory=list)  # how far off in the first seconds
+    _first_at_s: float = math.inf
     _receiver_at_s: float = 0.0  # of the telemetry before
     _receiver_told_m: float = 0.0  # the greatest limit announced
     _told: HomeMove | None = None  # where home was moved to, as announced
@@ -191,12 +195,15 @@ class HomeWatch:
         """Whether home was moved since it was told last, in any state; says so."""
         if telemetry.gps_amsl_m is not None and telemetry.altitude_amsl_m is not None:
             off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
-            if self._receiver_began_m is None:
-                self._receiver_began_m, self._receiver_at_s = off_m, telemetry.time_s
-            passed_s = max(telemetry.time_s - self._receiver_at_s, 0.0)
-            share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
-            self.receiver_off_m += share * (off_m - self._receiver_began_m - self.receiver_off_m)
-            self._receiver_at_s = telemetry.time_s
+            now_s = telemetry.time_s
+            self._first_at_s = min(self._first_at_s, now_s)
+            if now_s < self._first_at_s + _AVERAGE_S:
+                self._first.append(off_m)
+            else:
+                share = 1.0 - math.exp(-max(now_s - self._receiver_at_s, 0.0) / _AVERAGE_S)
+                drift_m = off_m - median(self._first)
+                self.receiver_off_m += share * (drift_m - self.receiver_off_m)
+            self._receiver_at_s = now_s
         moved, told, say = telemetry.home_moved, self._told, self._context.say
         if moved is None:
             self._told = None
@@ -221,6 +228,8 @@ class HomeWatch:
 
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the satellites' altitude has left the autopilot's, by more than was told."""
+        if abs(self.receiver_off_m) >= DOUBT_HOME_M:
+            self._keep_clear_at_both()
         for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
             if abs(self.receiver_off_m) >= limit_m > self._receiver_told_m:
                 self._receiver_told_m = limit_m
@@ -230,6 +239,15 @@ class HomeWatch:
                 )
                 return Deviation(response, words)
         return None
+
+    def _keep_clear_at_both(self) -> None:
+        """From now on legs are clear of what applies from one of the altitudes to the other."""
+        context, mission, off_m = self._context, self._context.mission, self.receiver_off_m
+        edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
+        airspace = mission.airspace_at(edge_m + off_m)
+        if len(airspace.zones) > len(context.router.graph.mission.planning_airspace.zones):
+            planning = airspace.with_margin(mission.planner.tracking_margin_m)
+            context.router = Router(WaypointGraph(replace(mission, planning_airspace=planning)))
 
 
 @dataclass(slots=True, eq=False)

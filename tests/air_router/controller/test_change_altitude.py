@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from air_router.controller.envelope import SLOW_M
 from air_router.controller.model.actions import (
     CommandAck,
     FlyToNode,
@@ -66,6 +67,20 @@ def test_it_changes_its_altitude_where_it_holds_and_then_goes_on(holding, altitu
     assert asked(holding, GoOn()).accepted
     assert isinstance(holding.motions[-1], FlyToNode)  # at the altitude of the plan's item
     assert not [said for said in holding.said if said.startswith(("too ", "holding: "))]
+
+
+def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
+    assert asked(holding, ChangeAltitude(30.0)).accepted
+    holding.fly_for(10.0)
+    assert asked(holding, GoOn()).accepted
+    moves, holding._wanted = holding._wanted, lambda: (0.0, 0.0)
+    while holding.altitude_m < 38.0:
+        holding.altitude_m += 1.0 * holding.step_s
+        holding.step()
+    assert math.dist(holding.position, holding.target) > SLOW_M
+    holding._wanted = moves
+    holding.fly_for(5.0)
+    assert not [said for said in holding.said if "it flies only" in said]
 
 
 def test_hold_stops_a_climb_and_land_ends_it(holding):

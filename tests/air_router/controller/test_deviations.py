@@ -21,7 +21,8 @@ from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from geo.airspace.zone import Band, Zone
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from tests.air_router.conftest import Airframe
 
@@ -203,20 +204,27 @@ def test_faster_than_commanded_is_told_and_held_for(cruising):
     assert isinstance(cruising.motions[before], HoldHere)
 
 
-def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_home(pretend):
-    flight, sunk_m = pretend(duration_s=600.0), [0.0]
+@pytest.fixture
+def off_by(pretend):
+    """A flight whose satellites' altitude is off by what the list has last."""
+    flight, off_m = pretend(duration_s=600.0), [0.0]
 
     def reads():
         telemetry = Airframe.telemetry(flight)
         amsl_m = 489.0 + telemetry.altitude_m
-        gps_m = amsl_m - sunk_m[0] + 2.0  # never the same
+        gps_m = amsl_m + 2.0 + off_m[-1]  # never the same
         return dataclasses.replace(telemetry, altitude_amsl_m=amsl_m, gps_amsl_m=gps_m)
 
     flight.telemetry = reads
+    return flight, off_m
+
+
+def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_home(off_by):
+    flight, off_m = off_by
     flight.take_off()
     flight.fly_away()
     for _ in range(300):  # 0.3 m/s, as a barometer drifts
-        sunk_m[0] += 0.03
+        off_m[-1] -= 0.03
         flight.step()
     words, last = told(flight, "the altitude is in doubt")
     assert words.endswith("40 m by the autopilot, 36 m by the satellites")
@@ -224,19 +232,38 @@ def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_hom
     assert flight.controller.state in {State.HOME, State.LAND}
 
 
-def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off(pretend):
-    flight, off_m = pretend(duration_s=600.0), [0.0]
+def test_one_bad_altitude_of_the_satellites_at_first_raises_no_doubt(off_by):
+    flight, off_m = off_by
+    off_m.append(60.0)
+    flight.take_off()
+    off_m.append(0.0)
+    fly(flight, 30.0)
+    assert not told(flight, "in doubt")
 
-    def reads():
-        telemetry = Airframe.telemetry(flight)
-        amsl_m = 489.0 + telemetry.altitude_m
-        return dataclasses.replace(telemetry, altitude_amsl_m=amsl_m, gps_amsl_m=amsl_m + off_m[0])
 
-    flight.telemetry = reads
+@pytest.mark.parametrize(("off", "band"), [(8.0, Band(48.0, 70.0)), (-8.0, Band(20.0, 32.0))])
+def test_with_its_altitude_in_doubt_the_way_home_is_clear_at_both(off_by, off, band):
+    flight, off_m = off_by
+    flight.hold_away()
+    mission, here = flight.mission, flight.position
+    middle = Point(*((a + b) / 2 for a, b in zip(here, mission.home, strict=True)))
+    zone = Zone("doubtful", Circle(middle, 8.0), band=band)
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    fly(flight, 1.0)
+    flight.give(PlanRenewed())
+    since = len(flight.track)
+    off_m.append(off)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert told(flight, "coming home: the altitude is in doubt")
+    assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+
+
+def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off(off_by):
+    flight, off_m = off_by
     flight.take_off()
     flight.fly_away()
     flight.give(ComeHome())
-    off_m[0] = 8.0
+    off_m.append(8.0)
     fly(flight, 12.0)
     assert flight.controller.state is State.HOME
     flight.give(ExploreNow())
