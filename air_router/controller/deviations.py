@@ -17,7 +17,7 @@ flies, zones are being changed, or the vehicle lands.
 | much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |
 | the battery at its reserve, or little above what the way home takes | at once | home |
-| the mission's duration is over | at once | home |
+| the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
 """
 
 from __future__ import annotations

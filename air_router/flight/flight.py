@@ -21,7 +21,7 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
-from air_router.errors import AirRouterError, ExitCode, RefusedError
+from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
@@ -54,7 +54,7 @@ RESTART_S: Final = 5.0
 """A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""
 
 LOST_S: Final = 60.0
-"""Wall-clock silence of the vehicle after which the flight is reported as lost."""
+"""Wall-clock silence of the vehicle after which it is lost, before its first position too."""
 
 
 class Flight:
@@ -200,7 +200,10 @@ class Flight:
         if self._recorder.path is not None:
             self._status.say(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
-        telemetry = await self._first
+        try:
+            telemetry = await asyncio.wait_for(self._first, LOST_S)
+        except TimeoutError:
+            raise NoVehicleError(f"it answered, but told no position in {LOST_S:.0f} s") from None
         if telemetry.in_air:
             await self._find_flight(info, telemetry)
             return
@@ -288,9 +291,8 @@ class Flight:
     def _too_late(self, telemetry: Telemetry) -> bool:
         """Whether it did not take off while its zones were the right ones; ends then."""
         latest = self._mission.latest_start
-        if latest is None or telemetry.armed or self.controller.state is not State.READY:
-            return False
-        if self._clock.now_s() <= latest.timestamp():
+        waits = self.controller.state is State.READY and not telemetry.armed
+        if latest is None or not waits or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
             f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
@@ -341,8 +343,7 @@ class Flight:
             await self._vehicle.close()
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
-        stamps_s = self._gossip.newest_stamps()
-        report = self.stats.report(outcome, self._clock.now_s(), stamps_s)
+        report = self.stats.report(outcome, self._clock.now_s(), self._gossip.newest_stamps())
         report["came_home_because"] = self.controller.context.ending_why
         self._recorder.note("Report", self._clock.boot_s(), report)
         track, meetings = self.stats.flown.points, self.stats.meetings

@@ -22,7 +22,7 @@ from air_router.vehicle.vehicle import Telemetry
 CONTEXT: Final = 10
 """So many events before a difference are told; positions in between only as the last one."""
 
-_TOLD: Final = frozenset({"setup", "Reaction", "LetGo", "Unwritable"})
+_TOLD: Final = frozenset({"setup", "Reaction", "HomeBy", "LetGo", "Unwritable"})
 """What comes between an event with its actions and the next; all else may come among them."""
 
 
@@ -122,6 +122,8 @@ class Replayer:
             self.controller = Controller(entry.value)
         elif entry.kind == "note" and entry.value.name == "Reaction" and self.controller:
             self.controller.gate.reaction_s = entry.value.fields["reaction_s"]
+        elif entry.kind == "note" and entry.value.name == "HomeBy" and self.controller:
+            self.controller.context.home_by_s = entry.value.fields["home_by_s"]
 
     def decide(self, step: RecordedStep) -> list[Any]:
         """What the controller decides now on what happened.

@@ -105,6 +105,7 @@ def _finite(value: Any) -> Any:
 NOTES: Final[Mapping[str, Mapping[str, Any]]] = {
     "Clock": {"unix_s": float},
     "Reaction": {"reaction_s": float},
+    "HomeBy": {"home_by_s": float},
     "Map": {"known_cells": int},
     "MapPublished": {"known_cells": int},
     "Held": {"peer": str, "held": list[tuple[str, str, float]]},

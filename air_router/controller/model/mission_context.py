@@ -167,6 +167,7 @@ class MissionContext:
         zones: How far a change of zones is; None if none is under way.
         has_to_stop: Zones change, and the hold for that is not confirmed yet.
         jumped: Its altitude has jumped, and it holds until that is over.
+        home_by_s: When it comes home, on the vehicle's clock, because zones may be others later.
         doubts: An order that is not ours shows, if not for long enough to be sure of it.
         put_off: A motion was dropped for these doubts.
         climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,
@@ -203,6 +204,7 @@ class MissionContext:
     zones: ZoneChange | None = None
     has_to_stop: bool = False
     jumped: bool = False
+    home_by_s: float | None = None
     doubts: bool = False
     put_off: bool = False
     climbs_first: bool = False

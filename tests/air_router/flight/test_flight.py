@@ -115,6 +115,40 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     assert flight.run().outcome == "done"
 
 
+def test_flown_by_hand_until_zones_may_be_others_it_comes_home_when_it_is_handed_over(
+    rig, pennovation
+):
+    latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
+    timed = Zone("timed", pennovation.zones[0].shape, validity=Validity(()))
+    flight = rig(arm=False, window=FlightWindow(latest, None, latest), zones=(timed,))
+    airframe = flight.vehicle.airframe
+
+    def step():
+        passed_s = flight.clock.now_s() - 1.7e9
+        if passed_s > 90.0 and airframe.mode is FlightMode.POSITION:
+            airframe.take_off()
+        elif passed_s > 10.0 and not airframe.in_air and airframe.mode is FlightMode.HOLD:
+            airframe.take_off()
+            airframe.mode = FlightMode.POSITION
+
+    flight.vehicle.on_step = step
+    result = flight.run()
+    why = "the hours that its no-fly zones were chosen for are over"
+    assert (result.outcome, result.report["came_home_because"]) == ("done", why)
+    assert replay([*Log(flight.recorder.path)]).difference is None
+
+
+def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
+    async def mute():
+        pass
+
+    flight = rig()
+    flight.vehicle._run = mute
+    monkeypatch.setattr("air_router.flight.flight.LOST_S", 0.05)
+    with pytest.raises(NoVehicleError, match="told no position"):
+        flight.run()
+
+
 def test_without_arm_the_pilot_starts_it(rig):
     flight = rig(arm=False)
     flight.at(
