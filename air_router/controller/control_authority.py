@@ -222,7 +222,7 @@ class ControlAuthority:
             context.say(again)
             return
         context.compares = None
-        context.say(f"{again}: going on")
+        context.say(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
         context.climbs_first = True  # it may have sunk, or have been stopped in its climb
         if not context.in_air:
             return

@@ -155,6 +155,7 @@ class Fault(Enum):
     RESTARTED_ON_ANOTHER = Kind(
         "another mission put on board while no companion runs", 8, courses.replaced_alone, "INIT"
     )
+    PLAN_AT_START = Kind("mission put on board as it starts", 6, courses.plan_at_start, "armed")
     SAME_PLAN = Kind("the same plan put on board again", 14, on_board("plan", "same"))
     PLAN_DELETED = Kind("mission deleted by a station", 8, on_board("plan", "none"))
     FENCE_DELETED = Kind("fence deleted by a station", 10, on_board("fence", None, back=1.0))
@@ -247,12 +248,11 @@ _ALONE: Final = frozenset(
     {
         *(Fault.NONE, Fault.PUSHED, Fault.BLIND_AND_EMPTY, Fault.UPLOAD, Fault.ALTERED),
         *(Fault.READY_TAKEN, Fault.HANDED_BACK_LOW, Fault.TAKEN_IN_HASTE, Fault.DIVERTED),
-        *(Fault.HANDED_BACK_HIGH, Fault.REFUSED, Fault.BY_HAND),
-        *(Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
+        *(Fault.HANDED_BACK_HIGH, Fault.REFUSED, Fault.BY_HAND, Fault.WEAK_LINKS, Fault.GOALS),
+        *(Fault.PLAN_AT_START, Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
-        *(Fault.WEAK_LINKS, Fault.GOALS, Fault.LAYERS),
-        *(Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
+        *(Fault.LAYERS, Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
     }
 )
 """Two things at once already, or nothing: these are not combined with others."""

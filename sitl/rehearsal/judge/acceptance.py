@@ -143,6 +143,9 @@ ACCEPTED: Final = MappingProxyType(
         "PLAN_REPLACED": _row(
             *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
         ),
+        "PLAN_AT_START": _row(
+            *(End.LANDED, End.STAYED, End.PILOT), notice_s=3.0, says="plan on board|another plan"
+        ),
         "RESTARTED_ON_ANOTHER": _row(End.LANDED, End.PILOT),
         "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
