@@ -18,7 +18,13 @@ from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
-from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced, Telemetry
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    LinkSilent,
+    PlanCompared,
+    PlanReplaced,
+    Telemetry,
+)
 
 HOLDS: Final = 6
 """How often a vehicle is told to hold before hands are off though it does not."""
@@ -50,9 +56,6 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
     return next((reason for reason, holds in reasons.items() if holds), None)
 
 
-# How a mission gets off the ground, how a flight counts as over, and how silence is told.
-
-
 @dataclass(slots=True)
 class Reminder:
     """What goes on is told at once, then now and then, and that it is over."""
@@ -66,26 +69,6 @@ class Reminder:
             return None
         before, self._what, self._told_s = self._what, what, now_s
         return f"over: {before}" if what is None else what
-
-
-@dataclass(slots=True)
-class SilenceReminder:
-    """What is told of a vehicle that is not heard: at once, then now and then.
-
-    Attributes:
-        told_s: How long this silence was when it was told last; 0 once the vehicle is heard.
-    """
-
-    told_s: float = 0.0
-
-    def news(self, silent_s: float) -> str | None:
-        """What to tell after `silent_s` wall-clock seconds without a word; None: no news."""
-        if silent_s < self.told_s:
-            self.told_s = 0.0  # it was heard meanwhile
-        if self.told_s > 0.0 and silent_s < self.told_s + _TOLD_S:
-            return None
-        self.told_s = silent_s
-        return f"nothing heard from the vehicle for {silent_s:.0f} s"
 
 
 @dataclass(slots=True, eq=False)
@@ -108,6 +91,7 @@ class ControlAuthority:
     _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _breaches: Reminder = field(default_factory=Reminder)  # while another flies
+    _silence_told_s: float = -math.inf  # how long it was when it was told last
 
     # Away.
 
@@ -175,6 +159,16 @@ class ControlAuthority:
     def _look_at_inputs(self, telemetry: Telemetry) -> None:
         for what, _ in self._context.inputs.look(telemetry).news:
             self._context.say(what)
+
+    def nothing_heard(self, event: LinkSilent) -> None:
+        """The vehicle says nothing: that is told at once, then now and then."""
+        context, silent_s = self._context, event.silent_s
+        if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
+            self._silence_told_s = -math.inf
+        context.silent_s = silent_s
+        if silent_s >= self._silence_told_s + _TOLD_S:
+            self._silence_told_s = silent_s
+            context.say(f"nothing heard from the vehicle for {silent_s:.0f} s")
 
     def take_over(self, who: ControlHolder, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""

@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
-from air_router.controller.control_authority import ControlAuthority, SilenceReminder
+from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
 from air_router.controller.missing_inputs import MissingInputs
@@ -111,7 +111,6 @@ class Controller:
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)
         self._home = HomeWatch(context)
-        self._silence = SilenceReminder()
         self._monitor = SafetyMonitor(context, gate, plan)
         self._envelope = Envelope(context, gate, self._home)
         self._deviations = Deviations(context, gate)
@@ -131,7 +130,7 @@ class Controller:
         self._reactions: dict[type, Callable[[Any], None]] = {
             Telemetry: self._vehicle_heard,
             ItemReached: self._item_reached,
-            LinkSilent: self._nothing_heard,
+            LinkSilent: authority.nothing_heard,
             CommandConfirmed: self._confirmed,
             CommandFailed: gate.failed,
             RobotPose: states.search.pose_heard,
@@ -169,7 +168,7 @@ class Controller:
     def _vehicle_heard(self, telemetry: Telemetry) -> None:
         context, authority, phase = self.context, self._authority, self._phase
         context.telemetry = telemetry
-        context.silent_s = self._silence.told_s = 0.0
+        context.silent_s = 0.0
         phase.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         ours = context.handed_over if context.state is State.READY else context.spec.ours
@@ -206,7 +205,9 @@ class Controller:
 
     def _take_off(self, telemetry: Telemetry, moved: Response | None) -> None:
         context = self.context
-        if context.handed_over and telemetry.in_air:
+        if telemetry.in_air and not context.handed_over:
+            self._authority.look_on(telemetry)
+        elif telemetry.in_air:
             status = context.inputs.look(telemetry)
             if status is not CALM:
                 self._missing.follow(status, telemetry)  # the climb ends above home by itself
@@ -275,13 +276,6 @@ class Controller:
             return  # the report may be of the node before; the vehicle has not confirmed the jump
         node = self._plan.node_of(event.item)
         self.navigator.advance(self.navigator.update(context.telemetry, reached_node=node))
-
-    def _nothing_heard(self, event: LinkSilent) -> None:
-        """The vehicle says nothing."""
-        self.context.silent_s = event.silent_s
-        news = self._silence.news(event.silent_s)
-        if news is not None:
-            self.context.say(news)
 
     def _confirmed(self, event: CommandConfirmed) -> None:
         """It follows; if that was the hold before hands are off, it is let go."""

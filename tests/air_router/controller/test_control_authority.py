@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from air_router.controller.control_authority import COMPARED_S, SilenceReminder
+from air_router.controller.control_authority import COMPARED_S
 from air_router.controller.model.actions import (
     CommandAck,
     ControlHolder,
@@ -529,6 +529,19 @@ def test_after_hands_off_breaches_are_told_again_and_again_until_they_end(preten
     assert flight.motions[-1].__class__ is not HoldHere
 
 
+def test_a_pilot_who_flies_by_hand_into_a_zone_before_the_hand_over_is_told(pretend):
+    flight = pretend(pilot_arms=True)
+    flight.take_off_halfway(FlightMode.POSITION)
+    zone = flight.mission.climb_airspace.zones[0]
+    flight.position = Point(*zone.polygon.representative_point().coords[0])
+    flight.fly_for(1.0)
+    flight.position = flight.mission.home
+    flight.fly_for(1.0)
+    breach = f"breach of {zone.name}"
+    assert [text for text in flight.said if "breach" in text] == [breach, f"over: {breach}"]
+    assert (flight.controller.state, flight.motions) == (State.READY, [])
+
+
 def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(pretend):
     flight = pretend()
     flight.take_off()
@@ -553,13 +566,6 @@ def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend)
     assert {type(motion) for motion in flight.motions[before:]} <= {HoldHere}
     flight.give(PlanCompared(flight.now_s, None))
     assert isinstance(flight.motions[-1], FlyToNode | FlyToPoint)
-
-
-def test_a_silence_is_told_at_once_and_then_now_and_then():
-    silence = SilenceReminder()
-    told = [s for s in range(3, 26) if silence.news(float(s)) is not None]
-    assert told == [3, 13, 23]
-    assert silence.news(3.0) is not None
 
 
 def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_again(pretend):
