@@ -68,7 +68,7 @@ MUTANTS = (
     _row("one jump more", "air_router.command_gate", "refused_jumps >= JUMPS", "refused_jumps > JUMPS",
          "faults_in_flight"),
     _row("passed unchecked", "air_router.navigator",
-         "return near and self.clear(telemetry, following.to)", "return near", "navigator"),
+         "if not self.clear(telemetry, legs[1].to):", "if False:", "navigator"),
     _row("objection of any age", "air_router.navigator", "if age_s > self._gate.reaction_s:", "if False:",
          "faults_in_flight controller navigator px4_hold flight"),
     _row("landing 10 m off", "air_router.return_state", "LANDING_M: Final = 1.0",

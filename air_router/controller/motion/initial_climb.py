@@ -9,7 +9,7 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
 from air_router.controller.model.mission_context import MissionContext, Way
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.mission.mission import Mission
-from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.vehicle.vehicle import Telemetry
 
 ALTITUDE_M: Final = 2.0
 """PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
@@ -30,21 +30,6 @@ class ClimbWatch:
         if self._highest is None or telemetry.altitude_m > self._highest[0] + PROGRESS_M:
             self._highest = (telemetry.altitude_m, telemetry.time_s)
         return telemetry.time_s - self._highest[1] >= CLIMB_S
-
-
-def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | None:
-    """What the pilot has done with a vehicle that was to be started by us; None if nothing.
-
-    Args:
-        before: as it was when it was found.
-        now: as it is.
-        armed: it was armed by us.
-    """
-    if now.in_air or (now.armed and not armed):
-        return "the pilot has armed the vehicle"
-    if now.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
-        return f"the pilot chose {now.mode.value} mode meanwhile"
-    return None
 
 
 def below(altitude_m: float, telemetry: Telemetry) -> bool:

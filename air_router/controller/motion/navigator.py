@@ -213,17 +213,11 @@ class Navigator:
         way.progress = Progress.NO_ROUTE
         return None
 
-    def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
-        """Whether a leg's end is so near that the vehicle may as well go for the next one."""
-        near = math.dist(telemetry.position, leg.to) <= self._gate.setpoints.near_m
-        return near and self.clear(telemetry, following.to)
-
     def _plan(self) -> Motion | None:
         """The first motion of a way to the goal; the router has checked its first leg from here."""
-        way, gate, telemetry = self._context.way, self._gate, self._context.telemetry
+        way, gate, telemetry = self._context.way, self._gate, self._context.heard
         goal = way.goal
         assert goal is not None  # noqa: S101 - every caller has set one
-        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         target = goal.position if goal.node is None else goal.node
         here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)
@@ -236,10 +230,11 @@ class Navigator:
         ):
             route = NoRoute("stopping first is quicker")
         if isinstance(route, Route):
-            legs = deque(route.legs)
-            while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
+            legs, near_m = deque(route.legs), gate.setpoints.near_m
+            while len(legs) > 1 and math.dist(here, legs[0].to) <= near_m:
+                if not self.clear(telemetry, legs[1].to):
+                    break
                 legs.popleft()
-            near_m = gate.setpoints.near_m
             if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= near_m):
                 way.legs.clear()
                 way.leg = None

@@ -109,8 +109,7 @@ class GotoValidator:
         Raises:
             RequestRefusedError: they cannot.
         """
-        telemetry = self._context.telemetry
-        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
+        telemetry = self._context.heard
         here = telemetry.position
         length_m, legs = 0.0, 0
         for number, goal in enumerate(goals, start=1):

@@ -11,7 +11,7 @@ from air_router.controller.model.actions import HoldHere
 from air_router.controller.model.mission_context import MissionContext, OnBoard, StateHandler
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch, why_not_started
+from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 HOME_TOLERANCE_M: Final = 20.0
@@ -78,7 +78,13 @@ class ReadyState(StateHandler):
         if context.on_board is not OnBoard.OURS:
             return "a ground station has put another plan, or fence, on board"
         now = context.telemetry
-        return None if now is None else why_not_started(before, now, armed=armed)
+        if now is None:
+            return None
+        if now.in_air or (now.armed and not armed):
+            return "the pilot has armed the vehicle"
+        if now.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
+            return f"the pilot chose {now.mode.value} mode meanwhile"
+        return None
 
     def disarmed(self) -> None:
         """It was armed and disarmed on the ground, and the pilot may begin anew."""
