@@ -248,7 +248,7 @@ def test_ctrl_c_while_a_command_is_imported_is_one_line(program, imported, words
     module = project["project"]["scripts"][program].partition(":")[0]
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPT, module, imported, *words.split()],
-        env={**os.environ, "PYTHONPATH": str(checkout)},
+        cwd=checkout,  # what it imports is there
         capture_output=True,
         text=True,
         check=False,

@@ -1,4 +1,4 @@
-"""The evidence that docs/safety.md names exists, in every cell of its tables."""
+"""The evidence that safety.md names exists, in every cell; so do the tests of rehearsal.md."""
 
 import ast
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 from sitl.rehearsal.faults import Fault
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
+TEXT, SHOWN = ((ROOT / "docs" / f"{n}.md").read_text("utf-8") for n in ("safety", "rehearsal"))
 
 
 def rows():
@@ -34,3 +34,9 @@ def test_every_unsafe_command_has_a_test_and_a_scene():
             assert [name for name in named if name in Fault.__members__], (command, cell)
             for name in named:
                 assert name in known or name in Fault.__members__, (command, name)
+
+
+def test_what_shows_the_faults_of_an_older_version_exists():
+    named = set(re.findall(r"`(test_\w+)`", SHOWN))
+    assert len(named) > 40
+    assert named <= set(names_of_tests())

@@ -80,7 +80,6 @@ FOREIGN = {  # first words of commands that are not ours
     "ros2": "ROS 2",
     "export": "",
     "CHECKOUT_UNDER_TEST=OLD": "needs another checkout (rehearsal.md)",
-    "PYTHONPATH=OLD": "the same",
     "MOCHA_WORKSPACE=CATKIN_WS": "needs ROS 1; starts tests/system/test_live_original.py",
     "while": "a shell loop with a radio's own program",
     "do": "",
@@ -186,7 +185,8 @@ def check(words, where):
             if word.startswith("REHEARSE="):
                 check(["sitl", "rehearse", "MISSION", *word.partition("=")[2].split()], where)
     elif first in {"python", "python3"} and rest[0] == "-m":
-        assert list(ROOT.glob(rest[1].replace(".", "/") + "*")) or rest[1] == "venv", where
+        ours = list(ROOT.glob(rest[1].replace(".", "/") + "*"))
+        assert ours or rest[1] in {"venv", "pytest"}, where
     elif first == "python" and rest[0].endswith(".py"):
         page = Path(where.partition(":")[0]).read_text(encoding="utf-8")
         copied = ROOT / "air_router" / "start" / Path(rest[0]).name

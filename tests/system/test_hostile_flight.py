@@ -157,10 +157,16 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
     flight.wait_for("INIT -> ")
     (shown,) = re.findall(rf"{SHOWN_AT}(\S+)", flight.said)
     endpoint = f"tcp://127.0.0.1:{control}"
-    visit_a_bad_page(browser, control, PageAddress.of(shown))
-    post_without_a_browser(control)
-    pretend_to_be_the_vehicle(udp_port)
-    go_mad(team)
+    for intrude in (
+        lambda: visit_a_bad_page(browser, control, PageAddress.of(shown)),
+        lambda: post_without_a_browser(control),
+        lambda: pretend_to_be_the_vehicle(udp_port),
+        lambda: go_mad(team),
+    ):
+        intrude()
+        flight.read()
+        assert ": accepted: " not in flight.said
+        assert flight.process.poll() is None, flight.said[-3000:]
     with ControlClient(endpoint, by="the operator", timeout_s=60) as uav:
         now = uav.status()
         assert now["in_charge"]
