@@ -29,6 +29,7 @@ MAX_CONTACTS = 32
 QUIET_S = 25.0  # longer than pulls are apart
 LEAST_BYTES = 16 * 1024  # what smaller syncs move says nothing of the link,
 LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
+STEP_S = 0.1  # by so much a clock is set at least; less is how finely it is read
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file
 
 LOG = logging.getLogger("mocha_link")
@@ -112,12 +113,7 @@ class _LinkRecord:
         )
 
     def close_if_quiet(self, now_s: float, quiet_s: float) -> None:
-        """End a contact that only exchanges have shown when there are none any more.
-
-        A clock that was set back ends none.
-        """
-        self.active_s = min(self.active_s, now_s)
-        self.began_s = None if self.began_s is None else min(self.began_s, self.active_s)
+        """End a contact that only exchanges have shown when there are none any more."""
         idle = self.state is not LinkState.STARTED and not self.by_radio
         if idle and now_s - self.active_s > quiet_s:
             self.end(self.active_s, "quiet")
@@ -173,6 +169,7 @@ class LinkTable:
     ) -> None:
         self._links = {peer: _LinkRecord(protected=peer in protected) for peer in peers}  # by peer
         self._quiet_s = quiet_s
+        self._offset_s = 0.0  # of Unix time from what intervals are counted in
 
     def update(self, event: LinkEvent) -> None:
         """Take in an event."""
@@ -201,6 +198,16 @@ class LinkTable:
                 link.begin(event.at_s, by_radio=True)
             case ContactEnded():
                 link.end(event.at_s, event.reason)
+
+    def keep_clock(self, now: Instant) -> None:
+        """Go by the clock as it is set now: contacts that last are as long as before."""
+        step_s = now.unix_s - now.timer_s - self._offset_s
+        if abs(step_s) < STEP_S:
+            return
+        self._offset_s += step_s
+        for link in self._links.values():
+            link.active_s += step_s
+            link.began_s = None if link.began_s is None else link.began_s + step_s
 
     def count(self, peer: str, *, bytes_in: int = 0, bytes_out: int = 0) -> None:
         """Add to the counters of a link."""

@@ -97,7 +97,6 @@ class Gossip:
         )
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
-        self._counted = 0  # of these the link table has had so many
         self._sequence = 0  # of the database, when peers were last pushed what is new
         self._served: set[str] = set()  # peers for whose connection there may be a frame
 
@@ -218,6 +217,7 @@ class Gossip:
 
     def tell(self, event: LinkEvent) -> None:
         """Have listeners told of what the program has noticed."""
+        self._link_table.update(event)
         self._events.append(event)
 
     # --- what the time brings, and what the node wants and says
@@ -247,7 +247,7 @@ class Gossip:
                 self._serve(link, now)
             self._served.add(link.peer.name)
         self._pull_due(now)
-        self._count()
+        self._count(now)
         self._links.settle()
 
     @property
@@ -266,17 +266,16 @@ class Gossip:
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
-        self._count()
         actions, events = list(self._context.actions), self._events
         self._context.actions.clear()
-        self._events, self._counted = [], 0
+        self._events = []
         return actions, events
 
     def links(
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
         """The state of every link; `ages_s` is what `ages_s` has answered just now."""
-        self._count()
+        self._count(now)
         return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
@@ -287,13 +286,11 @@ class Gossip:
         """What a peer is known to hold; see `Peer.newest`. Raises UnknownRobotError."""
         return self._link(peer).peer.newest
 
-    def _count(self) -> None:
-        """Bring the link table up to date."""
+    def _count(self, now: Instant) -> None:
+        """Bring the link table up to date, before anything of now is told."""
+        self._link_table.keep_clock(now)
         for peer, count in self._links.take_bytes():
             self._link_table.count(peer, bytes_in=count)
-        for event in self._events[self._counted :]:
-            self._link_table.update(event)
-        self._counted = len(self._events)
 
     def _pull_due(self, now: Instant) -> None:
         if self._links.push_otherwise():
@@ -310,6 +307,7 @@ class Gossip:
 
     def _tell(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
+        self._count(now)
         peer = link.peer
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
@@ -318,7 +316,7 @@ class Gossip:
             link.differs = peer.config_mismatch
             self._link_table.compare_teams(self.me.name, peer.name, now, differs=link.differs)
         for event in peer.events:
-            self._events.append(event)
+            self.tell(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
                 self._trigger.asked(peer.name, now.timer_s)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
@@ -330,12 +328,13 @@ class Gossip:
         known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
         if record and known:
             name, topic = self.me.name, known[1].name
-            stored = MessageStored(name, now.unix_s, name, topic, record.header, len(record.body))
-            self._events.append(stored)
+            size = len(record.body)
+            self.tell(MessageStored(name, now.unix_s, name, topic, record.header, size))
 
     def _tell_contacts(self, now: Instant) -> None:
+        self._count(now)
         for event in self._trigger.news():
-            self._events.append(replace(event, at_s=now.unix_s))
+            self.tell(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):
                 link = self._link(event.peer)
                 link.puller.unfollow()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from mocha_link.clock import Instant
 from mocha_link.links.link_table import LinkTable, throughput_bytes_s
 from mocha_link.links.metrics import (
     Contact,
@@ -183,13 +184,19 @@ def test_what_is_pushed_keeps_a_contact():
         assert (contact.began_s, contact.ended_s) == (10, None)
 
 
-def test_a_clock_set_back_ends_no_contact():
-    link_table = LinkTable(("io",), quiet_s=10.0)
-    link_table.update(SyncStarted("io", 1000, IN))
-    link_table.update(stored(1000))
-    link_table.update(SyncEnded("io", 1001, IN, 1, 6, 1.0))
-    assert link_table.links(500)["io"].contacts == (Contact(500, None, 1, 0, 0, 0, ""),)
-    assert link_table.links(511)["io"].contacts == (Contact(500, 500, 1, 0, 0, 0, "quiet"),)
+@pytest.mark.parametrize("step_s", [3600, -3600])
+def test_a_contact_lasts_as_long_however_the_clock_is_set(step_s):
+    link_table = LinkTable(("io", "titan"), quiet_s=10.0)
+    link_table.keep_clock(Instant(5000, 7, may_step=True))
+    link_table.update(SyncStarted("io", 5000, IN))
+    link_table.update(stored(5000))
+    link_table.update(SyncEnded("io", 5001, IN, 1, 6, 1.0))
+    link_table.keep_clock(Instant(5002 + step_s, 9, may_step=True))
+    began_s, lasting = 5000 + step_s, (1, 0, 0, 0, "")
+    assert link_table.links(began_s + 9)["io"].contacts == (Contact(began_s, None, *lasting),)
+    link_table.links(began_s + 12)
+    (contact,) = link_table.links()["io"].contacts
+    assert (contact.began_s, contact.ended_s, contact.ending) == (began_s, began_s + 1, "quiet")
 
 
 def test_no_contact_ends_before_it_began():

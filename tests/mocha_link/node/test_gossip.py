@@ -244,6 +244,16 @@ def test_a_machine_whose_clock_is_set_goes_on_as_if_it_was_not(net, step_s):
 
 
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0])
+def test_a_contact_is_one_though_the_clock_is_set(net, step_s):
+    io, steady_s = net.nodes["io"], net.now.steady_s
+    io.links(Instant(T, steady_s, may_step=True))
+    io.tell(SyncStarted("titan", T, Direction.OUT))
+    io.tell(SyncEnded("titan", T + 1, Direction.OUT, 1, 6, 1.0))
+    link = io.links(Instant(T + 10 + step_s, steady_s + 10, may_step=True))["titan"]
+    assert [(each.began_s, each.ended_s) for each in link.contacts] == [(T + step_s, None)]
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
 def test_what_is_published_while_the_clock_is_set_replaces_what_was_there(any_ether, step_s):
     net = any_ether
     for number, offset_s in enumerate((0.0, step_s, 0.0)):
