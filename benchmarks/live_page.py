@@ -40,6 +40,7 @@ from air_router.routing.router import Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.reading import Reading, Unit
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -81,7 +82,8 @@ class _Flight:
         self._number = number
         self._names = names = tuple(f"robot{robot:02d}" for robot in range(robots))
         self._controller = Controller(FlightSetup(self.mission, names), router)
-        links = {name: LinkMetrics(name, rssi_dbm=-60.0 - n % 20) for n, name in enumerate(names)}
+        signals = [Reading(-60.0 - n % 20, Unit.DBM, "radio") for n in range(robots)]
+        links = {n: LinkMetrics(n, signal=s) for n, s in zip(names, signals, strict=True)}
         self.page = LivePage(
             self.mission,
             self._controller,

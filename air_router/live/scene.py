@@ -80,8 +80,8 @@ class LiveScene:
         track: Latitude and longitude of the points of the flown track.
         news: The lines of the log.
         rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
-            metres to the nearest border, and of each peer its signal, whether data crossed, and
-            bytes in all.
+            metres to the nearest border, and of each peer its signal, whether data crossed,
+            bytes in all, and the signal's unit.
     """
 
     def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
@@ -214,7 +214,8 @@ class LiveScene:
             lines.append(
                 {
                     "peer": peer,
-                    "rssi_dbm": _shown(link.rssi_dbm),
+                    "signal": None if link.signal is None else link.signal.value,
+                    "unit": "" if link.signal is None else link.signal.unit.value,
                     "lit": lit,
                     "syncs": self._syncs[peer],
                     "synced_ago_s": None if synced_s is None else round(self._now_s - synced_s, 1),
@@ -239,7 +240,7 @@ class LiveScene:
                 _shown(telemetry.battery, 3),
                 _shown(away_m) if to else None,
                 {
-                    line["peer"]: [line["rssi_dbm"], int(line["lit"]), line["bytes"]]
+                    line["peer"]: [line["signal"], int(line["lit"]), line["bytes"], line["unit"]]
                     for line in self.link_lines()
                 },
             ]

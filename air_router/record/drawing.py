@@ -23,6 +23,7 @@ from geo.airspace.zone import Band
 from geo.frame import FrameError, Point
 from geo.grid import SemanticGrid
 from mocha_link.links.metrics import LinkMetrics
+from mocha_link.links.reading import Reading, Unit
 
 EVERY_S: Final = 0.2
 """The vehicle's place is drawn so often; its telemetry is recorded at the full rate anyway."""
@@ -43,7 +44,7 @@ _INFO, _UINT8, _LOOP, _LIST = 2, 1, 1, 2  # of Foxglove's enumerations
 _COLOURS: Final = {"fence": "#2e7d32", "zone": "#c62828", "waypoint": "#1565c0", "leg": "#f9a825"}
 _FENCE, _ZONE, _IDLE = (0.18, 0.49, 0.2), (0.78, 0.16, 0.16), (0.5, 0.5, 0.5)
 _GRAPH, _ROBOT, _TEXT = (0.4, 0.4, 0.4), (0.08, 0.4, 0.75), (0.9, 0.9, 0.9)
-_STRONG_DBM, _WEAK_DBM = -50.0, -90.0
+_SCALES: Final = {Unit.DBM: (-90.0, -50.0), Unit.SNR_DB: (0.0, 40.0)}  # weak and strong
 _ABOVE_M: Final = 20.0
 """A zone without end is drawn this much higher than the flight."""
 
@@ -100,12 +101,12 @@ class FlightDrawing:
         entities = []
         for name, position in self._robots.items():
             link = links.get(name)
-            signal_dbm = None if link is None else link.rssi_dbm
-            words = name if signal_dbm is None else f"{name} {signal_dbm:.0f} dBm"
+            signal = None if link is None else link.signal
+            words = name if signal is None else f"{name} {signal.words}"
             lines = []
-            if self._vehicle is not None and signal_dbm is not None:
+            if self._vehicle is not None and signal is not None:
                 ends = [self._vehicle, (*position, 0.0)]
-                lines = [_line(_LIST, ends, _by_strength(signal_dbm), 3.0)]
+                lines = [_line(_LIST, ends, _by_strength(signal), 3.0)]
             texts, spheres = [_text(words, (*position, 3.0))], [_ball((*position, 0.0))]
             drawn = _entity(name, spheres=spheres, lines=lines, texts=texts)
             entities.append({"timestamp": _time(unix_s), **drawn})
@@ -331,10 +332,12 @@ def _colour(colour: Colour, alpha: float = 1.0) -> dict[str, float]:
     return dict(zip("rgba", (*colour, alpha), strict=True))
 
 
-def _by_strength(signal_dbm: float) -> Colour:
-    """Green where it is strong, red where it is weak."""
-    strength = (signal_dbm - _WEAK_DBM) / (_STRONG_DBM - _WEAK_DBM)
-    strength = min(max(strength, 0.0), 1.0)
+def _by_strength(signal: Reading) -> Colour:
+    """Green where it is strong, red where it is weak; blue on a scale of the device's own."""
+    if signal.unit not in _SCALES:
+        return _ROBOT
+    weak, strong = _SCALES[signal.unit]
+    strength = min(max((signal.value - weak) / (strong - weak), 0.0), 1.0)
     return (1.0 - strength, strength, 0.1)
 
 

@@ -20,7 +20,7 @@ TIMELINE: Final = "time"
 
 _PLOTS: Final = {
     "/event/Telemetry": ("altitude_m", "battery", "heading_deg"),
-    "/links": ("rssi_dbm", "bytes_in", "bytes_out", "rtt_smoothed_s"),
+    "/links": ("signal", "bytes_in", "bytes_out", "rtt_smoothed_s"),
 }
 """Numbers of a topic that are plotted; those of a link by peer."""
 
@@ -45,6 +45,8 @@ def rerun_file(log: Log) -> bytes:
             draw(recording, channel.topic, message)
         for name in _PLOTS.get(channel.topic, ()):
             value = message.get(name)
+            if isinstance(value, dict):  # a reading of a radio
+                name, value = f"{name}_{value['unit'].lower()}", value["value"]  # noqa: PLW2901
             if isinstance(value, int | float):
                 peer = f"{message['peer']}/" if root == "links" else ""
                 recording.log(f"plots/{name}/{peer}", rr.Scalars(value))

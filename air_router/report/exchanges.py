@@ -31,7 +31,8 @@ class Exchanges:
     sought: tuple[str, ...] = ()
     links: Interactions = field(default_factory=Interactions)
     published: list[tuple[float, int]] = field(default_factory=list)
-    signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)  # RSSI in dBm
+    # t, value and unit, by peer; no value: it was not heard
+    signal: dict[str, list[tuple[float, float | None, str]]] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
     _maps: list[float] = field(default_factory=list)  # stamps of our own maps
     _names: list[str] | None = None  # made once, at the end
@@ -48,8 +49,9 @@ class Exchanges:
         match event:
             case MessageStored():
                 self._stored(t, event)
-            case RssiChanged(peer=peer, rssi_dbm=rssi_dbm):
-                self.signal.setdefault(peer, []).append((t, rssi_dbm))
+            case RssiChanged(peer=peer, rssi_dbm=rssi_dbm, signal=signal):
+                heard = (rssi_dbm, "dBm") if signal is None else (signal.value, signal.unit.value)
+                self.signal.setdefault(peer, []).append((t, *heard))
 
     def holds(self, t: float, peer: str, held: list[list[Any]]) -> None:
         """A peer is known to hold these: robot, topic, stamp."""
@@ -93,7 +95,7 @@ class Exchanges:
             "syncs": [asdict(s) for s in self.links.syncs if s.robot == robot],
             "age_s": [[round(t, 3), round(age, 2)] for t, age in self.ages(robot)],
             "map_share": [[round(t, 3), round(s, 4)] for t, s in self.shares(robot, painted)],
-            "rssi_dbm": [[round(t, 3), rssi] for t, rssi in self.signal.get(robot, [])],
+            "signal": [[round(t, 3), value, unit] for t, value, unit in self.signal.get(robot, [])],
         }
 
     def ages(self, robot: str) -> list[tuple[float, float]]:

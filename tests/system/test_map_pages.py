@@ -21,6 +21,7 @@ from air_router.web.serving import Web
 from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.reading import Reading, Unit
 from tests.system.looker import Looker, served
 from tests.system.page_checks import CROWDED, FITS, HIDDEN, IS_PLOTTED, PALE
 
@@ -70,7 +71,10 @@ def record(mission):
         )
         entries.append(RecordEntry(float(t), "event", told))
         if t % 10 == 0:
-            metrics = LinkMetrics("io", rssi_dbm=-50.0 - t / 10, bytes_in=int(1000 * t))
+            unit = Unit.DEVICE if t > 200 else Unit.DBM
+            metrics = LinkMetrics(
+                "io", signal=Reading(-50.0 - t / 10, unit, "x"), bytes_in=int(1000 * t)
+            )
             entries.append(RecordEntry(float(t), "link", metrics))
         if t == 100:
             grid = RecordedFlight(entries).mapper.grid
@@ -214,6 +218,8 @@ def test_the_timeline_says_what_was_and_takes_the_film_there(replayed):
     replayed.shows("#clock", "of 300 s")
     page.locator("#links summary").click()
     replayed.shows("#links td", "-65 dBm")
+    go(replayed, 250)
+    replayed.shows("#links td", "-75 device")
     page.locator("#plot").click()
 
 

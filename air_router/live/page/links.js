@@ -2,12 +2,23 @@
 
 import { line } from "./vehicle.js";
 
-const WEAK_DBM = -90;
-const STRONG_DBM = -50;
+/** What is weak and strong, by unit; a device's own scale is not known. @type {Record<string, [number, number]>} */
+const SCALES = { dBm: [-90, -50], dB: [0, 40] };
 export const GLOW_MS = 1000;
 
-/** @typedef {{peer: string, rssi_dbm: number | null, lit: boolean, glows: boolean, syncs: number}} Told
+/** @typedef {{peer: string, signal: number | null, unit: string, lit: boolean, glows: boolean, syncs: number}} Told
  *  what a flight tells of a link, and whether it is shown as one that carries data */
+
+/** How good a signal is, 0 to 1. @param {number} signal @param {string} unit */
+export function strength(signal, unit) {
+  const [weak, strong] = SCALES[unit] ?? [signal - 1, signal + 1];
+  return Math.min(Math.max((signal - weak) / (strong - weak), 0), 1);
+}
+
+/** @param {Told} told @returns {string} "" for a peer that is not heard */
+export function words({ signal, unit }) {
+  return signal === null ? "" : `${Math.round(signal)} ${unit}`;
+}
 
 export class Links {
   /** Of one flight. @param {any} map @param {any} svg */
@@ -25,9 +36,8 @@ export class Links {
     for (const told of links) {
       const link = this.shown.get(told.peer) ?? this.add(told);
       this.glow(link, told);
-      link.heard = told.rssi_dbm !== null || told.glows;
-      const share = told.rssi_dbm === null ? 0 : (told.rssi_dbm - WEAK_DBM) / (STRONG_DBM - WEAK_DBM);
-      const weight = 1.5 + 5 * Math.min(Math.max(share, 0), 1);
+      link.heard = told.signal !== null || told.glows;
+      const weight = 1.5 + (told.signal === null ? 0 : 5 * strength(told.signal, told.unit));
       if (weight !== link.line.options.weight) link.line.setStyle({ weight });
       link.line.getElement()?.classList.toggle("lit", told.glows);
     }

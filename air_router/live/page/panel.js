@@ -2,12 +2,12 @@
 
 import { byId, element, setText } from "/page/element.js";
 import { colour } from "/page/theme.js";
+import { strength, words } from "./links.js";
 import { age } from "./robots.js";
 
 const MOST_SAMPLES = 180;
 const CHART = [60, 20];
-const WEAKEST_DBM = -100;
-const STRONGEST_DBM = -40;
+const LEAST = 0.05;
 
 export class Panel {
   /** @param {(robot: string) => void} seek is told whom to seek */
@@ -45,9 +45,9 @@ export class Panel {
     this.links = Object.fromEntries(links.map((link) => [link.peer, link]));
     for (const [name, row] of this.rows) {
       const link = this.links[name];
-      row.signal.classList.toggle("heard", Boolean(link) && link.rssi_dbm !== null);
+      row.signal.classList.toggle("heard", Boolean(link) && link.signal !== null);
       row.signal.classList.toggle("lit", Boolean(link?.glows));
-      row.signal.title = link && link.rssi_dbm !== null ? `${link.rssi_dbm} dBm` : "not heard by radio";
+      row.signal.title = (link && words(link)) || "not heard by radio";
     }
     this.showNews();
   }
@@ -85,11 +85,11 @@ export class Panel {
       const step = width / MOST_SAMPLES;
       context.clearRect(0, 0, width, height);
       last.forEach(([, , , , , links], index) => {
-        const [signal, lit] = links[name] ?? [null, 0];
+        const [signal, lit, , unit] = links[name] ?? [null, 0];
         context.fillStyle = colour("route");
         if (lit) context.fillRect(index * step, height - 3, Math.max(step, 1), 3);
         if (signal === null) return;
-        const share = Math.min(Math.max((signal - WEAKEST_DBM) / (STRONGEST_DBM - WEAKEST_DBM), 0.05), 1);
+        const share = Math.max(strength(signal, unit), LEAST);
         context.fillStyle = colour("good");
         context.fillRect(index * step, (height - 4) * (1 - share), Math.max(step, 1), (height - 4) * share);
       });
@@ -158,7 +158,7 @@ function instruments(vehicle) {
 /** @param {any} link @param {boolean} brief @returns {HTMLElement} a cell of the matrix; empty without a link */
 function cell(link, brief) {
   if (!link) return element("td");
-  const signal = link.rssi_dbm === null ? "–" : `${Math.round(link.rssi_dbm)} dBm`;
+  const signal = words(link) || "–";
   const synced = link.synced_ago_s === null ? "never" : `${age(link.synced_ago_s)} ago`;
   const data = `${(link.bytes / 1000).toFixed(0)} kB`;
   const title = `signal, last sync; ${data} in ${link.syncs} syncs`;

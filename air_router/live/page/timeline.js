@@ -16,7 +16,7 @@ const PLOTS = [
   ["speed", "m/s", (row) => [row[2]], 0],
   ["battery", "%", (row) => [row[3] === null ? null : 100 * row[3]], 0],
   ["clearance", "m", (row) => [row[4]], 0],
-  ["RSSI", "dBm", (row, peers) => peers.map((peer) => row[LINKS][peer]?.[0]), null],
+  ["signal", "", (row, peers) => peers.map((peer) => row[LINKS][peer]?.[0]), null],
   ["data", "kB", (row, peers) => [peers.reduce((sum, peer) => sum + (row[LINKS][peer]?.[2] ?? 0), 0) / 1000], 0],
 ];
 
@@ -122,9 +122,10 @@ export class Timeline {
       const values = rows.map((row) => of(row, peers));
       const told = at ? of(at, peers).filter((value) => value != null) : [];
       const text = told.map((value) => Math.round(value * 10) / 10).join(", ");
+      const units = unit ? [unit] : new Set(at ? peers.map((peer) => at[LINKS][peer]?.[3]) : []);
       context.fillStyle = colour("soft");
       context.textAlign = "left";
-      context.fillText(`${name} ${text} ${unit}`, 2, TOP_PIXELS + index * ROW_PIXELS + 11);
+      context.fillText(`${name} ${text} ${[...units].filter(Boolean).join(", ")}`, 2, TOP_PIXELS + index * ROW_PIXELS + 11);
       const box = { top: TOP_PIXELS + index * ROW_PIXELS + 14, height: ROW_PIXELS - 18 };
       drawLines(context, rows, values, x, box, least, peers.length > 1 && values[0]?.length > 1);
     });

@@ -24,6 +24,7 @@ from air_router.web.serving import HERE, web_of
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.reading import Reading, Unit
 from tests.air_router.tile_maker import around, write_tiles
 
 ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
@@ -50,7 +51,9 @@ class Shown:
         return {}
 
     def links(self):
-        return {name: LinkMetrics(name, rssi_dbm=-60.0) for name in ROBOTS}
+        return {
+            name: LinkMetrics(name, signal=Reading(-60.0, Unit.DBM, "radio")) for name in ROBOTS
+        }
 
     def deliver(self, request):
         before = len(self.flight.actions)
@@ -144,7 +147,7 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
 
 def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene = LiveScene(flight.mission, flight.controller, "titan")
-    scene.links({"io": LinkMetrics("io", rssi_dbm=float("nan"))})
+    scene.links({"io": LinkMetrics("io", signal=Reading(47.0, Unit.DEVICE, "rajant"))})
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 50.0)
     assert scene.link_lines()[0]["lit"]
     scene.step(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), (), 50.5)
@@ -152,13 +155,14 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene.step(flight.telemetry(), (), 52.0)
     line = scene.link_lines()[0]
     assert line["syncs"] == 1
-    assert (line["lit"], line["rssi_dbm"], line["synced_ago_s"]) == (False, None, 1.5)
+    told = (line["lit"], line["signal"], line["unit"], line["synced_ago_s"])
+    assert told == (False, 47.0, "device", 1.5)
     scene.step(flight.telemetry(), (), 52.5)  # the same second counts once
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 53.0)
     scene.step(flight.telemetry(), (), 53.1)
     rows = scene.rows.since()
     assert [row[0] for row in rows] == [52.0, 53.1]
-    assert [row[-1] for row in rows] == [{"io": [None, 0, 0]}, {"io": [None, 1, 0]}]
+    assert [row[-1] for row in rows] == [{"io": [47.0, lit, 0, "device"]} for lit in (0, 1)]
     away_m = flight.mission.airspace.nearest(flight.telemetry().position)[0]
     assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
     assert scene.rows.since(1) == rows[1:]

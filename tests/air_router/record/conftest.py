@@ -16,9 +16,11 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
+from mocha_link.links.reading import Reading, Unit
 
 UNIX_S = 1.7e9
-LINK = LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)
+SIGNAL = Reading(47.0, Unit.DEVICE, "rajant")
+LINK = LinkMetrics("io", signal=SIGNAL, newest_age_s=math.inf)
 
 
 def _fly(recorder, mission):

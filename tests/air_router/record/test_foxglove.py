@@ -57,7 +57,8 @@ def test_a_record_in_foxglove_s_schemas_says_what_was_flown(found, pennovation):
     grid = found["/map"][1][0][1]
     assert len(grid.data) == grid.column_count * (len(grid.data) // grid.column_count)
     assert set(grid.data) == {0, 1}
-    assert found["/links"][1][0][1]["rssi_dbm"] == -61.5
+    signal = found["/links"][1][0][1]["signal"]
+    assert (signal["value"], signal["unit"]) == (47.0, "DEVICE")
     assert found["/event/Telemetry"][1][0][1]["battery"] == 0.75
 
 
@@ -76,7 +77,7 @@ def test_zones_graph_robots_and_links_stand_in_the_scene(found, pennovation):
     assert numbers == ["home", *(str(waypoint.number) for waypoint in pennovation.waypoints)]
     assert len(scene["graph"].lines[0].points) % 2 == 0
     (robot,) = found["/scene/robots"][1][0][1].entities
-    assert (robot.id, robot.texts[0].text) == ("io", "io -62 dBm")
+    assert (robot.id, robot.texts[0].text) == ("io", "io 47 device")
     ends = [(p.x, p.y, p.z) for p in robot.lines[0].points]
     assert ends == [(20.0, 2.0, 40.0), (5.0, 6.0, 0.0)]
 
@@ -154,5 +155,5 @@ def test_a_flight_is_shown_while_it_lasts_and_to_one_who_comes_late(shown):
             )
     finally:
         socket.close()
-    assert json.loads(messages["/links"])["rssi_dbm"] == -61.5
+    assert json.loads(messages["/links"])["signal"]["value"] == 47.0
     assert b"zone 1" in messages["/scene"]

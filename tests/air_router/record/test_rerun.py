@@ -45,7 +45,9 @@ def test_a_record_opens_in_rerun_with_positions_log_and_plots(opened, pennovatio
         "coming home",
     ]
     assert {value for _, (value,) in opened["/plots/altitude_m", "Scalars:scalars"]} == {40.0}
-    assert opened["/plots/rssi_dbm/io", "Scalars:scalars"] == [(pytest.approx(1.7e9 + 23), [-61.5])]
+    assert opened["/plots/signal_device/io", "Scalars:scalars"] == [
+        (pytest.approx(1.7e9 + 23), [47.0])
+    ]
 
 
 def test_zones_graph_and_links_stand_in_space(opened, pennovation):

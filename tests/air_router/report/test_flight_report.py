@@ -47,6 +47,7 @@ from mocha_link.links.link_events import (
     SyncStarted,
     SyncTimedOut,
 )
+from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 
 UNIX_S = 1_700_000_000.0
@@ -76,6 +77,7 @@ def things(robot="io"):
         (10.0, StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None)),
         (20.0, RssiChanged(robot, UNIX_S + 20, -70.5)),
         (20.0, ContactBegan(robot, UNIX_S + 20, None)),
+        (21.0, RssiChanged(robot, UNIX_S + 21, None, Reading(47.0, Unit.DEVICE, "rajant"))),
         (21.0, SyncStarted(robot, UNIX_S + 21, Direction.IN)),
         stored(22.0, robot, 1.0),
         (23.0, SyncEnded(robot, UNIX_S + 23, Direction.IN, 3, 4000, 0.1)),
@@ -177,7 +179,7 @@ def test_the_facts(summary):
     ages = [(22.0, 1.0), (42.0, 21.0), (42.0, 15.0), (80.0, 53.0)]
     assert [(t, round(age, 1)) for t, age in io["age_s"]] == ages
     assert io["map_share"][-2:] == [[80.0, 2000 / 8000], [81.0, 3000 / 8000]]
-    assert io["rssi_dbm"] == [[20.0, -70.5]]
+    assert io["signal"] == [[20.0, -70.5, "dBm"], [21.0, 47.0, "device"]]
     wishes = [(w["what"], w["by"], w["accepted"]) for w in facts["requests"]]
     assert wishes == [
         ("seek io", "kim", True),
