@@ -39,7 +39,7 @@ _MOST_WAITING: Final = 100
 BY: Final = "ROS 2"
 TEXT: Final = "std_msgs/String"
 ANSWERS: Final = "~/answer"
-TRIGGERS: Final = ("hold", "resume", "explore", "home")
+TRIGGERS: Final = ("hold", "resume", "explore", "home", "land")
 
 _ALTITUDE: Final = "an altitude of a point is not 0: the flight keeps to the mission's"
 
@@ -185,6 +185,7 @@ class Ros2Bridge:
         )
         for verb in TRIGGERS:
             self._serve(f"/{self._name}/{verb}", messages.TRIGGER, partial(self._trigger, verb))
+        self._serve(f"/{self._name}/altitude", messages.ALTITUDE, self._altitude)
         for name, kind, course, ask in (
             ("goto", messages.GOTO, actions.GOTO, self._goto),
             ("seek", messages.SEEK, actions.SEEK, self._seek),
@@ -238,6 +239,10 @@ class Ros2Bridge:
     def _trigger(self, verb: str, _: Values) -> Values:
         answer = self._asked(getattr(self._client, verb))
         return {"success": answer.accepted, "message": answer.why}
+
+    def _altitude(self, request: Values) -> Values:
+        answer = self._asked(partial(self._client.altitude, request["altitude_m"]))
+        return {"success": answer.accepted, "message": answer.why, "code": answer.code or ""}
 
     def _goto(self, goal: Values) -> ControlAnswer:
         heights = [point["altitude"] for point in goal["points"]]

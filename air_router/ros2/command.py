@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--requests",
         action="store_true",
         help="serve actions and services, too: every program in the DDS domain may then ask the "
-        "flight to hold, resume, explore, come home, fly to points or seek a robot",
+        "flight to hold, resume, explore, come home, land, change its altitude, fly to points or "
+        "seek a robot",
     )
     parser.add_argument(
         "--package",

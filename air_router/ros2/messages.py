@@ -27,6 +27,7 @@ Values = dict[str, Any]
 PACKAGE: Final = "air_router_msgs"
 GOTO: Final = f"{PACKAGE}/GoTo"
 SEEK: Final = f"{PACKAGE}/Seek"
+ALTITUDE: Final = f"{PACKAGE}/Altitude"
 TRIGGER: Final = "std_srvs/Trigger"
 CANCEL: Final = "action_msgs/CancelGoal"
 
@@ -260,8 +261,10 @@ def _marker(  # noqa: PLR0913 - a marker has many sides
 
 def definitions() -> dict[str, str]:
     """The texts of all types that are no standard ones, by ``package/Type``."""
+    request, response = (FOLDER / "srv" / "Altitude.srv").read_text("utf-8").split("---\n")
     texts = {
         "geographic_msgs/GeoPoint": "float64 latitude\nfloat64 longitude\nfloat64 altitude\n",
+        **_service(ALTITUDE, request, response),
         **_service(TRIGGER, "uint8 nothing\n", "bool success\nstring message\n"),
         **_service(
             CANCEL,
@@ -277,7 +280,7 @@ def definitions() -> dict[str, str]:
 def spaces(texts: Mapping[str, str]) -> dict[str, str]:
     """Which of the types belong to services, and which to actions."""
     return {
-        kind: "action" if kind.startswith(PACKAGE) else "srv"
+        kind: "action" if kind.startswith((GOTO, SEEK)) else "srv"
         for kind in texts
         if kind.startswith(PACKAGE) or kind.endswith(("_Request", "_Response"))
     }

@@ -116,6 +116,10 @@ GeoPoint = idl(
     "geographic_msgs.msg.GeoPoint",
     **dict.fromkeys(("latitude", "longitude", "altitude"), types.float64),
 )
+AltitudeRequest = idl("air_router_msgs.srv.Altitude_Request", **ASKED, altitude_m=types.float64)
+AltitudeResponse = idl(
+    "air_router_msgs.srv.Altitude_Response", **ASKED, success=bool, message=str, code=str
+)
 OURS = "air_router_msgs.action"
 GoToGoal = idl(f"{OURS}.GoTo_Goal", points=types.sequence[GeoPoint], hold_s=types.float64)
 GoToRequest = idl(f"{OURS}.GoTo_SendGoal_Request", **ASKED, goal_id=Uuid, goal=GoToGoal)
@@ -253,14 +257,19 @@ def test_where_it_looks(client, heading_deg, yaw_deg):
 def test_services_answer_in_the_flights_words(client, program):
     call = {
         verb: program.client(f"/titan/{verb}", TriggerRequest, TriggerResponse)
-        for verb in ("hold", "resume", "home")
+        for verb in ("hold", "resume", "home", "land")
     }
     answer = call["resume"](0)
     assert (answer.success, answer.message) == (False, client.resume().why)
     answer = call["hold"](0)
     assert (answer.success, answer.message) == (True, "it stops and hovers")
     assert client.flight.controller.state is State.HOLD
+    climb = program.client("/titan/altitude", AltitudeRequest, AltitudeResponse)
+    assert climb(client.flight.altitude_m).success
+    assert (climb(1.0).success, climb(1.0).code) == (False, "altitude")
+    assert not climb(math.nan).success
     assert call["home"](0).success
+    assert call["land"](0).message == client.land().why
     client.gone = True
     answer = call["hold"](0)
     assert (answer.success, answer.message) == (False, "no answer")
