@@ -32,6 +32,8 @@ no fence may be drawn that would keep the vehicle from going."""
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Stamp = Annotated[float, Field(ge=0, le=1e11)]
+GoalsId = Annotated[str, Field(min_length=1, max_length=64)]
+ForUav = Annotated[str, Field(max_length=255)] | None
 
 
 class MessageError(ValueError):
@@ -116,13 +118,20 @@ class GoalsMessage(GossipMessage):
     """
 
     stamp_s: Stamp
-    id: Annotated[str, Field(min_length=1, max_length=64)]
+    id: GoalsId
     points: Annotated[
         tuple[tuple[Latitude, Longitude], ...], Field(min_length=1, max_length=MOST_POINTS)
     ]
     hold_s: Annotated[float, Field(ge=0, le=3600)] | None = None
-    to: Annotated[str, Field(max_length=255)] | None = None
+    to: ForUav = None
     until_s: Stamp | None = None
+
+
+class GoalsHead(GossipMessage):
+    """What an answer needs to know of goals, whatever else they say."""
+
+    id: GoalsId
+    to: ForUav = None
 
 
 class AnswerMessage(GossipMessage):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.control.command_request import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
-from air_router.controller.model.actions import CommandAck
+from air_router.controller.model.actions import CommandAck, Refusal
 from air_router.controller.model.events import Event, PeerFault
 from air_router.controller.model.requests import GoTo
 from air_router.gossip.mapper import Mapper
@@ -18,10 +19,12 @@ from air_router.gossip.ros_messages import OCCUPANCY, occupancy_writer, readers_
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     ANSWERS_TOPIC,
+    GOALS_TOPIC,
     MAP_TOPIC,
     POSE_TOPIC,
     SEEK_TOPIC,
     AnswerMessage,
+    GoalsHead,
     MessageError,
     PoseMessage,
     SeekMessage,
@@ -242,6 +245,13 @@ class Gossip:
                 del self._goals[robot]
                 self._deliver(request)
 
+    def _refuse(self, robot: str, data: bytes, why: str) -> None:
+        """Answer goals that cannot be read, if they say which they are, and are for us."""
+        with contextlib.suppress(MessageError):
+            goals = GoalsHead.decode(data)
+            if goals.to in {None, self._name}:
+                self.tell_answer(CommandAck(goals.id, robot, False, why, Refusal.NOT_READ))
+
     def _news(self, message: Message, peer: str) -> Event | None:
         """What a stored message means to the mission; junk is told once, and left alone."""
         data = message.parts[-1] if message.parts else message.data  # of several the newest
@@ -255,6 +265,8 @@ class Gossip:
                 said_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
+            if message.topic == GOALS_TOPIC:
+                self._refuse(message.robot, data, str(error))
             words = sanitize(
                 f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
                 f"{error}; correct its publisher, or its type or 'ros' in the team file "

@@ -100,6 +100,7 @@ class Refusal(StrEnum):
     REPLACED = "replaced-by-newer"
     TOO_LATE = "too-late"
     BUSY = "busy"
+    NOT_READ = "not-read"
 
 
 @dataclass(frozen=True, slots=True)

@@ -283,10 +283,14 @@ def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovatio
             await asyncio.wait_for(came.wait(), 60)
             base.publish("/goals", goals.model_copy(update={"stamp_s": 2.0}).encode())
             await asyncio.wait_for(back.wait(), 60)
+            back.clear()
+            base.publish("/goals", b'{"stamp_s": 3, "id": "b1", "to": "atlas", "points": []}')
+            base.publish("/goals", b'{"stamp_s": 4, "id": "b2", "points": [[151.2, -33.9]]}')
+            await asyncio.wait_for(back.wait(), 60)
         return requests, answers
 
     try:
-        (request,), (answer, *_) = asyncio.run(meet())
+        (request,), (answer, *_, last) = asyncio.run(meet())
     finally:
         made.close()
     assert request.points[0] == pytest.approx(place, abs=1e-3)
@@ -294,6 +298,9 @@ def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovatio
     assert request.waits
     said = AnswerMessage.decode(answer)
     assert (said.to, said.id, said.accepted, said.code) == ("basestation", "a7", False, "no-way")
+    said = AnswerMessage.decode(last)
+    assert (said.id, said.accepted, said.code) == ("b2", False, "not-read")
+    assert "points.0.0: Input should be less than or equal to 90" in said.why
 
 
 def test_goals_of_others_for_others_too_late_or_broken_are_no_requests(pennovation):
