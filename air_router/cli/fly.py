@@ -2,9 +2,10 @@
 
 import argparse
 import asyncio
+import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -36,17 +37,19 @@ from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.web.serving import web_of
+from air_router.web.site import ServeError
 from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
 PART: Final = "--part"
-_UNUSABLE = (  # the gossip node cannot begin, so the flight does not
+_UNUSABLE = (  # the gossip node or the page cannot begin, so the flight does not
     PortInUseError,
     ListenError,
     RadioError,
     KeyFileError,
     KeyMismatchError,
+    ServeError,
 )
 
 
@@ -62,8 +65,15 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
         mission = dataclasses.replace(mission, duration_s=arguments.duration)
     team, uav = team_of(mission, arguments.team)
     mission = dataclasses.replace(mission, uav=uav)
-    try:
+    with refusing():
         return _fly(mission, team, uav, arguments, stem)
+
+
+@contextlib.contextmanager
+def refusing() -> Iterator[None]:
+    """What the flight needs of this machine, and cannot have, refuses it."""
+    try:
+        yield
     except _UNUSABLE as error:
         raise RefusedError(str(error)) from None
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from air_router.cli.arguments import add_rover, add_start, speed_factor
 from air_router.cli.command_line import print_json
-from air_router.cli.fly import PART, add_flight_arguments, finish, fly
+from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
 from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
@@ -60,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     options = SimOptions(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover))
     if len(mission.layers) > 1:
-        return _fly_several(mission, options, arguments)
+        with refusing():
+            return _fly_several(mission, options, arguments)
     # The simulated vehicle's clock is today's, whenever the flight is meant to be.
     mission = dataclasses.replace(
         mission,

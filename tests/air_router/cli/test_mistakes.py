@@ -92,6 +92,8 @@ IN_USAGE = [
 OF_THE_MACHINE = [
     ("fly mission.yaml --log-dir team.yaml/logs", 1, "Not a directory; name a folder"),
     ("sim mission.yaml --log-dir team.yaml/logs", 1, "Not a directory; name a folder"),
+    ("fly mission.yaml --web {taken}", 5, "choose another port, or 0"),
+    ("sim {pair} --web {taken}", 5, "choose another port, or 0"),
     ("watch 127.0.0.1:1 --web {taken}", 1, "choose another port, or 0"),
     ("preflight mission.yaml --connect /dev/ttyAMA0", 4, "write udpin://127.0.0.1:14540"),
     ("preflight mission.yaml --connect udp://:14540", 4, "write udpin://127.0.0.1:14540"),
@@ -157,7 +159,8 @@ def test_wrong_usage_ends_with_2(said, tmp_path, line, words):
 )
 def test_what_the_machine_does_not_have_is_named(said, line, wanted, words):
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        code, err = said(line.format(taken=taken.getsockname()[1]))
+        pair = ROOT / "missions" / "pair" / "mission.yaml"
+        code, err = said(line.format(taken=taken.getsockname()[1], pair=pair))
     assert (code, words in err) == (wanted, True), err
 
 
