@@ -15,7 +15,7 @@ import sqlite3
 import threading
 import uuid
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -89,15 +89,16 @@ class Outbox:
             while len(self._held) > MAX_HELD or (
                 self._size > MAX_HELD_BYTES and len(self._held) > 1
             ):
-                self._size -= len(self._held.popleft()[1])
+                if not self.dropped:
+                    LOG.warning("too much waits for the node: the oldest are given up")
                 self.dropped += 1
+                self._size -= len(self._held.popleft()[1])
             self._changed.notify()
 
     def first(self, timeout_s: float) -> tuple[str, bytes] | None:
         """The oldest message, which stays until `done`."""
         with self._changed:
-            self._changed.wait_for(lambda: self._held, timeout_s)
-            return self._held[0] if self._held else None
+            return self._held[0] if self._changed.wait_for(lambda: self._held, timeout_s) else None
 
     def done(self, message: tuple[str, bytes]) -> None:
         """A message has left."""
@@ -135,15 +136,13 @@ class Progress:
     @property
     def place(self) -> tuple[str, int] | None:
         """Where to go on in the node's sequence; None: from the beginning."""
-        with self._lock:
-            row = self._file.execute("SELECT epoch, sequence FROM place").fetchone()
-        return (row[0], row[1]) if row else None
+        rows = self._run(("SELECT epoch, sequence FROM place", ()))
+        return (rows[0][0], rows[0][1]) if rows else None
 
     def handed(self, channel: str, header: str) -> bool:
         """Whether a message was handed on before."""
         query = "SELECT 1 FROM handed WHERE channel = ? AND header = ?"
-        with self._lock:
-            return self._file.execute(query, (channel, header)).fetchone() is not None
+        return bool(self._run((query, (channel, header))))
 
     def note(self, channel: str, header: str, history: int = 1) -> None:
         """A message was handed on, or is not worth another try."""
@@ -151,34 +150,37 @@ class Progress:
             "DELETE FROM handed WHERE channel = ?1 AND number <= (SELECT number FROM handed "
             "WHERE channel = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)"
         )
-        self._change(
+        self._run(
             ("INSERT OR IGNORE INTO handed (channel, header) VALUES (?, ?)", (channel, header)),
             (forget, (channel, history + SPARE)),
         )
 
     def move(self, place: tuple[str, int]) -> None:
         """All up to a place was handed on."""
-        self._change(("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place))
+        self._run(("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place))
 
     def close(self) -> None:
         """Give up the file."""
         with self._lock:
             self._file.close()
 
-    def _change(self, *changes: tuple[str, tuple[object, ...]]) -> None:
-        """Make changes together."""
+    def _run(self, *statements: tuple[str, tuple[object, ...]]) -> list[Any]:
+        """Run statements together; returns the rows of the last."""
         with self._lock:
             try:
-                with self._file:
-                    for change in changes:
-                        self._file.execute(*change)
+                return self._together(statements)
             except sqlite3.Error as error:
-                LOG.warning("cannot write state: %s; a restart will repeat messages", error)
-                failed, self._file = self._file, self._open(None)
-                with contextlib.suppress(sqlite3.Error), contextlib.closing(failed):
-                    failed.backup(self._file)
-                for change in changes:
-                    self._file.execute(*change)
+                LOG.warning("cannot use state: %s; a restart will repeat messages", error)
+            failed, self._file = self._file, self._open(None)
+            with contextlib.suppress(sqlite3.Error), contextlib.closing(failed):
+                failed.backup(self._file)
+                return self._together(statements)
+            self._file = self._open(None)  # nothing of it can be used
+            return self._together(statements)
+
+    def _together(self, statements: Sequence[tuple[str, tuple[object, ...]]]) -> list[Any]:
+        with self._file:
+            return [self._file.execute(*each).fetchall() for each in statements][-1]
 
 
 class Bridge:
@@ -198,7 +200,6 @@ class Bridge:
         self._stopping = threading.Event()
         self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
         self._away = False  # the node does not answer, as told
-        self._run = uuid.uuid4().hex  # makes its keys unlike those of another start
 
     def stop(self) -> None:
         """Let `run` end, from any thread or a signal handler."""
@@ -294,15 +295,13 @@ class Bridge:
 
     def _send(self) -> None:
         """Publish through the node what the robot says."""
-        number = 0
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
             while not self._stopping.is_set():
                 message = self._outbox.first(WAIT_S)
                 if message is None:
                     continue
-                number += 1
                 topic, data = message
-                key = f"{self._run}-{number}"
+                key = uuid.uuid4().hex
                 with contextlib.suppress(_GivenUpError):
                     self._patiently(
                         lambda: client.publish(topic, data, ros=self._middleware.ros, key=key),  # noqa: B023
@@ -320,17 +319,16 @@ class Bridge:
                 if not self._away:
                     LOG.warning("waiting for the node: %s", error)
                 self._away = True
-                self._stopping.wait(PAUSE_S)
             except ServiceError as error:
                 self._complain(about, f"the node refused: {error}")
                 if about and not error.again:
                     raise _GivenUpError from None
-                self._stopping.wait(PAUSE_S)
             else:
                 if self._away:
                     LOG.warning("the node answers again")
                 self._away = False
                 return answer
+            self._stopping.wait(PAUSE_S)
         return None
 
     def _complain(self, about: str, what: str) -> None:

@@ -9,17 +9,17 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from mocha_link.bridges.bridge import Bridge, Progress
+from mocha_link.bridges.bridge import Bridge, Progress, channel
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.node.lifetime import until_terminated
+from mocha_link.service.endpoint import EndpointKeyError, folder
 from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
-PAUSE_S = 0.5
 
 LOG = logging.getLogger("mocha_link")
 
@@ -28,10 +28,16 @@ class BridgeError(MochaLinkError):
     """A bridge cannot run here; the message says what it needs."""
 
 
-def add_options(parser: argparse.ArgumentParser, kind: str) -> None:
-    """The options of the bridge to ``ros1`` or ``ros2``."""
+def add_options(
+    parser: argparse.ArgumentParser, kind: str, endpoint: Callable[[str], str] = str
+) -> None:
+    """The options of the bridge to ``ros1`` or ``ros2``; `endpoint` reads one, for `argparse`."""
     parser.add_argument(
-        "--node", required=True, metavar="ENDPOINT", help="what the node got as --serve"
+        "--node",
+        required=True,
+        type=endpoint,
+        metavar="ENDPOINT",
+        help="what the node got as --serve",
     )
     parser.add_argument(
         "--state",
@@ -44,6 +50,7 @@ def add_options(parser: argparse.ArgumentParser, kind: str) -> None:
         parser.add_argument(
             "--best-effort",
             nargs="+",
+            type=channel,
             default=[],
             metavar="TOPIC",
             help="topics of this robot whose publishers are not reliable",
@@ -99,9 +106,13 @@ def _team(client: ServiceClient) -> dict[str, Any]:
             told = True
 
 
-def _state_file(name: str) -> Path:
-    state = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
-    return Path(state).expanduser() / "mocha-link" / name
+def _state_file(name: str) -> Path | None:
+    """In the folder of the endpoints' keys, which only its user may enter; None: there is none."""
+    try:
+        return folder() / name
+    except EndpointKeyError as error:
+        LOG.warning("no state is kept, so a restart will repeat messages: %s", error)
+        return None
 
 
 def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) -> Any:
@@ -148,13 +159,13 @@ ADVICE = {
 def main(arguments: Sequence[str]) -> int:
     """The command line of ``__main__``, in a foreign Python."""
     parser = argparse.ArgumentParser(prog="mocha-link bridge", description=run.__doc__)
-    parser.add_argument("-v", "--verbose", action="store_true", help="log more, on stderr")
+    parser.add_argument("--log-level", default="INFO", help="log from this on, on stderr")
     kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
     for kind in ("ros1", "ros2"):
         add_options(kinds.add_parser(kind), kind)
     options = parser.parse_args(arguments)
-    level = logging.DEBUG if options.verbose else logging.INFO
-    logging.basicConfig(stream=sys.stderr, level=level, format="%(levelname)s %(message)s")
+    form = "%(levelname)s %(message)s"
+    logging.basicConfig(stream=sys.stderr, level=options.log_level, format=form)
     try:
         return run(options.kind, options)
     except MochaLinkError as error:

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
-from mocha_link.cli.program import add_command, examples, log_level
+from mocha_link.cli.program import add_command, endpoint, examples, log_level
 
 WHAT = {
     "ros1": "publish and subscribe ROS 1 topics",
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
     for kind, what in WHAT.items():
         ros = add_command(kinds, kind, what, *EXAMPLES[kind])
-        ros_bridge.add_options(ros, kind)
+        ros_bridge.add_options(ros, kind, endpoint)
         ros.add_argument(
             "--python",
             metavar="PATH",
@@ -67,9 +67,9 @@ def _has_ros(python: str, kind: str) -> bool:
 
 def _become(python: str, options: argparse.Namespace) -> NoReturn:
     folder = str(Path(bridges.__file__).parent)
-    verbose = ["-v"] if log_level(options, logging.INFO) <= logging.DEBUG else []
+    level = ["--log-level", logging.getLevelName(log_level(options, logging.INFO))]
     sys.stderr.flush()
-    os.execv(python, [python, folder, *verbose, options.kind, *_arguments(options)])  # noqa: S606
+    os.execv(python, [python, folder, *level, options.kind, *_arguments(options)])  # noqa: S606
 
 
 def _arguments(options: argparse.Namespace) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import queue
+import sqlite3
 import struct
 import threading
 
@@ -13,9 +14,11 @@ import pytest
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, SPARE, Bridge, Outbox, Progress
+from mocha_link.bridges.run import _state_file
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec
+from mocha_link.service.endpoint import folder
 from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
 
@@ -201,11 +204,12 @@ def test_a_node_that_restarts(server, pulled, stored, progress, until_said):
             assert middleware.said.empty()
 
 
-def test_the_outbox_is_bounded():
+def test_the_outbox_is_bounded(caplog):
     outbox = Outbox()
     for number in range(MAX_HELD + 5):
         outbox.put("/a", str(number).encode())
     assert outbox.dropped == 5
+    assert caplog.text.count("the oldest are given up") == 1
     first = outbox.first(0)
     assert first == ("/a", b"5")
     outbox.done(first)
@@ -258,6 +262,27 @@ def test_a_file_that_is_none(tmp_path, caplog):
     assert path.read_bytes() == b"not a database" * 100
 
 
+def test_a_database_of_another_program(tmp_path, caplog):
+    path = tmp_path / "state"
+    with contextlib.closing(sqlite3.connect(path)) as other:
+        other.execute("CREATE TABLE place (x)")
+    progress = Progress(path)
+    assert progress.place is None
+    progress.move(("a", 1))
+    assert progress.place == ("a", 1)
+    progress.close()
+    assert caplog.text.count("cannot use state: no such column: epoch") == 1
+
+
+def test_its_folder_is_that_of_the_keys(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    Progress(_state_file("io-ros1")).close()
+    assert [path.name for path in folder().iterdir()] == ["io-ros1"]
+    folder().chmod(0o755)
+    assert _state_file("io-ros1") is None
+    assert "is not a folder that only you may use" in caplog.text
+
+
 def test_a_disk_that_becomes_full(tmp_path, caplog):
     progress = Progress(tmp_path / "state")
     progress.move(("a", 1))
@@ -268,7 +293,7 @@ def test_a_disk_that_becomes_full(tmp_path, caplog):
     assert progress.place == ("a", 2)
     assert all(progress.handed(f"/{number}", "h" * 200) for number in range(200))
     progress.close()
-    assert caplog.text.count("cannot write state: database or disk is full") == 1
+    assert caplog.text.count("cannot use state: database or disk is full") == 1
     again = Progress(tmp_path / "state")
     assert again.place == ("a", 1)
     again.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import logging
 import subprocess
 import sys
 import types
@@ -12,8 +13,10 @@ from pathlib import Path
 import pytest
 
 import mocha_link
+from mocha_link.bridges import run
 from mocha_link.bridges.bridge import channel
 from mocha_link.bridges.rcl import Rcl
+from mocha_link.cli.cli import main
 
 PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
@@ -75,6 +78,20 @@ def test_a_python_that_has_not_even_pyzmq():
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "has no zmq; install it there" in done.stderr
+
+
+def test_what_is_asked_for_gets_there(monkeypatch):
+    seen, words, levels = [], [], []
+    monkeypatch.setattr("os.execv", lambda _, arguments: words.extend(arguments[2:]))
+    monkeypatch.setattr(run, "run", lambda *asked: seen.append(asked) or 0)
+    monkeypatch.setattr(logging, "basicConfig", lambda **options: levels.append(options["level"]))
+    options = ["--domain", "7", "--best-effort", "scan", "/front-camera"]
+    here = ["--log-level", "error", "bridge", "ros2", "--node", "ipc://x", "--python", "python3"]
+    assert main([*here, *options]) == run.main(words) == 0
+    assert [(kind, asked.domain, asked.best_effort) for kind, asked in seen] == [
+        ("ros2", 7, ["/scan", "/front_camera"])
+    ] * 2
+    assert levels == [logging.ERROR, "ERROR"]
 
 
 class Rclpy(types.ModuleType):

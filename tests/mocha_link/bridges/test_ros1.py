@@ -17,6 +17,7 @@ from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec
 
 PYTHON = "/usr/bin/python3"
+BRIDGE = [sys.executable, *["-m", "mocha_link.cli.cli", "bridge", "ros1", "--node"]]
 POSE = "geometry_msgs/PoseStamped"
 NODE = """
 import sys, rospy
@@ -97,15 +98,7 @@ def ros(tmp_path, field):
 
 
 def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
-    bridge = [
-        sys.executable,
-        "-m",
-        "mocha_link.cli.cli",
-        "bridge",
-        "ros1",
-        "--node",
-        server.endpoint,
-    ]
+    bridge = [*BRIDGE, server.endpoint]
     bridge += ["--python", PYTHON, "--state", str(tmp_path / "state")]
     stored = queue.SimpleQueue()
     one.subscribe(lambda event: isinstance(event, MessageStored) and stored.put(event.topic))
@@ -136,15 +129,7 @@ def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
 
 
 def test_without_ros(server):
-    command = [
-        sys.executable,
-        "-m",
-        "mocha_link.cli.cli",
-        "bridge",
-        "ros1",
-        "--node",
-        server.endpoint,
-    ]
+    command = [*BRIDGE, server.endpoint]
     for python, complaint in (
         (sys.executable, "has no rospy; name one"),
         ("/no/python", "no program"),
