@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import math
 import numbers
 from dataclasses import dataclass
 
@@ -61,31 +60,11 @@ class Reading:
         return f"{self.value:g} {self.unit.value} ({self.source})"
 
 
-def as_dbm(value: object) -> float | None:
-    """A reported RSSI in dBm, checked. Raises RadioError."""
-    if isinstance(value, Reading):
-        if value.unit is not Unit.DBM:
-            raise RadioError(f"a reading in {value.unit.value} is no RSSI in dBm")
-        return value.value
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise RadioError(f"rssi_dbm must be a number or nothing, not {type(value).__name__}")
-    try:
-        rssi_dbm = float(value)
-    except OverflowError:
-        rssi_dbm = math.inf
-    if not -LIMIT_DBM <= rssi_dbm <= LIMIT_DBM:  # also NaN
-        raise RadioError(f"rssi_dbm must be within -{LIMIT_DBM} to {LIMIT_DBM}")
-    return rssi_dbm
-
-
-def as_reading(value: object, source: str = "radio") -> Reading | None:
+def as_reading(value: Reading | float | None) -> Reading | None:
     """What a radio reported: a reading as it is, a bare number as dBm, nothing as nothing.
 
     Raises RadioError for anything else.
     """
-    if isinstance(value, Reading):
+    if value is None or isinstance(value, Reading):
         return value
-    rssi_dbm = as_dbm(value)
-    return None if rssi_dbm is None else Reading(rssi_dbm, Unit.DBM, source)
+    return Reading(value, Unit.DBM, "radio")

@@ -3,34 +3,14 @@
 import re
 
 from mocha_link.errors import RadioError
-from mocha_link.links.reading import Reading, Unit, as_dbm, as_reading
 from mocha_link.radios.radio import ManualRadio, Radio, Report
 from mocha_link.radios.rajant import RajantRadio
-from mocha_link.radios.reports import MavlinkRadio, StdinRadio, TcpRadio, UdpRadio, parse_report
+from mocha_link.radios.reports import MavlinkRadio, StdinRadio, TcpRadio, UdpRadio
 from mocha_link.radios.wifi import WifiRadio
 from mocha_link.team.team import Robot, Team
-from mocha_link.team.team_file import RadioUrl, RadioUrlError
+from mocha_link.team.team_file import RadioUrl
 
-__all__ = [
-    "ManualRadio",
-    "MavlinkRadio",
-    "Radio",
-    "RadioError",
-    "RadioUrl",
-    "RadioUrlError",
-    "RajantRadio",
-    "Reading",
-    "Report",
-    "StdinRadio",
-    "TcpRadio",
-    "UdpRadio",
-    "Unit",
-    "WifiRadio",
-    "as_dbm",
-    "as_reading",
-    "open_radio",
-    "parse_report",
-]
+__all__ = ["ManualRadio", "Radio", "Report", "UdpRadio", "open_radio"]
 
 _DASHED_MAC = re.compile(r"(?:[0-9a-f]{2}-){5}[0-9a-f]{2}")
 

@@ -29,6 +29,7 @@ MAX_FIELDS = 64
 MAX_VALUE = 256
 MAX_PEERS = 256
 HOLD_S = 20.0  # so long a value stands that the radio does not repeat, as MOCHA has it
+SILENT_S = 30.0  # a monitor that prints nothing for so long hangs, or its connection is dead
 
 _PEER_LINE = re.compile(r"Ts:\d{1,20},Iface:[^,]{0,64},Peer:([^,\s]{1,64}),RSSI:(-?\d{1,9});")
 _END_LINE = re.compile(r"END,\d{1,20};")
@@ -52,6 +53,7 @@ class RajantRadio(BackgroundRadio):
         url: One of these.
         peers: The robots by what the radios call theirs: MAC or IP addresses, in lower case.
         retry_s: Real seconds before it begins anew.
+        silent_s: After so many without a line, too.
         command: What to run in place of ``java -jar``.
     """
 
@@ -61,12 +63,14 @@ class RajantRadio(BackgroundRadio):
         peers: Mapping[str, str],
         *,
         retry_s: float = RETRY_S,
+        silent_s: float = SILENT_S,
         command: tuple[str, ...] = ("java", "-jar"),
     ) -> None:
         super().__init__()
         self._url = url
         self._peers = peers
         self._retry_s = retry_s
+        self._silent_s = silent_s
         self._command = (*command, url.options.get("jar", ""), url.host)
 
     def start(self, report: Report) -> None:
@@ -84,9 +88,10 @@ class RajantRadio(BackgroundRadio):
         while True:
             monitor, printed, why = Monitor(), False, "it ended"
             try:
-                async with self._output() as stream:
+                async with self._output() as stream, asyncio.timeout(self._silent_s) as silence:
                     async for line in self.lines(stream):
                         printed = True
+                        silence.reschedule(asyncio.get_running_loop().time() + self._silent_s)
                         self._tell(monitor.feed(line.decode(errors="replace"), time.monotonic()))
             except (OSError, RadioError) as error:
                 why = str(error) or "no answer"

@@ -10,14 +10,12 @@ import asyncio
 import functools
 import importlib
 import json
-import math
-import numbers
 import os
 import socket
 import struct
 import sys
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import IO, Any
 
 from mocha_link.errors import RadioError, needs_extra
 from mocha_link.links.reading import Reading, Unit
@@ -63,7 +61,7 @@ def _from_json(line: str, source: str) -> tuple[str, Reading | None]:
         raise RadioError(f"a report must have one of the keys {', '.join(KEYS)}")
     for key in found:
         if report[key] is not None:
-            return peer, Reading(_number(key, report[key]), KEYS[key], source)
+            return peer, Reading(report[key], KEYS[key], source)
     return peer, None
 
 
@@ -81,15 +79,6 @@ def _from_words(line: str, source: str) -> tuple[str, Reading | None]:
     except ValueError:
         raise RadioError(f"'{words[1][:20]}' is no number") from None
     return words[0], Reading(value, unit, source)
-
-
-def _number(key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise RadioError(f"{key} must be a number or null, not {type(value).__name__}")
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
 
 
 def accept(radio: BackgroundRadio, raw: bytes, source: str) -> None:
@@ -121,10 +110,6 @@ class _ListeningRadio(BackgroundRadio):
         if self._socket:
             self._socket.close()  # also if the thread has not come to it
             self._socket = None
-
-    def _accept(self, raw: bytes) -> None:
-        """Pass one report of a program on to the node, or refuse it."""
-        accept(self, raw, self._url.scheme)
 
     def _bound(self, kind: socket.SocketKind) -> socket.socket:
         """A socket at the address that the URL names. Raises RadioError."""
@@ -176,7 +161,9 @@ class UdpRadio(_ListeningRadio):
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
         receiver = self._bound(socket.SOCK_DGRAM)
-        self._begin(report, self._datagrams(receiver, self._accept))
+        self._begin(
+            report, self._datagrams(receiver, functools.partial(accept, self, source="udp"))
+        )
 
 
 class TcpRadio(_ListeningRadio):
@@ -212,7 +199,7 @@ class TcpRadio(_ListeningRadio):
         self._programs += 1
         try:
             async for line in self.lines(stream):
-                self._accept(line)
+                accept(self, line, "tcp")
         except asyncio.CancelledError:
             return  # the radio ends, which asyncio would log
         finally:
@@ -220,15 +207,10 @@ class TcpRadio(_ListeningRadio):
             program.close()
 
 
-class _Readable(Protocol):
-    def fileno(self) -> int:
-        """The file descriptor."""
-
-
 class StdinRadio(BackgroundRadio):
     """Receives reports as lines on standard input (``stdin:``), as `TcpRadio` does."""
 
-    def __init__(self, file: _Readable | None = None) -> None:
+    def __init__(self, file: IO[Any] | None = None) -> None:
         super().__init__()
         self._file = file  # None: standard input
 

@@ -276,7 +276,9 @@ class _Plain:
 
 
 def _whole(text: str) -> int:
-    return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+    number = int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+    str(number)  # of so many digits that Python does not write them: ValueError
+    return number
 
 
 def _finite(text: str) -> float:

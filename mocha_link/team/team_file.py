@@ -39,9 +39,8 @@ class PortRange:
 
     def overlaps(self, other: PortRange) -> bool:
         """Whether both want some port of the same address."""
-        return (
-            self.address == other.address and self.first <= other.last and other.first <= self.last
-        )
+        first, last = max(self.first, other.first), min(self.last, other.last)
+        return self.address == other.address and first <= last
 
     def faults(self, others: Mapping[str, PortRange], key: str) -> Iterator[tuple[str, str]]:
         """Problem codes and messages, beside the ranges of others by the names of their robots.
@@ -61,7 +60,9 @@ class PortRange:
                 yield "ports-overlap", message
 
 
-_HOST = r"[A-Za-z0-9][A-Za-z0-9._-]*"
+_HOST = r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}(\.[A-Za-z0-9_-]{1,63})*\.?"
+"""A name or an IPv4 address; of other labels no look-up makes anything."""
+
 _URL = re.compile(rf"(?P<scheme>[a-z]+):(?://(?P<host>{_HOST})(?::(?P<port>\d{{1,5}}))?)?")
 
 
@@ -159,7 +160,7 @@ def _a_datum(values: tuple[float, ...]) -> tuple[float, ...]:
 
 Name = Annotated[str, AfterValidator(_a_name)]
 TypeKey = Annotated[str, AfterValidator(_a_type)]
-Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+Host = Annotated[str, StringConstraints(pattern=rf"^{_HOST}$")]
 
 
 TypeName = Annotated[
@@ -236,7 +237,7 @@ class RobotModel(BaseModel, frozen=True):
     ]
     listen: Annotated[
         str,
-        StringConstraints(pattern=r"^(\*|[A-Za-z0-9][A-Za-z0-9._-]*)$"),
+        StringConstraints(pattern=rf"^(\*|{_HOST})$"),
         Key(description="* or an address of this machine"),
     ] = "*"
     radio: Annotated[

@@ -244,7 +244,7 @@ class _Converter:
             keys, radio = (name, "using-radio"), robot.radio
             if radio is None:
                 self._refuse((name,), "missing key 'using-radio'; add it", "missing-key")
-            elif radio not in self.radios:
+            elif not isinstance(radio, str) or radio not in self.radios:
                 message = f"no radio '{radio}' in the radio file; correct it, or add it there"
                 self._refuse(keys, message, "unknown-radio")
             elif users.setdefault(radio, name) != name:

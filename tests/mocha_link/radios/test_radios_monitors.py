@@ -13,9 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.radios import RadioError, RadioUrl, RajantRadio, Reading, Unit, WifiRadio
-from mocha_link.radios.rajant import MAX_PEERS, Monitor
-from mocha_link.radios.wifi import parse_station_dump
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.radios.rajant import MAX_PEERS, Monitor, RajantRadio
+from mocha_link.radios.wifi import WifiRadio, parse_station_dump
+from mocha_link.team.team_file import RadioUrl
 
 DATA = Path(__file__).parents[2] / "data" / "radios"
 SAMPLES = {path.name: path.read_text() for path in sorted(DATA.iterdir())}
@@ -234,6 +236,19 @@ def test_a_monitor_elsewhere(seen):
                 connection.sendall(b"ERR\n")
             with monitor.accept()[0]:
                 pass
+
+
+def test_a_monitor_that_has_become_silent_is_asked_anew(seen):
+    """Its machine has lost power: no end of the connection comes."""
+    with socket.create_server(("127.0.0.1", 0)) as monitor:
+        url = RadioUrl.parse(f"rajant://127.0.0.1:{monitor.getsockname()[1]}")
+        radio = RajantRadio(url, {"10.229.221.1": "io"}, retry_s=0.01, silent_s=0.2)
+        radio.start(put_all(seen))
+        with contextlib.closing(radio), monitor.accept()[0]:
+            monitor.settimeout(WAIT_S)
+            with monitor.accept()[0] as connection:
+                connection.sendall(SAMPLES["rajant_lines.txt"][:300].encode())
+                assert seen.get(timeout=WAIT_S) == ("io", device(55))
 
 
 def test_a_monitor_that_is_not_there_yet(seen):

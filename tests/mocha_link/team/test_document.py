@@ -161,6 +161,8 @@ def test_every_problem_is_reported_in_file_order():
         ("a: .inf", "1:4: '.inf' is not a finite float value", "wrong-value"),
         ("a: 1e999", "1:4: '1e999' is not a finite float value", "wrong-value"),
         ("a: " + "9" * 5000, "1:4: ", "wrong-value"),
+        ("a: 0x" + "f" * 5000, "1:4: ", "wrong-value"),
+        ("? 0x" + "f" * 5000 + "\n: 1", "1:3: ", "wrong-value"),
         ("a: 1\nb: \x07", "2:4: control character", "not-yaml"),
         ("a: &x [*x]", "1:4: an alias inside its own anchor; remove it", "yaml-feature"),
         ("a: 1\n---\nb: 2", "2:1: not valid YAML", "not-yaml"),

@@ -139,6 +139,8 @@ def test_ports_that_clash():
             "address (23234 to 23235); use 23236 or more"
         ),
     ]
+    alone = "  x: {kind: base_station, address: 127.0.1.4, base_port: 26235, clients: []}\n"
+    assert team(TEXT.replace("robots:\n", f"robots:\n{alone}")).robot("x")  # it has no ports
 
 
 @pytest.mark.parametrize(
@@ -160,6 +162,7 @@ def test_ports_that_clash():
             "team.yaml:24:29: 'kinds.ground_robot.topics[2].type' must be pa",
         ),
         ("127.0.1.4", "tcp://127.0.1.4", "team.yaml:4:14: 'robots.titan.address' must be"),
+        ("127.0.1.4", "titan..local", "team.yaml:4:14: 'robots.titan.address' must be host name"),
         ("127.0.1.4", "-titan", "team.yaml:4:14: 'robots.titan.address' must be host name or"),
     ],
 )

@@ -125,6 +125,7 @@ def test_every_oddity(files):
         (("robots", "ground-robot", "tank"), "5:20: no 'tank' in "),
         (("robots", "node-type: ground-robot, ", ""), "5:8: missing key 'node-type'; add it"),
         (("robots", "using-radio: b-2", "using-radio: b-3"), "no radio 'b-3' in the radio file"),
+        (("robots", "using-radio: b-2", "using-radio: [b-2]"), "no radio '['b-2']' in the radio"),
         (("robots", "using-radio: b-2, ", ""), "missing key 'using-radio'"),
         (("robots", '["base"]', "base"), "6:12: 'rover.clients' must be a list, found text 'base'"),
         (("robots", '["base"]', ""), "'rover.clients' must be a list, found nothing"),
