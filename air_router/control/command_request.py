@@ -28,6 +28,7 @@ from air_router.messages import MOST_POINTS
 from air_router.vehicle.clock import loop_s
 from geo.frame import FrameError, LocalFrame
 from mocha_link.sanitize import sanitize
+from mocha_link.service.requests import error_text
 
 MAX_BYTES: Final = 64 * 1024
 
@@ -169,7 +170,7 @@ def command_request_of(values: Any) -> CommandRequest:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise CommandRequestError(f"{name}: {_complaint(error, model)}") from None
+        raise CommandRequestError(f"{name}: {error_text(error, model)}") from None
 
 
 def parse(frames: Sequence[bytes]) -> Any:
@@ -225,17 +226,6 @@ def _places(text: str) -> list[list[float]]:
             "goto where? type 'goto LAT,LON', more places behind it, in degrees"
         )
     return [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]
-
-
-def _complaint(error: ValidationError, model: type[CommandRequest]) -> str:
-    """The first thing that is wrong with a request."""
-    detail = error.errors(include_url=False, include_input=False)[0]
-    where = sanitize(".".join(map(str, detail["loc"]))[:60])
-    if detail["type"] == "extra_forbidden":
-        return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
-    if detail["type"] == "missing":
-        return f"'{where}' is missing"
-    return f"'{where}': {detail['msg']}"
 
 
 class RequestHandler(Protocol):

@@ -82,6 +82,7 @@ class ControlClient(EndpointClient):
     """
 
     whom, option = "flight", "--control"
+    refused, unreachable = ControlError, ControlUnreachableError
 
     def __init__(
         self, endpoint: str | None = None, *, by: str | None = None, timeout_s: float = 5.0
@@ -92,14 +93,6 @@ class ControlClient(EndpointClient):
         except EndpointKeyError as error:
             raise self.unreachable(str(error)) from None
         super().__init__(endpoint, timeout_s=timeout_s)
-
-    def refused(self, message: str, *, again: bool) -> ControlError:
-        """See `EndpointClient`."""
-        return ControlError(message, again=again)
-
-    def unreachable(self, message: str) -> ControlUnreachableError:
-        """See `EndpointClient`."""
-        return ControlUnreachableError(message)
 
     def hold(self) -> ControlAnswer:
         """Stop and hover."""

@@ -31,12 +31,12 @@ from air_router.control.command_request import (
     parse,
 )
 from mocha_link.loopback import is_loopback
+from mocha_link.service import requests
 from mocha_link.service.endpoint import EndpointKeyError, bind, named
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""
 
-_MOST_UNREAD: Final = 16
 _WAYS: Final = ("tcp", "ipc")
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
@@ -68,14 +68,9 @@ class ControlServer:
             PortInUseError, ListenError: it cannot be had.
         """
         self._context = zmq.asyncio.Context()
-        router = self._context.socket(zmq.ROUTER)
-        router.setsockopt(zmq.LINGER, 0)
-        router.setsockopt(zmq.SNDHWM, _MOST_UNREAD)
-        router.setsockopt(zmq.RCVHWM, _MOST_UNREAD)
-        router.setsockopt(zmq.MAXMSGSIZE, 2 * MAX_BYTES)  # what is larger is not even read
-        self._socket = router
+        self._socket = requests.router(self._context, 2 * MAX_BYTES)  # of more nothing is read
         try:
-            self.endpoint = bind(router, self.endpoint, "cannot take requests")
+            self.endpoint = bind(self._socket, self.endpoint, "cannot take requests")
         except BaseException:
             self.close()
             raise
@@ -84,11 +79,10 @@ class ControlServer:
         """Answer until cancelled."""
         assert self._socket is not None  # noqa: S101 - it was opened
         while True:
-            frames = await self._socket.recv_multipart()
-            start = 2 if len(frames) > 1 and not frames[1] else 1
-            reply = json.dumps(self._reply(frames[start:]), separators=(",", ":")).encode()
+            envelope, frames = requests.split(await self._socket.recv_multipart())
+            reply = json.dumps(self._reply(frames), separators=(",", ":")).encode()
             with contextlib.suppress(zmq.ZMQError):  # it is gone, or does not read its answers
-                await self._socket.send_multipart([*frames[:start], reply], zmq.NOBLOCK)
+                await self._socket.send_multipart([*envelope, reply], zmq.NOBLOCK)
             await asyncio.sleep(1 / PER_S)
 
     def close(self) -> None:

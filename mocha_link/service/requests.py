@@ -10,16 +10,18 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import zmq
 from pydantic import BaseModel, Field, ValidationError
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.sanitize import sanitize
 
 MAX_UNREAD = 16  # answers that a client may leave unread before more of them are dropped
 
 Frames = list[bytes]
+AnySocket = TypeVar("AnySocket", bound=zmq.Socket[Any])
 
 
 class RequestError(MochaLinkError):
@@ -58,7 +60,7 @@ class Verb(NamedTuple):
     frames: int = 0
 
 
-def router(context: zmq.Context[zmq.Socket[bytes]], max_bytes: int) -> zmq.Socket[bytes]:
+def router(context: zmq.Context[AnySocket], max_bytes: int) -> AnySocket:
     """A socket that answers, to be bound: no client fills the memory with unread answers."""
     socket = context.socket(zmq.ROUTER)
     socket.setsockopt(zmq.LINGER, 0)
@@ -68,9 +70,8 @@ def router(context: zmq.Context[zmq.Socket[bytes]], max_bytes: int) -> zmq.Socke
     return socket
 
 
-def receive(socket: zmq.Socket[bytes]) -> tuple[Frames, Frames]:
-    """The next request: the envelope that its answer needs, and its frames."""
-    frames = socket.recv_multipart()
+def split(frames: Frames) -> tuple[Frames, Frames]:
+    """Of what a router received: the envelope that the answer needs, and the request's frames."""
     start = 2 if len(frames) > 1 and not frames[1] else 1
     return frames[:start], frames[start:]
 
@@ -105,7 +106,7 @@ def check(
     try:
         request = verb.model.model_validate(values)
     except ValidationError as error:
-        raise RequestError(f"{name}: {_error_text(error, verb.model)}") from None
+        raise RequestError(f"{name}: {error_text(error, verb.model)}") from None
     if len(data) > verb.frames:
         raise RequestError(f"{name}: {len(data)} frames of data; at most {verb.frames} of them")
     return verb, request
@@ -122,10 +123,10 @@ def refusal(number: object, error: str, *, again: bool) -> Frames:
     return [_json({"ok": False, "id": known, "error": error, "again": again})]
 
 
-def _error_text(error: ValidationError, model: type[Request]) -> str:
+def error_text(error: ValidationError, model: type[BaseModel]) -> str:
     """The first thing that is wrong with a request."""
     detail = error.errors(include_url=False, include_input=False)[0]
-    where = ".".join(map(str, detail["loc"]))
+    where = sanitize(".".join(map(str, detail["loc"]))[:60])
     if detail["type"] == "extra_forbidden":
         known = (field.alias or name for name, field in model.model_fields.items())
         return f"unknown field '{where}'; use {', '.join(known)}"

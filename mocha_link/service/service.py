@@ -120,13 +120,8 @@ class Service:
                 send(requests.reply(number, answer))
             elif isinstance(request, _Since):
                 self._wait(_Waiting(request, now_s + request.wait_s, send))
-        except MochaLinkError as error:
-            again = isinstance(error, NodeClosedError) or getattr(error, "again", False)
-            send(requests.refusal(number, str(error), again=again))
-        except Exception:  # a mistake of ours costs one request, not the service
-            LOG.exception("a request failed: %.200r", frames[0] if frames else b"")
-            why = "the node failed at this; its log says more"
-            send(requests.refusal(number, why, again=False))
+        except Exception as error:  # noqa: BLE001 - see there
+            _refuse(number, send, error)
 
     def tick(self, now_s: float, *, ending: bool = False) -> None:
         """Answer those that waited, if there is something for them or their time is over."""
@@ -136,13 +131,12 @@ class Service:
                 one.request.wait_s = 0.0
             try:
                 answer = self._since(one.request)
-            except MochaLinkError as error:
-                one.send(requests.refusal(one.request.id, str(error), again=True))
-                continue
-            if answer is None:
-                self._waiting.append(one)
-            else:
-                one.send(requests.reply(one.request.id, answer))
+                if answer is None:
+                    self._waiting.append(one)
+                else:
+                    one.send(requests.reply(one.request.id, answer))
+            except Exception as error:  # noqa: BLE001 - see there
+                _refuse(one.request.id, one.send, error)
 
     def _wait(self, one: _Waiting) -> None:
         if len(self._waiting) >= MAX_WAITING:
@@ -287,6 +281,15 @@ class Service:
         return Answer(fields)
 
 
+def _refuse(number: object, send: Send, error: Exception) -> None:
+    """Answer a request that failed; a mistake of ours costs that one, not the service."""
+    why, again = str(error), isinstance(error, NodeClosedError) or getattr(error, "again", False)
+    if not isinstance(error, MochaLinkError):
+        LOG.error("a request failed", exc_info=error)
+        why, again = "the node failed at this; its log says more", False
+    send(requests.refusal(number, why, again=again))
+
+
 def _as_base64(value: Any) -> Any:
     """Bytes as ``{"base64": text}``; any other value as it is."""
     return {"base64": base64.b64encode(value).decode()} if isinstance(value, bytes) else value
@@ -335,7 +338,7 @@ class ServiceServer(EndpointServer):
         self._service.tick(time.monotonic(), ending=True)
 
     def _take(self, server: zmq.Socket[bytes]) -> None:
-        envelope, body = requests.receive(server)
+        envelope, body = requests.split(server.recv_multipart())
 
         def send(answer: Frames) -> None:
             requests.send(server, [*envelope, *answer])

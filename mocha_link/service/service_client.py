@@ -44,6 +44,9 @@ class MetricsError(MochaLinkError):
 class _Connection(Closeable):
     """A socket to an endpoint; the program there may begin later, and come back."""
 
+    unreachable: ClassVar[type[Any]]
+    """What is raised when the endpoint is none, no program answers, or a wrong one does."""
+
     def __init__(self, endpoint: str) -> None:
         self.endpoint = endpoint
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of its socket
@@ -53,10 +56,6 @@ class _Connection(Closeable):
         except BaseException:
             self.close()
             raise
-
-    @abstractmethod
-    def unreachable(self, message: str) -> Exception:
-        """What is raised when the endpoint is none, no program answers, or a wrong one does."""
 
     @abstractmethod
     def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
@@ -110,15 +109,13 @@ class EndpointClient(_Connection):
     """Who answers, as in "is no node"."""
     option: ClassVar[str]
     """With which option that program answers."""
+    refused: ClassVar[type[Any]]
+    """What is raised when a request is refused; its `again`: it may be taken later."""
 
     def __init__(self, endpoint: str, *, timeout_s: float = 5.0) -> None:
         self._timeout_s = timeout_s
         self._number = 0  # of the latest request
         super().__init__(endpoint)
-
-    @abstractmethod
-    def refused(self, message: str, *, again: bool) -> Exception:
-        """What is raised when a request is refused; `again`: it may be taken later."""
 
     def ask(
         self, request: dict[str, Any], data: bytes | None = None, *, wait_s: float = 0.0
@@ -161,7 +158,8 @@ class EndpointClient(_Connection):
     def another(self) -> Exception:
         """Another program answers: hang up, and raise this."""
         self._hang_up()
-        return self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
+        error: Exception = self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
+        return error
 
     def _made(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
         return context.socket(zmq.DEALER)
@@ -179,14 +177,7 @@ class ServiceClient(EndpointClient):
     """
 
     whom, option = "node", "--serve"
-
-    def refused(self, message: str, *, again: bool) -> ServiceError:
-        """See `EndpointClient`."""
-        return ServiceError(message, again=again)
-
-    def unreachable(self, message: str) -> ServiceUnreachableError:
-        """See `EndpointClient`."""
-        return ServiceUnreachableError(message)
+    refused, unreachable = ServiceError, ServiceUnreachableError
 
     def publish(
         self,
@@ -283,9 +274,7 @@ class Subscription(_Connection):
     Raises MetricsError if the endpoint is none.
     """
 
-    def unreachable(self, message: str) -> MetricsError:
-        """See `EndpointClient`."""
-        return MetricsError(message)
+    unreachable = MetricsError
 
     def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
         """("links", snapshot) or ("event", event); None if nothing comes for so long.

@@ -305,6 +305,18 @@ def test_any_value_or_data_becomes_json(one, topic, value, data):
     assert ("value" in message) != ("error" in message)
 
 
+def test_a_mistake_of_ours_costs_only_one_of_those_who_wait(one, monkeypatch, caplog):
+    service, answers = Service(one), []
+    for number in (1, 2):
+        asked = b'{"request": "since", "wait_s": 9, "sequence": 5, "id": %d}' % number
+        service.request([asked], answers.append, 0.0)
+    monkeypatch.setattr(one, "stored_since", lambda *_: 1 / 0)
+    service.tick(1.0)
+    assert [json.loads(answer[0])["id"] for answer in answers] == [1, 2]
+    assert b"the node failed at this" in answers[0][0]
+    assert "ZeroDivisionError" in caplog.text
+
+
 def test_any_socket_may_ask(server):
     with zmq.Context() as context:
         for kind, empty in ((zmq.REQ, []), (zmq.DEALER, [b""]), (zmq.DEALER, [])):
