@@ -76,14 +76,6 @@ EXPECTED = (AirRouterError, DocumentError, MochaLinkError, OSError)
 """What ends a command with one message; anything else is a fault of ours."""
 
 
-def told(error: Exception) -> str:
-    """An expected error as the message that ends the command."""
-    if isinstance(error, OSError):
-        place = f"{error.filename}: " if error.filename is not None else ""
-        return f"{place}{error.strerror or str(error) or type(error).__name__}"
-    return str(error)
-
-
 def exit_code(error: Exception) -> ExitCode:
     """The exit code of an expected error."""
     if isinstance(error, AirRouterError):

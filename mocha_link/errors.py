@@ -72,6 +72,14 @@ class MissingExtraError(MochaLinkError):
         )
 
 
+def told(error: Exception) -> str:
+    """An expected error as the message that ends a command."""
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename is not None else ""
+        return f"{place}{error.strerror or str(error) or type(error).__name__}"
+    return str(error)
+
+
 @contextmanager
 def needs_extra(what: str, extra: str, distribution: str = "mocha-link") -> Iterator[None]:
     """Where modules are imported that need an extra.

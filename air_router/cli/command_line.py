@@ -6,8 +6,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from air_router.errors import EXPECTED, exit_code, told
+from air_router.errors import EXPECTED, exit_code
 from mocha_link.cli.program import Command, Program
+from mocha_link.errors import told
 
 _SOUTHERN = re.compile(r"-[\d.]+,")
 """How a place, or bounds, with a negative latitude begin."""

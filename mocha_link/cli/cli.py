@@ -7,8 +7,14 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from mocha_link.cli.program import USAGE, Command, Program, drop_output, examples
-from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError, NotInTeamError
+from mocha_link.cli.program import EXAMPLE, USAGE, Command, Program, drop_output, examples
+from mocha_link.errors import (
+    MISSING_EXTRA,
+    MissingExtraError,
+    MochaLinkError,
+    NotInTeamError,
+    told,
+)
 from mocha_link.team.problem import DocumentError
 
 COMMANDS = (
@@ -38,7 +44,6 @@ COMMANDS = (
     ),
 )
 DONE, FAILED, INVALID_FILE = 0, 1, 3
-_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 
 def _ended(error: Exception) -> tuple[int, str]:
@@ -49,7 +54,7 @@ def _ended(error: Exception) -> tuple[int, str]:
         return INVALID_FILE, str(error)
     if isinstance(error, MissingExtraError):
         return MISSING_EXTRA, f"mocha-link: {error}"
-    return USAGE if isinstance(error, NotInTeamError) else FAILED, f"mocha-link: {error}"
+    return USAGE if isinstance(error, NotInTeamError) else FAILED, f"mocha-link: {told(error)}"
 
 
 PROGRAM = Program(
@@ -57,11 +62,11 @@ PROGRAM = Program(
     "Gossip node that carries data between robots whose links come and go.",
     examples(
         "mocha-link check missions/pennovation/team.yaml",
-        f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {_ENDPOINT}",
-        f"mocha-link monitor {_ENDPOINT}",
+        f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {EXAMPLE}",
+        f"mocha-link monitor {EXAMPLE}",
     ),
     COMMANDS,
-    (DocumentError, MochaLinkError, BrokenPipeError),
+    (DocumentError, MochaLinkError, OSError),
     _ended,
     log_level=logging.INFO,
     log_format="%(levelname)s %(message)s",

@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from mocha_link.cli.program import examples
+from mocha_link.cli.program import examples, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
 from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncTimedOut
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keys", type=Path, metavar="DIR", help="the folder with NAME.key, if the team has keys"
     )
     parser.add_argument(
-        "--seconds", type=float, default=LISTEN_S, metavar="S", help="wait so long at most (8)"
+        "--seconds", type=seconds, default=LISTEN_S, metavar="S", help="wait so long at most (8)"
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
@@ -102,6 +102,8 @@ class _Trial:
         self._heard: dict[str, Reading | None] = {}  # what the radio says, by peer
         self._ends: dict[tuple[str, Direction], SyncEnded | SyncTimedOut] = {}  # the newest
         self._serves = True  # peers can ask: the ports are ours
+        self._has_node = False  # its node runs beside us
+        self._hears = robot.radio is not None  # its radio is ours
 
     def run(self) -> None:
         """Try it all, then judge."""
@@ -112,7 +114,7 @@ class _Trial:
             if self._serves:
                 self.findings.append(self._answering(peer))
             self.findings.extend(self._clock(peer))
-            if self._robot.radio:
+            if self._hears:
                 self.findings.append(self._signal(peer))
 
     def _transport(self) -> Transport:
@@ -137,6 +139,7 @@ class _Trial:
                     "'mocha-link monitor' shows who asks it ('out')"
                 )
                 self.findings.append(Finding(None, True, text))
+                self._has_node = True
             except ListenError as error:
                 self.findings.append(Finding(None, False, str(error)))
             else:
@@ -156,7 +159,10 @@ class _Trial:
             radio = open_radio(self._robot.radio, self._team, self._robot.name)
             radio.start(lambda peer, reading: self._heard.update({peer: as_reading(reading)}))
         except RadioError as error:
-            self.findings.append(Finding(None, False, f"radio: {error}"))
+            text = "its node reads the radio: 'mocha-link monitor' shows the signals"
+            found = Finding(None, self._has_node, text if self._has_node else f"radio: {error}")
+            self.findings.append(found)
+            self._hears = False
             yield
             return
         with closing(radio):
@@ -168,7 +174,7 @@ class _Trial:
         if self._serves:
             wanted |= {(peer, OUT) for peer in self._robot.peers}
         until_s = time.monotonic() + self._seconds
-        while wanted or self._robot.radio:
+        while wanted or self._hears:
             try:
                 event = self._events.get(timeout=max(until_s - time.monotonic(), 0.0))
             except queue.Empty:

@@ -7,16 +7,14 @@ import json
 import time
 
 from mocha_link.cli.links_view import UNREADABLE, EventFilter, NodeView, Style, event_line
-from mocha_link.cli.program import endpoint, examples
+from mocha_link.cli.program import EXAMPLE, endpoint, examples, seconds
 from mocha_link.service.service_client import MetricsError, watch
-
-_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.epilog = examples(
-        f"mocha-link metrics {_ENDPOINT}", f"mocha-link metrics {_ENDPOINT} --json --follow"
+        f"mocha-link metrics {EXAMPLE}", f"mocha-link metrics {EXAMPLE} --json --follow"
     )
     parser.add_argument(
         "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
@@ -24,18 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON, one object per line")
     parser.add_argument("--follow", action="store_true", help="go on with events as they happen")
     parser.add_argument(
-        "--timeout", type=_seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
+        "--timeout", type=seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
     )
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0
-    if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"'{text}' is no time; write seconds, more than 0")
-    return value
 
 
 def run(options: argparse.Namespace) -> int:

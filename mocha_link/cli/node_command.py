@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from mocha_link.cli.links_view import EventFilter, event_line
-from mocha_link.cli.program import drop_output, endpoint, examples, web_address
+from mocha_link.cli.program import EXAMPLE, drop_output, endpoint, examples, web_address
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.node.node import Node
@@ -24,8 +24,6 @@ from mocha_link.team.team import Team
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
 LOOK_S = 1.0  # Python overlooks a signal that comes just before a wait, until that ends
 
-_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
-
 LOG = logging.getLogger("mocha_link")
 
 
@@ -33,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.epilog = examples(
         "mocha-link node team.yaml --robot io",
-        f"mocha-link node team.yaml --robot io --metrics {_ENDPOINT} --prometheus :9464",
+        f"mocha-link node team.yaml --robot io --metrics {EXAMPLE} --prometheus :9464",
         "mocha-link node team.yaml --robot io --storage io.db --keys /etc/mocha-link",
         "mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node",
     )
@@ -43,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--metrics",
         type=endpoint,
         metavar="ENDPOINT",
-        help=f"serve metrics there, e.g. {_ENDPOINT}",
+        help=f"serve metrics there, e.g. {EXAMPLE}",
     )
     parser.add_argument(
         "--prometheus",
@@ -126,9 +124,9 @@ def _show(events: queue.SimpleQueue[LinkEvent], *, as_json: bool) -> NoReturn:
             continue
         try:
             print(json.dumps(fields) if as_json else event_line(fields), flush=True)
-        except BrokenPipeError:
+        except OSError as error:  # its reader is gone, or the disk is full
             drop_output()
-            LOG.warning("no program reads the events any more; the node goes on without")
+            LOG.warning("no event is printed any more (%s); the node goes on", error.strerror)
 
 
 def _say(line: str) -> None:

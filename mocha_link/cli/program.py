@@ -31,6 +31,7 @@ LEVELS = {
     "warning": logging.WARNING,
     "error": logging.ERROR,
 }
+EXAMPLE = "tcp://127.0.0.1:24500"  # an endpoint
 _ENDPOINT = re.compile(r"(tcp://.+:([0-9]+|\*)|ipc://.+)", re.ASCII)
 
 SHELLS = {
@@ -242,6 +243,17 @@ def drop_output() -> None:
     os.close(nowhere)
 
 
+def seconds(text: str) -> float:
+    """A time, for `argparse`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time; write seconds, more than 0")
+    return value
+
+
 def web_address(text: str) -> str:
     """HOST:PORT, :PORT or PORT, for `argparse`."""
     port = text.rpartition(":")[2]
@@ -254,7 +266,7 @@ def endpoint(text: str) -> str:
     """A ZeroMQ endpoint, for `argparse`."""
     if not _ENDPOINT.fullmatch(text):
         raise argparse.ArgumentTypeError(
-            f"'{text}' is no endpoint; write tcp://127.0.0.1:24500 (address and port) or "
+            f"'{text}' is no endpoint; write {EXAMPLE} (address and port) or "
             "ipc:///tmp/name (a path)"
         )
     return text

@@ -17,7 +17,8 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import resource_tracker
 from typing import Final, NamedTuple
 
-from air_router.errors import EXPECTED, told
+from air_router.errors import EXPECTED
+from mocha_link.errors import told
 from sitl.experiment.plan import Record, Task
 
 _TICK_S: Final = 1.0

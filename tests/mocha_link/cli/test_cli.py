@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -77,6 +78,7 @@ def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
         ["node", str(team_file), "--robot", "io", "--serve", wrong],
         ["metrics", wrong],
         ["monitor", wrong],
+        ["bridge", "ros2", "--node", wrong],
     ):
         assert main(arguments) == 2
         assert f"'{wrong}' is no endpoint; write tcp://127.0.0.1:24500" in capsys.readouterr().err
@@ -103,8 +105,14 @@ def test_wrong_usage_is_2(team_file, capsys):
         assert main(arguments) == 2
     capsys.readouterr()
     for timeout in ("-1", "nan", "soon"):
-        assert main(["metrics", "tcp://x:1", "--timeout", timeout]) == 2
-        assert f"'{timeout}' is no time; write seconds" in capsys.readouterr().err
+        for arguments in (
+            ["metrics", "tcp://x:1", "--timeout", timeout],
+            ["doctor", str(team_file), "--robot", "io", "--seconds", timeout],
+        ):
+            assert main(arguments) == 2
+            assert f"'{timeout}' is no time; write seconds" in capsys.readouterr().err
+    assert main(["keys", str(team_file), "--out", "x" * 300]) == 1
+    assert capsys.readouterr().err.endswith("titan.key: File name too long\n")
 
 
 def test_a_port_in_use_is_1(field, team_file, capsys):
@@ -215,10 +223,21 @@ def test_a_node_needs_no_reader_of_its_events(field, team_file):
     with process:
         pulled()
         os.close(reader)
-        assert any("no program reads the events any more" in line for line in process.stderr)
+        assert any("no event is printed any more (Broken pipe)" in line for line in process.stderr)
         pulled()
         process.terminate()
         assert process.stderr.read() == ""
+    assert process.returncode == 0
+
+
+def test_a_node_goes_on_when_the_disk_with_its_output_is_full(field, team_file):
+    _, _, saw = field.node("titan")
+    with Path("/dev/full").open("w") as full:
+        process, _ = started([str(team_file), "--robot", "io"], stdout=full)
+    with process:
+        assert any("No space left on device" in line for line in process.stderr)
+        saw.wait(SyncEnded, peer="io", direction=Direction.OUT)
+        process.terminate()
     assert process.returncode == 0
 
 

@@ -69,6 +69,18 @@ def test_beside_the_node_of_the_robot(pair):
     assert asked.startswith("a node answers at")
 
 
+def test_a_radio_that_the_node_reads_is_no_fault(field_of):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        url = f"udp://127.0.0.1:{free.getsockname()[1]}"
+    field = field_of(PAIR.replace("clients: [titan]", f'clients: [titan], radio: "{url}"'))
+    with Node(field.team, "io"), Node(field.team, "titan"):
+        findings = doctor_command.diagnose(field.team, "io", seconds=LONG_S)
+    assert texts(findings, good=False) == []
+    assert "its node reads the radio" in findings[1].text
+    assert len(findings) == 3
+
+
 def test_another_team_file(pair, field_of):
     document = yaml.safe_load(PAIR)
     document["kinds"]["rover"]["topics"].append({"name": "/map", "type": "a/B"})
