@@ -46,14 +46,17 @@ class Ros1:
 
     def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
         """See `bridge.Middleware`. Publishers of another type are told once, and not heard."""
+        md5 = self.types.get(kind, {}).get("md5", "*")
 
         def heard(message: Any) -> None:
-            said = message._connection_header.get("type", kind)  # noqa: SLF001 - rospy's way
-            if said == kind:
+            header = message._connection_header  # noqa: SLF001 - rospy's way
+            said, its_md5 = header.get("type", kind), header.get("md5sum", "*")
+            if said == kind and (its_md5 == md5 or "*" in (its_md5, md5)):
                 hand(message._buff)  # noqa: SLF001 - the bytes; AnyMsg has nothing else
             elif topic not in self._odd:
                 self._odd.add(topic)
-                LOG.warning("%s is published as %s; the team says %s", topic, said, kind)
+                theirs, ours = f"{said} ({its_md5})", f"{kind} ({md5})"
+                LOG.warning("%s is published as %s; the team says %s", topic, theirs, ours)
 
         subscriber = self._rospy.Subscriber(
             topic, self._rospy.AnyMsg, heard, queue_size=max(100, history), buff_size=BUFFER_BYTES

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import mocha_link
-from mocha_link.bridges import run
+from mocha_link.bridges import ros1, run
 from mocha_link.bridges.bridge import channel
 from mocha_link.bridges.rcl import Rcl
 from mocha_link.cli.cli import main
@@ -92,6 +92,22 @@ def test_what_is_asked_for_gets_there(monkeypatch):
         ("ros2", 7, ["/scan", "/front_camera"])
     ] * 2
     assert levels == [logging.ERROR, "ERROR"]
+
+
+def test_what_is_published_by_another_definition_of_the_type_is_not_heard(monkeypatch):
+    """Its bytes may well be read by ours, and mean something else."""
+    rospy, taken, subscribed = types.ModuleType("rospy"), [], []
+    rospy.init_node = lambda *_, **__: None
+    rospy.AnyMsg = object
+    rospy.Subscriber = lambda _topic, _kind, heard, **_: subscribed.append(heard)
+    monkeypatch.setitem(sys.modules, "rospy", rospy)
+    monkeypatch.setattr(ros1, "LOG", logging.getLogger("of the bridge"))
+    bridge = ros1.Ros1("bridge", {"field/Own": {"md5": "12ab", "text": "uint16 count"}})
+    bridge.subscribe("/own", "field/Own", 1, taken.append)
+    for md5 in ("34cd", "12ab"):
+        header = {"type": "field/Own", "md5sum": md5}
+        subscribed[0](types.SimpleNamespace(_connection_header=header, _buff=md5.encode()))
+    assert taken == [b"12ab"]
 
 
 class Rclpy(types.ModuleType):
