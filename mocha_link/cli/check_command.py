@@ -41,28 +41,13 @@ def _ids(team: Team) -> dict[str, Any]:
     return {
         "robots": {
             robot.name: {
-                "robot_id": robot.robot_id,
-                "kind": robot.kind,
-                "address": robot.address,
-                "radio": robot.radio,
-                "original": robot.original,
+                **robot.model_dump(include={"robot_id", "kind", "address", "radio", "original"}),
                 "ports": {peer: robot.port_for(peer) for peer in robot.peers},
             }
             for robot in team.robots.values()
         },
         "kinds": {
-            kind: {
-                topic.name: {
-                    "topic_id": topic.topic_id,
-                    "type": topic.type,
-                    "dtype": topic.dtype,
-                    "priority": topic.priority.name.lower(),
-                    "min_interval_s": topic.min_interval_s,
-                    "history": topic.history,
-                    "aggregate": topic.aggregate,
-                }
-                for topic in topics
-            }
+            kind: {topic.name: topic.model_dump(exclude={"name"}) for topic in topics}
             for kind, topics in team.kinds.items()
         },
         "trigger": team.trigger.model_dump(),

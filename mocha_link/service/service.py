@@ -259,12 +259,7 @@ class Service:
             robot.name: {
                 "ros": robot.ros,
                 "topics": [
-                    {
-                        "name": topic.name,
-                        "type": topic.type,
-                        "priority": topic.priority.name.lower(),
-                        "history": topic.history,
-                    }
+                    topic.model_dump(include={"name", "type", "priority", "history"})
                     for topic in team.topics_of(robot.name)
                 ],
             }
