@@ -219,7 +219,7 @@ class Bridge:
                 self._follow(client, team)
             finally:
                 self._stopping.set()
-                outgoing.join(2 * WAIT_S)  # longer only if it waits for a node that is away
+                outgoing.join(2 * WAIT_S)  # what the robot has said leaves, if the node is there
 
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:
@@ -296,23 +296,23 @@ class Bridge:
     def _send(self) -> None:
         """Publish through the node what the robot says."""
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
-            while not self._stopping.is_set():
-                message = self._outbox.first(WAIT_S)
+            while (message := self._outbox.first(WAIT_S)) or not self._stopping.is_set():
                 if message is None:
                     continue
                 topic, data = message
                 key = uuid.uuid4().hex
                 with contextlib.suppress(_GivenUpError):
-                    self._patiently(
+                    header = self._patiently(
                         lambda: client.publish(topic, data, ros=self._middleware.ros, key=key),  # noqa: B023
                         topic,
                     )
-                if not self._stopping.is_set():
-                    self._outbox.done(message)
+                    if header is None:
+                        return
+                self._outbox.done(message)
 
     def _patiently(self, ask: Callable[[], Any], about: str = "") -> Any:
-        """What a request answers, as soon as the node does; None when stopping."""
-        while not self._stopping.is_set():
+        """What a request answers, as soon as the node does; when stopping None after one try."""
+        while True:
             try:
                 answer = ask()
             except ServiceUnreachableError as error:
@@ -328,8 +328,8 @@ class Bridge:
                     LOG.warning("the node answers again")
                 self._away = False
                 return answer
-            self._stopping.wait(PAUSE_S)
-        return None
+            if self._stopping.wait(PAUSE_S):
+                return None
 
     def _complain(self, about: str, what: str) -> None:
         """Log, loudly the first time."""

@@ -113,6 +113,13 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
     assert "/own cannot be subscribed: no such thing" in caplog.text
 
 
+def test_what_the_robot_said_before_the_end_leaves(server, one, progress):
+    with running(server.endpoint, progress) as middleware:
+        for number in range(50):
+            middleware.hands["/goal"][1](middleware.text(b"%d" % number))
+    assert one.latest("one", "/goal").data == b"49"
+
+
 def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(typed, "_codec", lambda _definitions: None)
