@@ -305,6 +305,20 @@ def test_any_value_or_data_becomes_json(one, topic, value, data):
     assert ("value" in message) != ("error" in message)
 
 
+def test_a_value_that_is_nested_too_deeply_costs_only_itself(one, monkeypatch):
+    """From Python 3.12 on more can be read than written: a peer would stop all who ask."""
+    service, answers = Service(one), []
+    one.publish("/goal", b"0")
+    for depth in range(850, 1000):
+        nested = []
+        for _ in range(depth):
+            nested = [nested]
+        monkeypatch.setattr(service._typed, "plain", lambda _, nested=nested: nested)
+        service.request([b'{"request": "since", "own": true, "json": true}'], answers.append, 0.0)
+    assert all(answer[0].startswith(b'{"ok":true') for answer in answers)
+    assert b"recursion" in answers[-1][0]
+
+
 def test_a_mistake_of_ours_costs_only_one_of_those_who_wait(one, monkeypatch, caplog):
     service, answers = Service(one), []
     for number in (1, 2):
