@@ -23,7 +23,8 @@ from mocha_link.errors import needs_extra
 
 USAGE = 2
 EXIT_CODES = (
-    "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 130 interrupted (Ctrl-C)"
+    "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 7 a package is missing, "
+    "130 interrupted (Ctrl-C)"
 )
 LEVELS = {
     "debug": logging.DEBUG,
