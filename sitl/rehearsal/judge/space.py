@@ -71,24 +71,32 @@ def _rooms(track: Track, version: MissionVersion, area: Area) -> Rooms:
     """Measure a track; parts of it that stay far away are measured as a whole."""
     span = version.from_s, version.until_s
     first, last = (bisect.bisect_left(track.time_s, at_s) for at_s in span)
-    rooms = np.full(last - first, math.inf)
-    near: list[int] = []
-    for begin in range(first, last, _PART):
-        end = min(begin + _PART, last)
-        counts = track.flying[begin:end]
-        if not counts.any():
-            continue
-        part = track.places[begin : end + 1]
-        if len(part) > 1:
-            roughly_m = room_m(area, shapely.linestrings(part))
-            if roughly_m > 4 * area.clearance_m:
-                rooms[begin - first : end - first][counts] = roughly_m
-                continue
-        near.extend(map(int, np.flatnonzero(counts) + begin))
-    if near:
-        numbers, ways = _clipped(track, area, np.array(near))
+    rooms = np.where(track.flying[first:last], _roughly_m(track, area, first, last), math.inf)
+    near = np.flatnonzero(rooms <= 4 * area.clearance_m) + first
+    if len(near):
+        rooms[near - first] = math.inf
+        numbers, ways = _clipped(track, area, near)
         rooms[numbers - first] = _rooms_m(area, ways)
     return Rooms(version, area, first, rooms)
+
+
+def _roughly_m(track: Track, area: Area, first: int, last: int) -> Floats:
+    """For each of these samples what the part of the track that it is in keeps, at any altitude.
+
+    The last sample of all, if it is alone in its part, keeps minus infinity: look closer.
+    """
+    begins = np.arange(first, last, _PART)
+    ends = np.minimum(np.minimum(begins + _PART, last) + 1, len(track.places))
+    sizes = ends - begins
+    whole = sizes > 1
+    corners = [
+        track.places[begin:end] for begin, end in zip(begins[whole], ends[whole], strict=True)
+    ]
+    rooms = np.full(len(begins), -math.inf)
+    if corners:
+        owners = np.repeat(np.arange(len(corners)), sizes[whole])
+        rooms[whole] = _rooms_m(area, shapely.linestrings(np.concatenate(corners), indices=owners))
+    return np.repeat(rooms, _PART)[: last - first]
 
 
 def _clipped(track: Track, area: Area, numbers: Any) -> tuple[Any, Any]:
