@@ -1,7 +1,6 @@
 """Commands are imported when they are asked for, and the tables of them say what they are."""
 
 import argparse
-import ast
 import dataclasses
 import json
 import os
@@ -20,6 +19,7 @@ import mocha_link.cli.cli
 import sitl.cli.cli
 from mocha_link.cli.program import Command
 from mocha_link.errors import install_command
+from tests.imports import imports_in
 
 ROOT = Path(__file__).parents[1]
 MISSION = str(ROOT / "missions" / "pennovation" / "mission.yaml")
@@ -178,11 +178,8 @@ def names_in(module):
     if not path.exists():
         return None
     names = {module.rpartition(".")[0]} - {""}
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    for source, name in imports_in(path.read_text(encoding="utf-8"), deep=False):
+        names |= {source} if name is None else {source, f"{source}.{name}"}
     return names
 
 

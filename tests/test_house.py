@@ -11,6 +11,8 @@ from pathlib import Path
 
 import networkx as nx
 
+from tests.imports import imports_in
+
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "geo": {"geo"},
@@ -36,31 +38,13 @@ def modules() -> dict[str, Path]:
     }
 
 
-def tree_of(module: str) -> ast.Module:
-    """Not kept: the trees of all modules are what the garbage collector would look through."""
-    return ast.parse(modules()[module].read_text("utf-8"))
-
-
-def statements(tree: ast.AST) -> Iterator[ast.stmt]:
-    """All of them, and nothing of what they are made of: imports are statements."""
-    for part in ("body", "orelse", "handlers", "finalbody", "cases"):
-        for node in getattr(tree, part, ()):
-            yield node
-            yield from statements(node)
-
-
 def imports(module: str) -> Iterator[str]:
     """The modules of ours that a module imports, packages' faces among them."""
-    for node in statements(tree_of(module)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{module}: relative import"
-            deeper = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [name if name in modules() else node.module for name in deeper]
-        else:
-            continue
-        yield from (name for name in names if name.split(".")[0] in ALLOWED)
+    for source, name in imports_in(modules()[module].read_text("utf-8"), deep=True):
+        assert not source.startswith("."), f"{module}: relative import"
+        if source.split(".")[0] in ALLOWED:
+            deeper = f"{source}.{name}"
+            yield deeper if deeper in modules() else source
 
 
 @cache
@@ -107,7 +91,7 @@ def test_rooms_are_small_and_say_what_they_are_for():
         at_root = room.parent == ROOT
         if len(files) + 1 > ROOT_FILES if at_root else len(files) not in ROOM_FILES:
             wrong.append(f"{room.relative_to(ROOT)}: {len(files)} files")
-        if not ast.get_docstring(tree_of(name_of(room / "__init__.py"))):
+        if not ast.get_docstring(ast.parse((room / "__init__.py").read_text("utf-8"))):
             wrong.append(f"{room.relative_to(ROOT)}: no word on what it is for")
     assert wrong == []
 

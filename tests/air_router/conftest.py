@@ -50,8 +50,7 @@ from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 MISSIONS = Path(__file__).parents[2] / "missions"
-STEP_S = 0.1
-FLIGHT_STEP_S = 0.2  # a controller alone: no rule of its counts shorter times
+STEP_S = 0.2  # no rule counts shorter times
 ACCELERATION_M_S2 = 3.0
 CLIMB_M_S = 1.5
 SYNC_EVERY_S = 2.0
@@ -146,7 +145,7 @@ class PretendFlight(Airframe):
     """Flies a controller among robots that can be heard within a radius."""
 
     def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), **how):
-        super().__init__(mission, how.pop("step_s", FLIGHT_STEP_S))
+        super().__init__(mission, how.pop("step_s", STEP_S))
         self.plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self.name = how.get("name", "")

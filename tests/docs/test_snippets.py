@@ -138,8 +138,13 @@ def shape(words):
     return [word for word in words if not word.startswith("[")]
 
 
-@pytest.mark.parametrize("block", command_blocks(), ids=lambda block: block.name)
-def test_every_command_line_can_be_parsed(block):
+def test_every_command_line_can_be_parsed():
+    for block in command_blocks():
+        assert parsed_in(block), block.name
+
+
+def parsed_in(block):
+    """How many commands of a block are commands; fails at one that is none."""
     parsed = 0
     for line in block.commands:
         if line.startswith(("home ", "rally ", "PX4 return ")):
@@ -155,7 +160,7 @@ def test_every_command_line_can_be_parsed(block):
         for words in simple_commands(line):
             check(without_sudo(words), f"{block.page}:{block.line}: {line}")
             parsed += 1
-    assert parsed
+    return parsed
 
 
 @functools.cache

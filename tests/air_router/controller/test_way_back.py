@@ -136,7 +136,7 @@ def obey(flight, request, most=4):
         if "resume upload" in answer.why and isinstance(request, GoOn):
             request = GoOn(upload=True)
         flight.step()
-    raise AssertionError(f"no way back: {heard}")
+    raise AssertionError(f"no way back from {flight.states}: {heard}")
 
 
 def goes_on(flight, since):
@@ -156,27 +156,27 @@ def goes_on(flight, since):
 
 
 @pytest.mark.parametrize("cause", [*CAUSES, carried_into_a_zone])
-@pytest.mark.parametrize("state", STATES)
-def test_what_resume_answers_leads_back_to_the_mission(flight_in, state, cause):
-    flight = flight_in(state)
-    cause(flight)
-    assert flight.controller.state is State.PASSIVE
-    since = len(flight.actions)
-    heard = obey(flight, GoOn())
-    goes_on(flight, since)
-    uploads = sum(isinstance(action, RenewPlan) for action in flight.actions)
-    assert uploads == any("resume upload" in why for why in heard)
+def test_what_resume_answers_leads_back_to_the_mission(flight_in, cause):
+    for state in STATES:
+        flight = flight_in(state)
+        cause(flight)
+        assert flight.controller.state is State.PASSIVE, state
+        since = len(flight.actions)
+        heard = obey(flight, GoOn())
+        goes_on(flight, since)
+        uploads = sum(isinstance(action, RenewPlan) for action in flight.actions)
+        assert uploads == any("resume upload" in why for why in heard), state
 
 
 @pytest.mark.parametrize("cause", CAUSES)
-@pytest.mark.parametrize("state", STATES)
-def test_what_home_answers_leads_to_a_landing_at_home(flight_in, state, cause):
-    flight = flight_in(state)
-    cause(flight)
-    obey(flight, ComeHome())
-    flight.fly_until(lambda: flight.finished is not None, 600.0)
-    assert flight.finished.landed_by_us
-    assert flight.closest_m() >= flight.mission.planner.clearance_m
+def test_what_home_answers_leads_to_a_landing_at_home(flight_in, cause):
+    for state in STATES:
+        flight = flight_in(state)
+        cause(flight)
+        obey(flight, ComeHome())
+        flight.fly_until(lambda flight=flight: flight.finished is not None, 600.0)
+        assert flight.finished.landed_by_us, state
+        assert flight.closest_m() >= flight.mission.planner.clearance_m, state
 
 
 @pytest.mark.parametrize("cause", CAUSES)

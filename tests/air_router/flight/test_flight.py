@@ -39,6 +39,7 @@ from geo.airspace.zone import Zone
 from geo.frame import Point
 from geo.grid import SemanticGrid
 from geo.validity import Validity
+from tests.air_router.conftest import STEP_S
 from tests.air_router.flight.whole_flight import WholeFlight
 
 
@@ -172,7 +173,7 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
         answered.append(item)
 
     def step():
-        if 149.95 < airframe.now_s < 150.05:
+        if 149.9 < airframe.now_s < 150.1:
             os.kill(os.getpid(), signal.SIGUSR1)  # home: a motion that waits for its turn
         elif 160.0 < airframe.now_s < 250.0:
             airframe.mode, airframe.target = FlightMode.OTHER, None
@@ -246,9 +247,9 @@ def test_ctrl_c_leaves_a_pilot_s_vehicle_alone(rig):
         airframe.mode, airframe.target = FlightMode.OTHER, None
 
     def step():
-        if 150.0 < airframe.now_s < 150.2:
+        if 149.9 < airframe.now_s < 150.1:
             take()
-        elif 160.0 < airframe.now_s < 160.15:
+        elif 159.9 < airframe.now_s < 160.1:
             os.kill(os.getpid(), signal.SIGINT)
 
     flight.vehicle.on_step = step
@@ -391,11 +392,11 @@ def test_the_operator_has_the_mission_resumed_by_a_signal(rig):
     airframe = flight.vehicle.airframe
 
     def step():
-        if 150.0 < airframe.now_s < 150.15:
+        if 149.9 < airframe.now_s < 150.1:
             airframe.mode, airframe.target = FlightMode.OTHER, None
-        elif 155.0 < airframe.now_s < 155.15:
+        elif 154.9 < airframe.now_s < 155.1:
             airframe.mode = FlightMode.HOLD
-        elif 160.0 < airframe.now_s < 160.15:
+        elif 159.9 < airframe.now_s < 160.1:
             os.kill(os.getpid(), signal.SIGUSR2)
 
     flight.vehicle.on_step = step
@@ -640,7 +641,7 @@ def unconfirmed_jumps(flight):
 
 
 def sends_a_hold(flight, then):
-    """Fly; `then` is done while a jump waits; how many steps of 0.1 s the hold took to leave."""
+    """Fly; `then` is done while a jump waits; how many steps the hold took to leave."""
     vehicle, airframe, seen = flight.vehicle, flight.vehicle.airframe, {}
     unconfirmed_jumps(flight)
 
@@ -655,7 +656,7 @@ def sends_a_hold(flight, then):
 
     vehicle.on_step = step
     flight.run()
-    return round((seen["held_s"] - seen["at_s"]) / 0.1)
+    return round((seen["held_s"] - seen["at_s"]) / STEP_S)
 
 
 def ask_for_it(flight):

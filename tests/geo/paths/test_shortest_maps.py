@@ -101,8 +101,8 @@ def ratios(kind, seeds, step=None):
 
 @pytest.mark.parametrize(("kind", "step"), [(scattered, None), (gridded, None), (gridded, 5)])
 def test_lengths_are_those_that_brute_force_finds(kind, step):
-    found = ratios(kind, range(3000, 3012), step)
-    assert len(found) > 12
+    found = ratios(kind, range(3000, 3008), step)
+    assert len(found) > 8
     assert np.median(found) <= 1.0005
     assert found.max() <= 1.05
     assert found.min() >= 0.999  # its arcs are a little larger than ours

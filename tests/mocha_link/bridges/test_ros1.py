@@ -43,17 +43,17 @@ rospy.spin()
 """
 
 
-def has_ros():
-    with contextlib.suppress(OSError):
-        command = [PYTHON, "-c", "import rospy, zmq, geometry_msgs.msg, rosmaster"]
-        return subprocess.run(command, capture_output=True, check=False).returncode == 0
-    return False
+pytestmark = pytest.mark.foreign_process
 
 
-pytestmark = [
-    pytest.mark.foreign_process,
-    pytest.mark.skipif(not has_ros(), reason=f"{PYTHON} has no rospy and pyzmq"),
-]
+@pytest.fixture(scope="module", autouse=True)
+def _has_ros():
+    """Asked where these tests run: every worker collects them."""
+    command = [PYTHON, "-c", "import rospy, zmq, geometry_msgs.msg, rosmaster"]
+    try:
+        subprocess.run(command, capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip(f"{PYTHON} has no rospy and pyzmq")
 
 
 @pytest.fixture

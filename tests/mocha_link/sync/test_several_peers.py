@@ -77,7 +77,7 @@ def until_it_came(net, seed=1, limit_s=12.0):
 
 
 @pytest.mark.parametrize("datagrams", [False, True])
-@pytest.mark.parametrize("count", [3, 10])
+@pytest.mark.parametrize("count", [3, 6])
 def test_of_those_that_announce_a_message_one_brings_it(count, datagrams):
     net = field(count, by_timer=True, datagrams=datagrams)
     net.wait(20)
@@ -90,7 +90,7 @@ def test_of_those_that_announce_a_message_one_brings_it(count, datagrams):
     assert not any(link.peer.left for link in net.nodes["io"]._links)
 
 
-@pytest.mark.parametrize("count", [3, 10])
+@pytest.mark.parametrize("count", [3, 6])
 def test_of_those_that_are_met_at_once_one_brings_it(count):
     """What the others have sent before they hear of it crosses in vain."""
     net = field(count)

@@ -3,6 +3,7 @@
 import asyncio
 import math
 import pickle
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,12 @@ LAST = tuple(VALUE)
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
 
 
+@cache
+def flown(fault, seed):
+    """The evidence of a flight, for all that look at the same one."""
+    return SimulatedFlight(Scene(fault, seed), PENNOVATION).fly()
+
+
 @pytest.mark.parametrize(
     ("fault", "seed", "end"),
     [
@@ -34,29 +41,29 @@ PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.
     ],
 )
 def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, end):
-    verdict = fly(PENNOVATION, Scene(fault, seed))
+    verdict = judge(flown(fault, seed))
     assert verdict.good, [*map(str, verdict.violations)]
     assert verdict.end is end
 
 
-@pytest.fixture(scope="module")
-def stopped_flight():
-    return SimulatedFlight(Scene(Fault.STOPPED, 2), PENNOVATION).fly()
-
-
-def test_the_same_seed_is_the_same_flight(stopped_flight):
-    again = SimulatedFlight(Scene(Fault.STOPPED, 2), PENNOVATION).fly()
-    assert again.samples == stopped_flight.samples
+def test_the_same_seed_is_the_same_flight():
+    before = flown(Fault.PILOT, 2)
+    again = SimulatedFlight(Scene(Fault.PILOT, 2), PENNOVATION).fly()
+    assert again.samples == before.samples
     first, second = (
-        [(m.time_s, m.name, m.delivered) for m in flight.messages]
-        for flight in (stopped_flight, again)
+        [(m.time_s, m.name, m.delivered) for m in flight.messages] for flight in (before, again)
     )
     assert first == second
-    assert again.lines == stopped_flight.lines
+    assert again.lines == before.lines
 
 
-def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later(stopped_flight):
-    evidence = stopped_flight
+def test_a_flight_that_cannot_be_flown_is_not_good(tmp_path):
+    verdict = fly(tmp_path / "none.yaml", Scene(Fault.NONE, 0))
+    assert (verdict.good, verdict.end) == (False, End.NOT)
+
+
+def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
+    evidence = flown(Fault.STOPPED, 2)
     assert judge(evidence).good
     stopped, going = (
         next(h.time_s for h in evidence.happenings if h.what is what)

@@ -1,11 +1,11 @@
 """The judge is judged: evidence made by hand, one violation of each kind, and its geometry."""
 
-import ast
 import dataclasses
 import inspect
 import itertools
 import json
 import math
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ from sitl.rehearsal.judge.mission_reader import Area, read_mission
 from sitl.rehearsal.judge.space import room_m
 from sitl.rehearsal.judge.track import LAND_MODE
 from sitl.rehearsal.judge.verdict import judge
+from tests.imports import imports_in
 
 ROOT = Path(__file__).parents[4]
 HOLD, MISSION, RETURN = 0x03040000, 0x04040000, 0x05040000
@@ -81,12 +82,16 @@ def track(corners=ROUND, height=40.0, *, land=True, step_s=0.05, speed=5.0):
     return states
 
 
-def samples(states, *, failsafe=()):
+@lru_cache(maxsize=8)  # most tests have a track in common with the one before
+def samples(states, failsafe=()):
+    """What is written down of a flight's states, a tuple, where a failsafe acts in these times."""
     places = zip(*FRAME.degrees(*np.array([state[:2] for state in states]).T), strict=True)
+    found = []
     for number, ((latitude, longitude), state) in enumerate(zip(places, states, strict=True)):
         _, _, above, armed, landed, mode = state
-        acting = any(a <= number * 0.05 < b for a, b in failsafe)
-        yield Sample(number * 0.05, latitude, longitude, 6.7 + above, armed, landed, mode, acting)
+        at_s, acting = number * 0.05, any(a <= number * 0.05 < b for a, b in failsafe)
+        found.append(Sample(at_s, latitude, longitude, 6.7 + above, armed, landed, mode, acting))
+    return tuple(found)
 
 
 def polygon(command, corners):
@@ -134,7 +139,7 @@ def evidence(states=None, *, messages=(), more=(), code=0, **others):
         faults=frozenset(others.pop("faults", ("NONE",))),
         mission_path=Path("mission.yaml"),
         mission_text=TEXT,
-        samples=tuple(samples(states, failsafe=others.pop("failsafe", ()))),
+        samples=samples(tuple(states), others.pop("failsafe", ())),
         messages=tuple(sorted(wire, key=lambda m: m.time_s)),
         lines=tuple(Line(*line) for line in others.pop("said", ())),
         exit_code=code,
@@ -357,7 +362,7 @@ def test_a_battery_that_ran_down_though_home_was_near_is_bad():
         failsafe=((150.0, end_s),),
     )
     assert kinds(late) == {"battery"}
-    soon = dataclasses.replace(late, samples=tuple(samples(states, failsafe=((60.0, end_s),))))
+    soon = dataclasses.replace(late, samples=samples(tuple(states), ((60.0, end_s),)))
     assert kinds(soon) == set()
 
 
@@ -494,12 +499,8 @@ def test_the_judge_imports_nothing_of_what_it_judges():
         if module in seen or not path.exists():
             continue
         seen.add(module)
-        names = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                names |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                names |= {node.module or ""} | {f"{node.module}.{a.name}" for a in node.names}
+        found = imports_in(path.read_text(encoding="utf-8"), deep=True)
+        names = {each for source, name in found for each in (source, f"{source}.{name}")}
         assert not {n for n in names if n.split(".")[0] in {"air_router", "geo", "mocha_link"}}
         packages = {".".join(n.split(".")[:k]) for n in names for k in (1, 2)}
         waiting += [n for n in names | packages if n.split(".")[0] == "sitl"]

@@ -1,7 +1,9 @@
 """The judge in the companion's seat: by hand, what was heard, and what was not made of it."""
 
 import dataclasses
+from functools import lru_cache
 
+import numpy as np
 import pytest
 
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
@@ -26,13 +28,15 @@ HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
 LONG = track(ROUND * 4)
 
 
+@lru_cache(maxsize=8)
 def heard(states):
     """What a vehicle says five times a second: where it is, and that all is well."""
-    for number in range(0, len(states), 4):
+    said = []
+    places = zip(*FRAME.degrees(*np.array([state[:2] for state in states[::4]]).T), strict=True)
+    for number, (lat, lon) in zip(range(0, len(states), 4), places, strict=True):
         at_s = number * 0.05
         east, north, above, *_ = states[number]
         moved = states[max(number - 1, 0)][:2] != (east, north)
-        lat, lon = FRAME.degrees(east, north)
         clock = {"time_boot_ms": number * 50}
         place = {
             "lat": round(lat * 1e7),
@@ -48,17 +52,14 @@ def heard(states):
             ("MISSION_CURRENT", {"seq": 1}),
             ("EXTENDED_SYS_STATE", {"landed_state": 2}),
         ):
-            yield WireMessage(at_s, 1, 1, 0, name, fields)
-
-
-HEARD = {id(states): tuple(heard(states)) for states in (FLOWN, HOVERS)}
+            said.append(WireMessage(at_s, 1, 1, 0, name, fields))
+    return tuple(said)
 
 
 def flight(states=FLOWN, spoil=lambda message: message, **others):
     """A flight of which every message that was heard is spoilt; None: it was not."""
-    messages = HEARD.get(id(states)) or heard(states)
-    told = [m for m in map(spoil, messages) if m is not None]
-    return dataclasses.replace(evidence(states, **others), heard=tuple(told))
+    told = tuple(m for m in map(spoil, heard(tuple(states))) if m is not None)
+    return dataclasses.replace(evidence(states, **others), heard=told)
 
 
 def between(begin_s, end_s, *names, **fields):
