@@ -36,8 +36,7 @@ from air_router.report.flight_table import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
-from air_router.web.serving import web_of
-from air_router.web.site import ServeError
+from air_router.web.serving import ServeError, web_of
 from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 

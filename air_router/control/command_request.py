@@ -28,7 +28,7 @@ from air_router.messages import MOST_POINTS
 from air_router.vehicle.clock import loop_s
 from geo.frame import FrameError, LocalFrame
 from mocha_link.sanitize import sanitize
-from mocha_link.service.requests import error_text
+from mocha_link.team.error_text import request_error_text
 
 MAX_BYTES: Final = 64 * 1024
 
@@ -170,7 +170,7 @@ def command_request_of(values: Any) -> CommandRequest:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise CommandRequestError(f"{name}: {error_text(error, model)}") from None
+        raise CommandRequestError(f"{name}: {request_error_text(error, model)}") from None
 
 
 def parse(frames: Sequence[bytes]) -> Any:

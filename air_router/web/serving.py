@@ -11,13 +11,17 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, Final, Protocol
 
-from air_router.errors import UsageError
+from air_router.errors import AirRouterError, UsageError
 from air_router.web.tile_file import TileFile
 
 _END_S: Final = 5.0
 """A page that has not ended by then ends with the program."""
 
 Say = Callable[[str], None]
+
+
+class ServeError(AirRouterError):
+    """The page cannot be served where it should be."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,8 @@ from typing import Any, Final, NamedTuple
 
 from aiohttp import web
 
-from air_router.errors import AirRouterError
 from air_router.web.guard import BACKLOG, TOKEN, ConnectionLimit, Guard, Handler, add_headers
-from air_router.web.serving import Web
+from air_router.web.serving import ServeError, Web
 from air_router.web.tile_file import TileError, TileFile
 
 _LOG = logging.getLogger(__name__)
@@ -47,10 +46,6 @@ _TYPES: Final = {
 
 Talk = Callable[[web.Request, web.WebSocketResponse], Awaitable[None]]
 """Converses with one browser, until it has left."""
-
-
-class ServeError(AirRouterError):
-    """The page cannot be served where it should be."""
 
 
 class _PageFile(NamedTuple):

@@ -16,7 +16,7 @@ import zmq
 from pydantic import BaseModel, Field, ValidationError
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.sanitize import sanitize
+from mocha_link.team.error_text import request_error_text
 
 MAX_UNREAD = 16  # answers that a client may leave unread before more of them are dropped
 
@@ -106,7 +106,7 @@ def check(
     try:
         request = verb.model.model_validate(values)
     except ValidationError as error:
-        raise RequestError(f"{name}: {error_text(error, verb.model)}") from None
+        raise RequestError(f"{name}: {request_error_text(error, verb.model)}") from None
     if len(data) > verb.frames:
         raise RequestError(f"{name}: {len(data)} frames of data; at most {verb.frames} of them")
     return verb, request
@@ -121,18 +121,6 @@ def refusal(number: object, error: str, *, again: bool) -> Frames:
     """The frames that answer one which was not; `again`: the same may be taken later."""
     known = number if isinstance(number, str | int) else None
     return [_json({"ok": False, "id": known, "error": error, "again": again})]
-
-
-def error_text(error: ValidationError, model: type[BaseModel]) -> str:
-    """The first thing that is wrong with a request."""
-    detail = error.errors(include_url=False, include_input=False)[0]
-    where = sanitize(".".join(map(str, detail["loc"]))[:60])
-    if detail["type"] == "extra_forbidden":
-        known = (field.alias or name for name, field in model.model_fields.items())
-        return f"unknown field '{where}'; use {', '.join(known)}"
-    if detail["type"] == "missing":
-        return f"'{where}' is missing"
-    return f"'{where}': {detail['msg']}"
 
 
 def _json(fields: Mapping[str, Any]) -> bytes:

@@ -9,8 +9,10 @@ import typing
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any
 
-from pydantic import BaseModel, RootModel
+from pydantic import BaseModel, RootModel, ValidationError
 from pydantic_core import ErrorDetails
+
+from mocha_link.sanitize import sanitize
 
 Key = str | int
 
@@ -193,3 +195,15 @@ def _steps(annotation: Any, keys: Sequence[Key]) -> Iterator[tuple[Any, Sequence
         for name, field in annotation.model_fields.items():
             if keys[0] in (name, field.alias):
                 yield field.annotation, keys[1:]
+
+
+def request_error_text(error: ValidationError, model: type[BaseModel]) -> str:
+    """The first thing that is wrong with a request."""
+    detail = error.errors(include_url=False, include_input=False)[0]
+    where = sanitize(".".join(map(str, detail["loc"]))[:60])
+    if detail["type"] == "extra_forbidden":
+        known = (field.alias or name for name, field in model.model_fields.items())
+        return f"unknown field '{where}'; use {', '.join(known)}"
+    if detail["type"] == "missing":
+        return f"'{where}' is missing"
+    return f"'{where}': {detail['msg']}"

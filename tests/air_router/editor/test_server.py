@@ -19,8 +19,8 @@ from air_router.editor.session import EditSession
 from air_router.errors import ExitCode
 from air_router.web import guard
 from air_router.web.guard import cookie_of
-from air_router.web.serving import Web
-from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
+from air_router.web.serving import ServeError, Web
+from air_router.web.site import MAX_MESSAGE_BYTES
 from air_router.web.tile_file import TileFile
 from mocha_link.loopback import is_loopback
 from tests.air_router.tile_maker import around, write_tiles

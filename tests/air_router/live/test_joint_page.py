@@ -17,8 +17,8 @@ from air_router.live.joint import MOST_BYTES, JointPage
 from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.web.browsers import Browsers
-from air_router.web.serving import Web, shown_beside
-from air_router.web.site import ServeError, Site
+from air_router.web.serving import ServeError, Web, shown_beside
+from air_router.web.site import Site
 
 LIMIT_S = 60
 
