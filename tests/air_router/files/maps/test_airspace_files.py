@@ -164,18 +164,22 @@ def zipped(method=zipfile.ZIP_DEFLATED, **files):
 @pytest.mark.parametrize(
     ("raw", "code", "words"),
     [
-        (b"PK", "unknown-format", "no whole zip"),
-        (zipped(readme_txt="x"), "unknown-format", "no KML"),
-        (zipped(doc_kml="<kml>" + " " * 33 * 1024 * 1024), "too-large", "unpacks to more"),
-        (zipped(doc_kml="<kml>").replace(b"\x08\x00", b"\x63\x00"), "unknown-format", "unzip it"),
-        (zipped(doc_kml="<kml>" * 9)[:-30], "unknown-format", "no whole zip"),
-        (zipped(a_kml="<kml><kml>", doc_kml="<kml>\n <"), "not-xml", "unclosed token"),
+        (lambda: b"PK", "unknown-format", "no whole zip"),
+        (lambda: zipped(readme_txt="x"), "unknown-format", "no KML"),
+        (lambda: zipped(doc_kml="<kml>" + " " * 33 * 1024 * 1024), "too-large", "unpacks to more"),
+        (
+            lambda: zipped(doc_kml="<kml>").replace(b"\x08\x00", b"\x63\x00"),
+            "unknown-format",
+            "unzip it",
+        ),
+        (lambda: zipped(doc_kml="<kml>" * 9)[:-30], "unknown-format", "no whole zip"),
+        (lambda: zipped(a_kml="<kml><kml>", doc_kml="<kml>\n <"), "not-xml", "unclosed token"),
     ],
     ids=["begin", "no KML", "bomb", "method", "cut", "XML"],
 )
 def test_a_malformed_kmz(tmp_path, raw, code, words):
     path = tmp_path / "a.kmz"
-    path.write_bytes(raw)
+    path.write_bytes(raw())
     with pytest.raises(DocumentError) as caught:
         read_zones(path)
     (problem,) = caught.value.problems
