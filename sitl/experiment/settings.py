@@ -102,31 +102,40 @@ class PaperModel(_Model):
 
 
 class PathLossModel(_Model):
-    """Log-distance path loss with shadowing and buildings; the rest is as in `sitl.world.radio`.
+    """Log-distance path loss with shadowing and buildings: `sitl.world.town_radio`.
 
     Two transmissions exclude one another only if one of the four robots hears one of the other
     two; so far apart they share the channel in space.
 
     Attributes:
-        shadowing_db: Standard deviation of slow fading.
+        air: The link between a UAV above the roofs and a robot below. `log_distance`: as between
+            robots on the ground. `umi_av`, `uma_av`: as 3GPP has it, by `sitl.world.air_to_ground`;
+            with these all fading is by place and not by time.
+        carrier_ghz: Frequency of such links.
+        shadowing_db: Standard deviation of slow fading; of such links the tables have it.
         building_loss_db_m: Extra loss per metre of building on the line between two robots on the
             ground; a vehicle above the roofs looks over them.
         most_building_db: No line loses more than this to buildings: waves go around.
         trigger_dbm: At this power a contact begins.
         hysteresis_db: So much weaker it ends.
         carrier_dbm: At this power a transmission of others keeps one from sending.
+        rates: `linear`: by the two below. `802.11n`: half of the rate of a 20 MHz channel with one
+            stream, by the least power that the standard asks for at each rate.
         rate_bytes_s: What a link at 30 dB above `trigger_dbm` carries.
         least_rate_bytes_s: What a link at `trigger_dbm` carries; between both it is linear in dB.
         round_trip_s: Time of a round trip without any data.
         pull_every_s: Pull again after so long in a contact; None: once per contact.
     """
 
+    air: Literal["log_distance", "umi_av", "uma_av"] = "log_distance"
+    carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
     shadowing_db: AtLeastZero = 4.0
     building_loss_db_m: AtLeastZero = 1.0
     most_building_db: AtLeastZero = 30.0
     trigger_dbm: Level = -75.0
     hysteresis_db: AtLeastZero = 3.0
     carrier_dbm: Level = -85.0
+    rates: Literal["linear", "802.11n"] = "linear"
     rate_bytes_s: Positive = 1.0e6
     least_rate_bytes_s: Positive = 3.0e4
     round_trip_s: Positive = 0.01

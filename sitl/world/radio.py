@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 _SHORTEST_M = 1.0  # the reference distance; closer than this the formula means nothing
-_SHADOWING_LIMIT = 3.0  # standard deviations; so that a link has a largest distance
+SHADOWING_LIMIT = 3.0  # standard deviations; so that a link has a largest distance
 
 Numbers = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -94,7 +94,7 @@ class RadioModel:
         """The loss between two knots with such values, `part` of the way; numbers or arrays."""
         # between knots the deviation would shrink; this keeps it
         blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
-        return self.shadowing_db * np.clip(blend, -_SHADOWING_LIMIT, _SHADOWING_LIMIT)
+        return self.shadowing_db * np.clip(blend, -SHADOWING_LIMIT, SHADOWING_LIMIT)
 
     def hears(self, rssi_dbm: float) -> bool:
         """Whether a signal is strong enough to carry data."""
@@ -110,7 +110,7 @@ class RadioModel:
     def longest_range_m(self, *, ground_to_ground: bool = False) -> float:
         """No two radios farther apart than this ever hear each other, whatever the shadowing."""
         return self.range_m(
-            self.sensitivity_dbm - _SHADOWING_LIMIT * self.shadowing_db,
+            self.sensitivity_dbm - SHADOWING_LIMIT * self.shadowing_db,
             ground_to_ground=ground_to_ground,
         )
 

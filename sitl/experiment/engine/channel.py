@@ -8,27 +8,37 @@ from __future__ import annotations
 
 import math
 import random
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
+from operator import itemgetter
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from geo.grid import Terrain
 from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.settings import PaperModel, PathLossModel
-from sitl.world.radio import PairPowers, RadioModel
+from sitl.world.air_to_ground import AirToGround
+from sitl.world.radio import RadioModel
+from sitl.world.town_radio import TownRadio
 from sitl.world.towns.town import Town
 
 FULL_RATE_DB: Final = 30.0
 """So much above the trigger a link carries all that it can."""
 
-_ROOF_M: Final = 25.0
-"""Antennas higher than this look over the buildings."""
-
 _LOOK_S: Final = 1.0
-_SAMPLE_M: Final = 1.0
+
+_WIFI: Final = (
+    *((-82, 6.5), (-79, 13.0), (-77, 19.5), (-74, 26.0)),
+    *((-70, 39.0), (-66, 52.0), (-65, 58.5), (-64, 65.0)),
+)
+"""IEEE 802.11n, 20 MHz, one stream: the least power in dBm for each rate in Mbit/s (minimum input
+sensitivity of receivers for MCS 0 to 7, and their rates with a guard interval of 800 ns)."""
+
+_WIFI_SHARE: Final = 0.5
+"""So much of that rate is left for what robots say: frames' heads, answers and back-offs take the
+rest. A reading; 802.11 does not say it."""
 
 Places = npt.NDArray[np.float64]
 """(robots, 3): east, north, height above ground, in metres."""
@@ -161,7 +171,7 @@ class PathLossChannel:
     """A radio as robots have it: power that falls with distance, fades, and is lost in buildings.
 
     Contact begins and ends by received power, the rate follows from it, and robots that do not hear
-    each other send at once. `sitl.world.radio` has the model of the power itself.
+    each other send at once. `sitl.world.town_radio` has the model of the power itself.
 
     Args:
         model: Powers and rates.
@@ -176,14 +186,18 @@ class PathLossChannel:
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
         self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
-        self._raster = town.raster  # buildings that block a radio
-        self._radio = RadioModel(
+        radio = RadioModel(
             shadowing_db=model.shadowing_db,
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
             seed=seed,
         )
-        self._powers = PairPowers(self._radio, names)
-        self._farthest_m = self._radio.longest_range_m()  # farther pairs are not looked at
+        air, ghz = model.air, model.carrier_ghz
+        self._radio = TownRadio(
+            *(radio, town.raster, names),
+            building_loss_db_m=model.building_loss_db_m,
+            most_building_db=model.most_building_db,
+            air=None if air == "log_distance" else AirToGround(air, ghz, seed),
+        )
         # All by the numbers of both robots, and the same in both directions:
         self._rssi_dbm = np.full((len(names), len(names)), -np.inf)  # at the last look
         self._hears: npt.NDArray[np.bool_] = np.eye(len(names), dtype=bool)  # or is itself
@@ -195,7 +209,9 @@ class PathLossChannel:
         if now_s < self._look_at_s:
             return []
         self._look_at_s = now_s + _LOOK_S
-        self._measure(now_s, places)
+        self._rssi_dbm = self._radio.rssi_dbm(now_s, places)
+        self._hears = self._rssi_dbm >= self._model.carrier_dbm
+        np.fill_diagonal(self._hears, val=True)
         up = self._rssi_dbm >= self._model.trigger_dbm - self._model.hysteresis_db * self._up
         changed = np.argwhere(np.triu(up != self._up)).tolist()
         self._up = up
@@ -203,11 +219,16 @@ class PathLossChannel:
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002 - a port's
         """Round trips, and the bytes at the rate that the power allows."""
+        rate = self._rate_bytes_s(float(self._rssi_dbm[link]))
+        return load.round_trips * self._model.round_trip_s + load.size / rate
+
+    def _rate_bytes_s(self, rssi_dbm: float) -> float:
         model = self._model
-        above_db = float(self._rssi_dbm[link]) - model.trigger_dbm
-        share = min(max(above_db / FULL_RATE_DB, 0.0), 1.0)
-        rate = model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
-        return load.round_trips * model.round_trip_s + load.size / rate
+        if model.rates == "802.11n":
+            place = bisect_right(_WIFI, rssi_dbm, key=itemgetter(0))
+            return _WIFI[max(place - 1, 0)][1] * 1e6 / 8 * _WIFI_SHARE
+        share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
+        return model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
 
     def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
         """Who has waited longest."""
@@ -221,32 +242,3 @@ class PathLossChannel:
             if not (deaf[asking] or deaf[answering]):
                 return place
         return None
-
-    def _measure(self, now_s: float, places: Places) -> None:
-        """Who receives whom, and how strongly."""
-        away_m = np.sqrt(((places[:, None] - places) ** 2).sum(axis=2))
-        a, b = np.nonzero(np.triu(away_m <= self._farthest_m, 1))
-        grounded = places[:, 2] < _ROOF_M
-        low = grounded[a] & grounded[b]
-        rssi_dbm = self._powers.rssi_dbm(a, b, away_m[a, b], low, now_s)
-        heard = rssi_dbm >= self._radio.sensitivity_dbm
-        a, b, low, rssi_dbm = a[heard], b[heard], low[heard], rssi_dbm[heard]
-        rssi_dbm[low] -= self._building_db(places[a[low], :2], places[b[low], :2])
-        self._rssi_dbm[:] = -np.inf
-        self._rssi_dbm[a, b] = self._rssi_dbm[b, a] = np.round(rssi_dbm, 6)
-        self._hears = np.greater_equal(self._rssi_dbm, self._model.carrier_dbm)
-        np.fill_diagonal(self._hears, val=True)
-
-    def _building_db(self, starts: Places, ends: Places) -> Places:
-        """What straight lines through the town lose in buildings."""
-        ways_m = ends - starts
-        counts = np.maximum(2, (np.hypot(*ways_m.T) / _SAMPLE_M).astype(np.intp))
-        firsts = np.cumsum(counts) - counts  # of the samples of each line among all
-        line = np.repeat(np.arange(len(counts)), counts)
-        along = (np.arange(len(line)) - firsts[line] + 0.5) / counts[line]
-        samples = starts[line] + along[:, None] * ways_m[line]
-        hit = self._raster.classes_at(samples[:, 0], samples[:, 1]) == Terrain.BUILDING
-        building_m = np.bincount(line, hit, len(counts)) * _SAMPLE_M
-        model = self._model
-        loss_db: Places = np.minimum(model.most_building_db, model.building_loss_db_m * building_m)
-        return loss_db

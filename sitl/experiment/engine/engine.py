@@ -36,6 +36,7 @@ from sitl.experiment.robots.node import Node, base_says, fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
+from sitl.world.air_to_ground import HIGHEST_M
 from sitl.world.towns.town_generator import drawn_starts, scatter
 
 GROUND_S: Final = 1.0
@@ -241,6 +242,8 @@ class Run:
 def _check(settings: RunSettings) -> None:
     if settings.uavs + settings.ugvs + settings.base_station == 0:
         raise ValueError("no robot takes part; say uavs, ugvs or base_station")
+    if settings.path_loss.air != "log_distance" and settings.uav_altitude_m > HIGHEST_M:
+        raise ValueError(f"'air' of 3GPP is for UAVs up to {HIGHEST_M:g} m; lower uav_altitude_m")
     if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:
         raise ValueError(
             f"telemetry_s of {settings.telemetry_s:g}; nothing is commanded from positions older "

@@ -80,7 +80,7 @@ class TestPathLoss:
         def changes(now_s, apart_m):
             # Along the main street, between antennas near the ground.
             street = places((0, 999, 0.5), (0, 1999, 0.5), (-30, 3, 0.5), (apart_m - 30, 3, 0.5))
-            assert channel._building_db(street[2:3, :2], street[3:, :2]) == 0.0
+            assert channel._radio.building_db(street[2:3, :2], street[3:, :2]) == 0.0
             return channel.look(now_s, street)
 
         # -75 dBm at 32 m, -78 dBm at 41 m.
@@ -102,7 +102,7 @@ class TestPathLoss:
         blocked = places((0, 0, 0.5), (0, 0, 60), (west - 1, north, 0.5), (east + 1, north, 0.5))
         down = {(change.a, change.b) for change in channel.look(1.0, blocked) if not change.up}
         assert (0, 2) in down
-        assert channel._building_db(blocked[2:3, :2], blocked[3:, :2]) > 3.0
+        assert channel._radio.building_db(blocked[2:3, :2], blocked[3:, :2]) > 3.0
 
     def test_near_links_are_faster_and_far_ones_do_not_disturb_each_other(self, channel):
         apart = places((-170, 30, 0.5), (-165, 30, 0.5), (60, -100, 0.5), (66, -100, 0.5))
@@ -116,3 +116,33 @@ class TestPathLoss:
         assert channel.pick([b], [a]) is None
         load = Load(Stage.DATA, 1, 100_000, 0)
         assert channel.duration_s(b, load, 1.0) < channel.duration_s(Link(0, 3), load, 1.0)
+
+    def test_with_a_line_of_sight_a_vehicle_is_in_contact_far_away_and_parked_stays_so(self):
+        far = places((0, 999, 0.5), (0, 0, 60), (0, 85, 0.5), (60, 60, 0.5))
+        models = {air: PathLossModel(air=air) for air in ("log_distance", "umi_av", "uma_av")}
+        heard = {
+            air: [PathLossChannel(model, TOWN, NAMES, seed=seed) for seed in range(20)]
+            for air, model in models.items()
+        }
+        share = {
+            air: np.mean([(1, 2, True) in channel.look(0.0, far) for channel in channels])
+            for air, channels in heard.items()
+        }
+        assert share["log_distance"] < 0.5
+        assert share["umi_av"] == share["uma_av"] == 1.0
+        changed = {
+            air: sum(len(channel.look(now_s, far)) for now_s in range(1, 60) for channel in own)
+            for air, own in heard.items()
+        }
+        assert changed["log_distance"] > 0
+        assert changed["umi_av"] == changed["uma_av"] == 0
+
+    def test_the_rate_is_that_of_802_11n_at_the_power(self):
+        model = PathLossModel(rates="802.11n", shadowing_db=0.0)
+        channel = PathLossChannel(model, TOWN, NAMES, seed=1)
+        load = Load(Stage.DATA, 1, 1_000_000, 0)
+        rates = {}
+        for power_dbm in (-90.0, -82.0, -79.1, -70.0, -64.1, -64.0, -20.0):
+            channel._rssi_dbm[0, 1] = power_dbm
+            rates[power_dbm] = 8 / channel.duration_s(Link(0, 1), load, 0.0)  # Mbit/s
+        assert list(rates.values()) == pytest.approx([3.25, 3.25, 3.25, 19.5, 29.25, 32.5, 32.5])

@@ -274,3 +274,9 @@ def test_places_are_the_town_s_or_the_seed_s():
     assert places(first) == places(again) != places(other)
     assert first.town.goals == again.town.goals != other.town.goals
     assert len(first.town.goals) == len(fixed[0].town.goals)
+
+
+def test_a_uav_higher_than_the_tables_of_its_link_is_refused():
+    high = but(uav_altitude_m=301.0, channel="path_loss", path_loss=PathLossModel(air="umi_av"))
+    with pytest.raises(ValueError, match="up to 300 m"):
+        Run(high, SEED)
