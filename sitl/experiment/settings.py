@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
+from sitl.world.explorers.settings import ExplorerSettings
 
 ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
@@ -26,7 +27,6 @@ ProtocolKind = Literal["original", "ours"]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
 Level = Annotated[float, Field(ge=-300, le=300)]
-Share = Annotated[float, Field(ge=0, le=1)]
 """What a file of an experiment may write where these stand."""
 
 PulledBy = Literal["contact", "node"]
@@ -140,38 +140,6 @@ class PathLossModel(_Model):
     least_rate_bytes_s: Positive = 3.0e4
     round_trip_s: Positive = 0.01
     pull_every_s: Positive | None = 10.0
-
-
-class ExplorerSettings(_Model):
-    """How a ground robot drives and decides; the defaults are the paper's and its authors' code.
-
-    Attributes:
-        speed_m_s: The most that it drives.
-        progress: What it makes of that on a road on average, stops to look and to plan included;
-            elsewhere it is slower. How fast the paper's simulated robots were is not told; their
-            code gives a goal up after 3 s per metre, in the simulation after 10 s.
-        sight_m: It knows the ground within this distance of where it was.
-        recognition_m: It recognises a vehicle within this distance, if no building is between.
-        patience_s_m: It gives a goal up after so many seconds per metre of way.
-        recall: Chance that a vehicle is recognised on maps, drawn for each one and run.
-        located: Chance that a robot that has come to a goal, as it believes, finds the vehicle;
-            else the team takes it for visited all the same.
-        stuck: Chance that a way to a goal is found to a place on it only, and the robot stands
-            there until its patience is over.
-        thinking_s: Without a goal it looks for one so often.
-        idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
-    """
-
-    speed_m_s: Positive = 1.5
-    progress: Annotated[float, Field(gt=0, le=1)] = 0.2
-    sight_m: Positive = 7.0
-    recognition_m: Positive = 7.0
-    patience_s_m: Positive = 10.0
-    recall: Share = 1.0
-    located: Share = 1.0
-    stuck: Share = 0.0
-    thinking_s: Positive = 5.0
-    idle: Literal["return", "explore"] = "return"
 
 
 class RunSettings(_Model):

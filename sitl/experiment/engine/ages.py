@@ -23,7 +23,7 @@ from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from mocha_link.store.wire import Header
 from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC
+from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC
 
 USES: Final[Mapping[str, tuple[str, str, str]]] = {
     POSE_TOPIC: ("pose", "ugv", "uav"),

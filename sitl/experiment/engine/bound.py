@@ -16,8 +16,8 @@ import numpy as np
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.errors import needs_extra
-from sitl.experiment.robots.explorer import NO_VEHICLE_M
-from sitl.experiment.settings import ExplorerSettings
+from sitl.world.explorers.explorer import NO_VEHICLE_M
+from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town import GRAIN_M, REACHED_M, Town
 from sitl.world.towns.ways import PASSABLE, Ways
 

@@ -30,13 +30,13 @@ from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChanne
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, Contact
 from sitl.experiment.events import EventLog, EventQueue
-from sitl.experiment.robots.explorer import GroundRobot, Visit
-from sitl.experiment.robots.messages import CLAIMS_TOPIC
 from sitl.experiment.robots.node import Node, base_says, fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
 from sitl.world.air_to_ground import HIGHEST_M
+from sitl.world.explorers.explorer import GroundRobot, Visit
+from sitl.world.explorers.messages import CLAIMS_TOPIC
 from sitl.world.towns.town_generator import drawn_starts, scatter
 
 GROUND_S: Final = 1.0

@@ -1,1 +1,1 @@
-"""The robots of a run: explorers, base station, UAVs, and their gossip nodes."""
+"""The robots of a run: base station, UAVs, and all gossip nodes."""

@@ -24,7 +24,7 @@ from mocha_link.sync.protocol import ID_BYTES, Action
 from mocha_link.team.document import Document, as_yaml
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
-from sitl.experiment.robots.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
+from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
 from sitl.world.towns.town import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0

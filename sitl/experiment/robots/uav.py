@@ -33,10 +33,10 @@ from geo.grid import SemanticGrid
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
-from sitl.experiment.robots.messages import degrees
 from sitl.experiment.robots.node import EPOCH_S, Fleet, Node
 from sitl.experiment.robots.scenery import Scenery
 from sitl.experiment.settings import RunSettings
+from sitl.world.explorers.messages import degrees
 from sitl.world.terrain import Camera, Raster
 
 

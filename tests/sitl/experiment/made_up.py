@@ -8,8 +8,8 @@ from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
 from sitl.experiment.engine.ages import USES
 from sitl.experiment.engine.exchange import Contact, Transmission
-from sitl.experiment.robots.explorer import Visit
 from sitl.experiment.settings import RunSettings
+from sitl.world.explorers.explorer import Visit
 from sitl.world.towns.town import Goal
 
 

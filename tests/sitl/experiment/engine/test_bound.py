@@ -6,7 +6,7 @@ import pytest
 
 from geo.frame import Point
 from sitl.experiment.engine.bound import goal_bound_share
-from sitl.experiment.settings import ExplorerSettings
+from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town_file import load_town
 
 TOWN = """\

@@ -17,9 +17,10 @@ from sitl.experiment.engine.ages import mean_age_s
 from sitl.experiment.engine.channel import Stage
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.engine.result import measured
-from sitl.experiment.robots import explorer, uav
+from sitl.experiment.robots import uav
 from sitl.experiment.settings import MissionTimers, PathLossModel, RunSettings
 from sitl.world import terrain
+from sitl.world.explorers import explorer
 
 ROOT = Path(__file__).parents[4]
 URBAN = ROOT / "missions" / "urban"
@@ -259,6 +260,8 @@ def test_what_no_run_can_be_made_of_is_refused():
         run(but(alone, base_station=False))
     with pytest.raises(ValueError, match="telemetry_s"):
         run(but(telemetry_s=1.0))
+    with pytest.raises(ValueError, match="up to 300 m"):
+        run(but(uav_altitude_m=301.0, path_loss=PathLossModel(air="umi_av")))
 
 
 def test_places_are_the_town_s_or_the_seed_s():
@@ -274,9 +277,3 @@ def test_places_are_the_town_s_or_the_seed_s():
     assert places(first) == places(again) != places(other)
     assert first.town.goals == again.town.goals != other.town.goals
     assert len(first.town.goals) == len(fixed[0].town.goals)
-
-
-def test_a_uav_higher_than_the_tables_of_its_link_is_refused():
-    high = but(uav_altitude_m=301.0, channel="path_loss", path_loss=PathLossModel(air="umi_av"))
-    with pytest.raises(ValueError, match="up to 300 m"):
-        Run(high, SEED)

@@ -17,8 +17,8 @@ import numpy as np
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from geo.grid import Terrain
-from sitl.experiment.robots.knowledge import GoalBook, Knowledge, read_map
-from sitl.experiment.robots.messages import (
+from sitl.world.explorers.knowledge import GoalBook, Knowledge, read_map
+from sitl.world.explorers.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
@@ -26,7 +26,7 @@ from sitl.experiment.robots.messages import (
     read_claims,
     read_sightings,
 )
-from sitl.experiment.settings import ExplorerSettings
+from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town import REACHED_M, Cell, Town
 from sitl.world.towns.ways import PASSABLE, Ways, length_m
 

@@ -25,7 +25,7 @@ from air_router.messages import (
     Stamp,
 )
 from geo.frame import LocalFrame, Point
-from sitl.experiment.robots.knowledge import Claim, Knowledge, Status
+from sitl.world.explorers.knowledge import Claim, Knowledge, Status
 
 DEGREE_DIGITS: Final = 9
 """Decimals of degrees in messages, 0.1 mm: what follows differs from machine to machine."""

@@ -20,9 +20,9 @@ from air_router.messages import (
 )
 from geo.frame import Point
 from geo.grid import GridError, SemanticGrid, Terrain
-from sitl.experiment.robots.explorer import GroundRobot
-from sitl.experiment.robots.knowledge import Claim, GoalBook, read_map
-from sitl.experiment.robots.messages import (
+from sitl.world.explorers.explorer import GroundRobot
+from sitl.world.explorers.knowledge import Claim, GoalBook, read_map
+from sitl.world.explorers.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
@@ -32,12 +32,12 @@ from sitl.experiment.robots.messages import (
     read_claims,
     read_sightings,
 )
-from sitl.experiment.settings import ExplorerSettings
+from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town_file import load_town
 from sitl.world.towns.town_generator import generate
 from sitl.world.towns.ways import PASSABLE, Ways
 
-URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
+URBAN = load_town(Path(__file__).parents[4] / "missions" / "urban" / "town.yaml")
 START = URBAN.starts[0]
 QUICK = ExplorerSettings(progress=1.0, recognition_m=15.0)
 NEAR_SIGHTED = ExplorerSettings(progress=1.0, recognition_m=5.0)
