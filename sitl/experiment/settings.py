@@ -34,9 +34,10 @@ PulledBy = Literal["contact", "node"]
 `node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
 last pull, and what a peer stores in between is pushed."""
 
-PolicyKind = SeekPolicy | Literal["oracle"]
-"""A policy that flies; or `oracle`, a yardstick that cannot: a `rendezvous` that is told every
-`ORACLE_S` where all ground robots are, and how much each is worth."""
+PolicyKind = SeekPolicy | Literal["orienteering", "oracle"]
+"""A policy that flies; or one that does not. `orienteering`: `freshest` with a look ahead
+(`robots.orienteering`). `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S` where
+all ground robots are, and how much each is worth."""
 
 MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]
 """Which columns are the paper's message wait: of all messages, robots' data, or header requests;
@@ -170,7 +171,8 @@ class RunSettings(_Model):
         duration_s: Simulated time of the run.
         policy: Whom the UAVs seek.
         values: How much each ground robot's service counts in the mean of all, over again from the
-            first; empty: all alike. Of the policies only `oracle` knows them.
+            first; empty: all alike. Of the policies only `oracle` and `orienteering` know
+            them.
         passive: The UAVs never seek a robot: they go round the waypoints, and talk to whom they
             pass.
         timers: Of the UAVs' mission.

@@ -71,6 +71,7 @@ def make_world(
         frame=mission.frame,
         vehicles=roles.vehicles,
         radio=plan.radio,
+        air=plan.air,
         camera=plan.camera,
         raster=Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m),
         camera_interval_s=plan.picture_interval_s,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Sequence
 from statistics import NormalDist
 from typing import Any, Final, Literal
 
@@ -26,6 +27,9 @@ AirScenario = Literal["umi_av", "uma_av"]
 
 HIGHEST_M: Final = 300.0
 """Up to this height of a vehicle the tables are for."""
+
+ROOF_M: Final = 25.0
+"""Antennas higher than this look over the buildings; the tables begin at 22.5 m."""
 
 SIGHT_M: Final = 50.0
 """Over this distance a line of sight is kept or lost."""
@@ -134,6 +138,10 @@ class AirToGround:
         fading = np.clip(fading, -SHADOWING_LIMIT, SHADOWING_LIMIT)
         median_db = path_loss_db(self._scenario, height_m, away_m, self.carrier_ghz, sight)
         return median_db + fading * deviation_db(self._scenario, height_m, sight)
+
+    def between_db(self, air: Sequence[float], ground: Sequence[float]) -> float:
+        """The same for one place in the air and one on the ground."""
+        return float(self.loss_db(np.array([air]), np.array([ground]))[0])
 
 
 def free_space_db(away_m: Numbers, carrier_ghz: float) -> Numbers:

@@ -38,11 +38,14 @@ class Antenna:
     up_m: float
     on_ground: bool
 
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """East, north, up."""
+        return self.east_m, self.north_m, self.up_m
+
     def distance_m(self, other: Antenna) -> float:
         """Distance in space, in metres."""
-        return math.dist(
-            (self.east_m, self.north_m, self.up_m), (other.east_m, other.north_m, other.up_m)
-        )
+        return math.dist(self.place, other.place)
 
 
 @dataclass(frozen=True, slots=True)

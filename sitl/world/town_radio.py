@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from geo.grid import Terrain
-from sitl.world.air_to_ground import AirToGround, PlaceField, free_space_db
+from sitl.world.air_to_ground import ROOF_M, AirToGround, PlaceField, free_space_db
 from sitl.world.radio import SHADOWING_LIMIT, Numbers, PairPowers, RadioModel
 from sitl.world.terrain import Raster
 
-ROOF_M: Final = 25.0
-"""Antennas higher than this look over the buildings."""
-
 _GROUND_FADING_M: Final = 13.0  # without a line of sight: TR 38.901, table 7.5-6
 _SAMPLE_M: Final = 1.0
+
+Flags = npt.NDArray[np.bool_]
 
 
 class TownRadio:
@@ -78,7 +78,7 @@ class TownRadio:
         return received_dbm
 
     def _by_place_dbm(
-        self, air: AirToGround, ones: Numbers, others: Numbers, away_m: Numbers, low: Numbers
+        self, air: AirToGround, ones: Numbers, others: Numbers, away_m: Numbers, low: Flags
     ) -> Numbers:
         radio = self._radio
         power_dbm = radio.mean_rssi_dbm(away_m, low)

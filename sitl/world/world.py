@@ -21,6 +21,7 @@ from air_router.messages import (
 )
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
+from sitl.world.air_to_ground import ROOF_M, AirToGround
 from sitl.world.radio import Antenna, RadioModel
 from sitl.world.terrain import Camera, Raster
 from sitl.world.ugv import GroundRobot
@@ -165,6 +166,7 @@ class Settings:
         raster: What there is to see.
         camera_interval_s: Simulated seconds between pictures.
         reading_interval_s: Simulated seconds between radio readings.
+        air: The link between a vehicle above the roofs and a robot below; None: as any other.
     """
 
     frame: LocalFrame
@@ -174,6 +176,7 @@ class Settings:
     raster: Raster
     camera_interval_s: float = 1.0
     reading_interval_s: float = 0.5
+    air: AirToGround | None = None
 
 
 @dataclass(slots=True)
@@ -277,7 +280,7 @@ class World:
     def _hear(
         self, vehicles: Mapping[str, Truth], truth: Truth, dt_s: float
     ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
-        radio = self.settings.radio
+        radio, air = self.settings.radio, self.settings.air
         antennas = {
             name: Antenna(*ugv.robot.position, GROUND_ANTENNA_M, on_ground=True)
             for name, ugv in self._ugvs.items()
@@ -295,7 +298,11 @@ class World:
         for (a, b), contact in self._pairs.items():
             if a not in antennas or b not in antennas:
                 continue
-            rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], flown_s)
+            low, high = sorted((antennas[a], antennas[b]), key=lambda antenna: antenna.up_m)
+            if air is not None and low.up_m < ROOF_M <= high.up_m:
+                rssi_dbm = radio.tx_power_dbm - air.between_db(high.place, low.place)
+            else:
+                rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], flown_s)
             heard = radio.hears(rssi_dbm)
             contact.closest_m = min(contact.closest_m, antennas[a].distance_m(antennas[b]))
             if contact.up:

@@ -18,6 +18,7 @@ from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Ring, Shape, Zone, ZoneError, checked_ring
 from geo.frame import FrameError, Point
 from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.world.air_to_ground import AirScenario, AirToGround
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Road, Scene
 from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
@@ -42,6 +43,8 @@ class _Radio(BaseModel):
     shadowing_db: Annotated[float, Field(ge=0, le=30)] = _RADIO.shadowing_db
     shadowing_interval_s: _Positive = _RADIO.shadowing_interval_s
     sensitivity_dbm: Annotated[float, Field(ge=-200, le=0)] = _RADIO.sensitivity_dbm
+    air: AirScenario | None = None
+    carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
     reading_interval_s: _Positive = READING_INTERVAL_S
     rate_bytes_s: _Positive | None = None
 
@@ -99,6 +102,7 @@ class WorldPlan:
         picture_interval_s: Simulated seconds between two pictures.
         reading_interval_s: Simulated seconds between two radio readings.
         rate_bytes_s: What a link carries per simulated second; None: no limit.
+        air: The link between a vehicle above the roofs and a robot below; None: as any other.
     """
 
     radio: RadioModel
@@ -109,6 +113,7 @@ class WorldPlan:
     picture_interval_s: float = PICTURE_INTERVAL_S
     reading_interval_s: float = READING_INTERVAL_S
     rate_bytes_s: float | None = None
+    air: AirToGround | None = None
 
 
 def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed: int) -> WorldPlan:
@@ -152,7 +157,8 @@ class _Reader:
             raise DocumentError(self.problems)
         missing = [name for name in robots if name not in patrols]
         patrols |= default_patrols(self.mission, missing, seed, patrols.values())
-        radio = model.radio.model_dump(exclude={"reading_interval_s", "rate_bytes_s"})
+        radio = model.radio.model_dump(include=set(RadioModel.__dataclass_fields__))
+        air, carrier_ghz = model.radio.air, model.radio.carrier_ghz
         camera = model.camera.model_dump(exclude={"interval_s"})
         return WorldPlan(
             radio=RadioModel(**radio, seed=seed),
@@ -163,6 +169,7 @@ class _Reader:
             picture_interval_s=model.camera.interval_s,
             reading_interval_s=model.radio.reading_interval_s,
             rate_bytes_s=model.radio.rate_bytes_s,
+            air=None if air is None else AirToGround(air, carrier_ghz, seed),
         )
 
     def _scene(self) -> Scene:

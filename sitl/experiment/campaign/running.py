@@ -66,7 +66,7 @@ def make_run(task: Task) -> Record:
 
 def _mission_and_policy(settings: RunSettings) -> tuple[Path, SeekPolicy]:
     """What is flown in a mission's own world. Raises ValueError."""
-    if settings.mission is None or settings.policy == "oracle":
+    if settings.mission is None or settings.policy in {"orienteering", "oracle"}:
         raise ValueError("a world of its own needs a mission, and a policy that flies")
     return settings.mission, settings.policy
 

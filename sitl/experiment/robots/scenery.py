@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import MissionFileError
-from air_router.files.settings import Timers
+from air_router.files.settings import SeekPolicy, Timers
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import Mission
@@ -70,10 +70,18 @@ def _scenery(settings: RunSettings) -> Scenery:
     mission = dataclasses.replace(
         mission,
         timers=dataclasses.replace(timers, init_s=math.inf) if settings.passive else timers,
-        seek_policy="rendezvous" if settings.policy == "oracle" else settings.policy,
+        seek_policy=_seek_policy(settings),
         duration_s=None,
     )
     return Scenery(town, mission, FlightPlan.of(mission), Router(WaypointGraph(mission)))
+
+
+def _seek_policy(settings: RunSettings) -> SeekPolicy:
+    """What the mission says; policies that do not fly are put in its place later."""
+    policy = settings.policy
+    if policy == "oracle":
+        return "rendezvous"
+    return "freshest" if policy == "orienteering" else policy
 
 
 def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:

@@ -23,7 +23,7 @@ from air_router.controller.model.events import (
     RobotPose,
 )
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.targets.seeking import Rendezvous
+from air_router.controller.targets.seeking import Policy, Rendezvous
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import MAP_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage, SeekMessage
 from air_router.mission.flight_plan import FlightPlan
@@ -34,6 +34,7 @@ from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 from sitl.experiment.robots.node import EPOCH_S, Fleet, Node
+from sitl.experiment.robots.orienteering import Orienteering
 from sitl.experiment.robots.scenery import Scenery
 from sitl.experiment.settings import RunSettings
 from sitl.world.explorers.messages import degrees
@@ -247,10 +248,13 @@ def controllers_of(fleet: Fleet, scenery: Scenery, settings: RunSettings) -> dic
         for number, name in enumerate(fleet.uavs)
     ]
     controllers = {setup.name: Controller(setup, scenery.router, scenery.plan) for setup in setups}
-    if settings.policy == "oracle":
-        values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
-        for controller in controllers.values():
-            controller.search.policy = Rendezvous(values)
+    values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
+    policies: dict[str, Policy] = {
+        "oracle": Rendezvous(values),
+        "orienteering": Orienteering(scenery.mission.speed_m_s, values),
+    }
+    for controller in controllers.values():
+        controller.search.policy = policies.get(settings.policy, controller.search.policy)
     if settings.passive:
         waypoints = scenery.mission.waypoints * _rounds(scenery.mission, settings.duration_s)
         for controller in controllers.values():

@@ -5,6 +5,7 @@ import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from geo.frame import Geodetic, LocalFrame, Point
+from sitl.world.air_to_ground import AirToGround
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Raster, Scene
 from sitl.world.ugv import GroundRobot, Patrol
@@ -16,13 +17,14 @@ ALL_TOPICS = ("/pose", "/path", "/sightings")
 WEST, EAST = Point(-200, 0), Point(200, 0)
 
 
-def make_world(**topics) -> World:
+def make_world(air=None, **topics) -> World:
     settings = Settings(
         frame=FRAME,
         vehicles=("titan",),
         radio=RadioModel(),
         camera=Camera(),
         raster=Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0),
+        air=air,
     )
     robots = {
         "io": GroundRobot("io", Patrol([WEST, Point(-200, 60)]), 1.0, vehicles=(Point(-195, 9),)),
@@ -81,6 +83,21 @@ def test_links_follow_the_vehicle_and_contacts_are_counted():
     assert contact.closest_m == pytest.approx(39.5, abs=0.1)
     assert world.contact("io", "europa").count == 0
     assert world.contact("io", "europa").last_s is None
+
+
+def test_above_the_roofs_the_link_may_be_that_of_3gpp():
+    """200 m away, with a line of sight; below the roofs it is as any other."""
+    link = AirToGround("uma_av", 2.4, 0)
+    middle = Point(60, 30)
+    world = make_world(air=link)
+    drive(world, 5, middle)
+    europa = EAST.east_m, EAST.north_m, 0.5
+    assert world.contact("titan", "europa").up
+    reading = next(r for r in at(world, 6, middle).readings if r.robot == "europa")
+    assert reading.peer == "titan"
+    assert reading.rssi_dbm == round(20 - link.between_db((60, 30, 40), europa), 1)
+    at(world, 7, middle, height_m=24.0)
+    assert not world.contact("titan", "europa").up
 
 
 def test_radios_say_who_is_heard_and_who_is_not():

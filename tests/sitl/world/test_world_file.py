@@ -14,6 +14,7 @@ from geo.validity import Validity
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
 from sitl.team.roles import make_world, roles_of
+from sitl.world.air_to_ground import AirToGround
 from sitl.world.ugv import GroundRobot
 from sitl.world.world_file import load_world
 
@@ -144,7 +145,7 @@ def test_every_key_arrives(tmp_path, urban):
 coordinates: local
 radio: {tx_power_dbm: 10, reference_loss_db: 41, path_loss_exponent: 3, shadowing_db: 2,
         ground_to_ground_loss_db: 9, shadowing_interval_s: 5, sensitivity_dbm: -80,
-        reading_interval_s: 0.25, rate_bytes_s: 250000}
+        reading_interval_s: 0.25, rate_bytes_s: 250000, air: uma_av, carrier_ghz: 5.2}
 camera: {fov_across_deg: 80, fov_along_deg: 70, min_height_m: 3, interval_s: 2}
 terrain:
   margin_m: 20
@@ -161,6 +162,8 @@ robots:
     assert plan.radio.rssi_dbm is not None
     assert (plan.radio.tx_power_dbm, plan.radio.sensitivity_dbm) == (10, -80)
     assert (plan.reading_interval_s, plan.rate_bytes_s) == (0.25, 250_000)
+    own = AirToGround("uma_av", 5.2, 9)
+    assert plan.air.between_db((0, 0, 60), (200, 0, 1)) == own.between_db((0, 0, 60), (200, 0, 1))
     assert (plan.camera.fov_along_deg, plan.picture_interval_s) == (70, 2)
     assert plan.margin_m == 20
     assert plan.scene.roads[0].width_m == 5
