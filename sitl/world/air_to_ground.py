@@ -96,15 +96,16 @@ class PlaceField:
         waves = []
         for _ in range(_WAVES):
             ends = [[chance.gauss(0, 1) for _ in range(4)] for _ in range(2)]
-            waves.append([part / abs(w) / scale_m for *vector, w in ends for part in vector])
-        self._waves = np.array(waves).T  # rad/m
+            waves.append([[part / abs(w) / scale_m for part in vector] for *vector, w in ends])
+        self._ones, self._others = np.array(waves).transpose(1, 2, 0)  # rad/m
         self._phases = np.array([chance.uniform(0, 2 * math.pi) for _ in range(_WAVES)])
 
     def at(self, ones: Numbers, others: Numbers) -> Numbers:
-        """The values of pairs of places: rows of east, north and up, in m."""
-        turns = np.hstack((ones, others)) @ self._waves + self._phases
-        values: Numbers = np.cos(turns).sum(axis=1) * math.sqrt(2 / _WAVES)
-        return values
+        """The values of all pairs, by one and other; places are rows of east, north and up in m."""
+        here, there = ones @ self._ones + self._phases, others @ self._others
+        # the cosine of the sum of both
+        values: Numbers = np.cos(here) @ np.cos(there).T - np.sin(here) @ np.sin(there).T
+        return values * math.sqrt(2 / _WAVES)
 
 
 class AirToGround:
@@ -126,14 +127,14 @@ class AirToGround:
 
     def sighted(self, air: Numbers, ground: Numbers) -> npt.NDArray[np.bool_]:
         """Whether a line of sight is between places in the air and on the ground."""
-        flat_m = np.hypot(*(air - ground)[:, :2].T)
-        share = sight_probability(self._scenario, air[:, 2], flat_m)
+        flat_m = np.hypot(*(air[:, None, :2] - ground[:, :2]).transpose(2, 0, 1))
+        share = sight_probability(self._scenario, air[:, 2:], flat_m)
         return np.asarray(_share_below(self._sight.at(air, ground)) < share)
 
     def loss_db(self, air: Numbers, ground: Numbers) -> Numbers:
-        """Loss with shadowing, which is cut at 3 deviations."""
-        sight, height_m = self.sighted(air, ground), air[:, 2]
-        away_m = np.sqrt(((air - ground) ** 2).sum(axis=1))
+        """Loss of all pairs of places, by air and ground; shadowing is cut at 3 deviations."""
+        sight, height_m = self.sighted(air, ground), air[:, 2:]
+        away_m = np.sqrt(((air[:, None] - ground) ** 2).sum(axis=2))
         fading = np.where(sight, self._seen.at(air, ground), self._blocked.at(air, ground))
         fading = np.clip(fading, -SHADOWING_LIMIT, SHADOWING_LIMIT)
         median_db = path_loss_db(self._scenario, height_m, away_m, self.carrier_ghz, sight)
@@ -141,7 +142,7 @@ class AirToGround:
 
     def between_db(self, air: Sequence[float], ground: Sequence[float]) -> float:
         """The same for one place in the air and one on the ground."""
-        return float(self.loss_db(np.array([air]), np.array([ground]))[0])
+        return float(self.loss_db(np.array([air]), np.array([ground]))[0, 0])
 
 
 def free_space_db(away_m: Numbers, carrier_ghz: float) -> Numbers:

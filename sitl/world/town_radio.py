@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from geo.grid import Terrain
 from sitl.world.air_to_ground import ROOF_M, AirToGround, PlaceField, free_space_db
@@ -15,8 +14,6 @@ from sitl.world.terrain import Raster
 
 _GROUND_FADING_M: Final = 13.0  # without a line of sight: TR 38.901, table 7.5-6
 _SAMPLE_M: Final = 1.0
-
-Flags = npt.NDArray[np.bool_]
 
 
 class TownRadio:
@@ -69,7 +66,7 @@ class TownRadio:
         if self._air is None:
             rssi_dbm = self._powers.rssi_dbm(a, b, away_m[a, b], low, now_s)
         else:
-            rssi_dbm = self._by_place_dbm(self._air, places[a], places[b], away_m[a, b], low)
+            rssi_dbm = self._by_place_dbm(self._air, places, away_m)[a, b]
         heard = rssi_dbm >= self._radio.sensitivity_dbm
         a, b, low, rssi_dbm = a[heard], b[heard], low[heard], rssi_dbm[heard]
         rssi_dbm[low] -= self.building_db(places[a[low], :2], places[b[low], :2])
@@ -77,20 +74,20 @@ class TownRadio:
         received_dbm[a, b] = received_dbm[b, a] = np.round(rssi_dbm, 6)
         return received_dbm
 
-    def _by_place_dbm(
-        self, air: AirToGround, ones: Numbers, others: Numbers, away_m: Numbers, low: Flags
-    ) -> Numbers:
+    def _by_place_dbm(self, air: AirToGround, places: Numbers, away_m: Numbers) -> Numbers:
+        """Power between all robots; of a pair the upper right half counts."""
         radio = self._radio
-        power_dbm = radio.mean_rssi_dbm(away_m, low)
-        fading = np.clip(self._ground.at(ones, others), -SHADOWING_LIMIT, SHADOWING_LIMIT)
-        power_dbm -= radio.shadowing_db * fading
-        swapped = ones[:, 2] < others[:, 2]
-        higher = np.where(swapped[:, None], others, ones)
-        lower = np.where(swapped[:, None], ones, others)
-        flying = lower[:, 2] >= ROOF_M
-        mixed = ~(flying | low)
-        power_dbm[mixed] = radio.tx_power_dbm - air.loss_db(higher[mixed], lower[mixed])
-        power_dbm[flying] = radio.tx_power_dbm - free_space_db(away_m[flying], air.carrier_ghz)
+        low, high = np.flatnonzero(places[:, 2] < ROOF_M), np.flatnonzero(places[:, 2] >= ROOF_M)
+        power_dbm = radio.tx_power_dbm - free_space_db(away_m, air.carrier_ghz)
+        lost_db = air.loss_db(places[high], places[low])
+        power_dbm[np.ix_(high, low)] = radio.tx_power_dbm - lost_db
+        power_dbm[np.ix_(low, high)] = radio.tx_power_dbm - lost_db.T
+        fading = np.clip(
+            self._ground.at(places[low], places[low]), -SHADOWING_LIMIT, SHADOWING_LIMIT
+        )
+        grounded = np.ix_(low, low)
+        mean_dbm = radio.mean_rssi_dbm(away_m[grounded], np.array(True))
+        power_dbm[grounded] = mean_dbm - radio.shadowing_db * fading
         return power_dbm
 
     def building_db(self, starts: Numbers, ends: Numbers) -> Numbers:
