@@ -250,7 +250,7 @@ hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "
 
 paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
 disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
-plan_at_start: Final = steps((choice(0.0, 2.0, 4.0), "plan", choice("same", "other")))
+plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same", "other")))
 home_moved: Final = one("home", choice((0.0, -25.0), (30.0, 15.0)))
 restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
 restart_taken: Final = chain(

@@ -7,6 +7,8 @@ import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from sitl.mavlink.codec import MessagePacker
+
 TURN_S = 0.05
 COPTER, PX4 = 2, 12
 CUSTOM_MODE, ARMED = 1, 128
@@ -36,12 +38,13 @@ class ScriptedPx4:
         self._place = tuple(round(degrees * 1e7) for degrees in place)
         self._script = script
         self.mode, self.armed, self.landed = MISSION, True, AIR
-        self.item, self.target = 3, None
+        self.item, self.target, self.plan_id = 3, None, 1
         self.talks = True
         self.orders = []
         self.heartbeats = 0
         self._booted_s = time.monotonic()
         self._link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._packer = MessagePacker(1, 1)  # of what pymavlink knows without its extensions
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(TURN_S)
@@ -109,7 +112,10 @@ class ScriptedPx4:
         self.say("extended_sys_state", 0, self.landed)
         self.say("sys_status", 0, 0, HEALTHY, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0)
         self.say("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
-        self.say("mission_current", self.item, 12, 2, 1)
+        plan = {"total": 12, "mission_state": 2, "mission_mode": 1, "mission_id": self.plan_id}
+        self._socket.sendto(
+            self._packer.pack("MISSION_CURRENT", {"seq": self.item} | plan), self._to
+        )
         if self.target is not None:
             latitude, longitude = (round(degrees * 1e7) for degrees in self.target)
             zeros = (0.0,) * 8

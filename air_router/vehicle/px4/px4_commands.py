@@ -17,7 +17,7 @@ from air_router.errors import NotConfirmedError
 from air_router.vehicle.clock import loop_s
 from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_order import Px4Order
-from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import PlanIds, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -106,6 +106,7 @@ class SentOrder:
     Attributes:
         order: What the vehicle was told.
         before: What the vehicle had been told, by any sender, when it left.
+        plan: What was on board then.
         first_s: When it left.
         last_s: When it left last.
         heard_s: When the vehicle said last that it is about it.
@@ -117,6 +118,7 @@ class SentOrder:
 
     order: Px4Order
     before: ObservedState
+    plan: PlanIds | None
     first_s: float
     last_s: float = -math.inf
     heard_s: float = -math.inf
@@ -180,7 +182,8 @@ class Px4Commands:
             NotShownError: nothing was heard that shows whether it follows.
             NotConfirmedError: it does not follow, with the reason where there is one.
         """
-        sent = SentOrder(order, ObservedState.of(self._telemetry), loop_s())
+        telemetry = self._telemetry
+        sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan_ids, loop_s())
         self._tried[order.command].newest = sent
         verdict = None
         for attempt in range(attempts):
@@ -252,6 +255,8 @@ class Px4Commands:
             and sent.heard_s < sent.last_s
             and sent.before.told_since(sent.last_s, telemetry)
             and sent.before.same(ObservedState.of(telemetry))
+            # Mission mode would fly what a ground station has put on board meanwhile.
+            and (sent.order.leads_to is not FlightMode.MISSION or sent.plan == telemetry.plan_ids)
         )
 
     def _why_not(self, sent: SentOrder, verdict: OrderOutcome | None) -> str:

@@ -32,6 +32,9 @@ _STALE_S: Final = 1.5
 _CRUISES: Final = 0.9
 """Above so much of its altitude it does not climb any more."""
 
+_HOP_M: Final = 2.0
+"""A vehicle that never was so high had not begun its flight."""
+
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
 _LANDED: Final = "landed at home"
@@ -177,6 +180,8 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     left = code == _REFUSED and len(list(evidence.told(SceneEventKind.STARTED))) > 1
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(evidence.told(SceneEventKind.DISARMED)) and "disarm" in text
+    # Stopped as it left the ground it settles there, and the flight has not begun.
+    hopped = float(case.above_m.max()) < _HOP_M
     over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
     over = taken_s > over_s  # it had ended before that
     claimed_s = next((s.time_s for s in evidence.lines if _SAYS_PILOT.search(s.text)), math.inf)
@@ -185,7 +190,7 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
         f"exit 0, 'done': {end.value}": code == _DONE and not landed,
         f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
         f"exit {code}, though it landed at home by our command": (
-            landed and code not in {_DONE, None} and not (lied_to or left)
+            landed and code not in {_DONE, None} and not (lied_to or left or hopped)
         ),
         "exit 6: a pilot took over, but none did": (
             code == _TAKEN_OVER and math.isinf(taken_s) and not lied_to

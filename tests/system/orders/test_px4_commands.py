@@ -64,6 +64,14 @@ def test_what_leads_to_no_place_is_repeated_while_nothing_changes(run, verb):
     assert all(later > sooner for sooner, later in itertools.pairwise(heartbeats))
 
 
+def test_mission_mode_is_not_chosen_again_once_another_plan_is_on_board(run):
+    def replaced(px4, _order):
+        px4.plan_id = 2
+
+    px4 = run(replaced, fails(start), **state_for(start))
+    assert px4.commands() == ORDERS[start]
+
+
 def test_a_stop_is_repeated_while_nothing_changes(run, hovering):
     assert run(deaf, fails(hold), **hovering).commands() == STOP * ATTEMPTS
 

@@ -158,6 +158,12 @@ def test_a_correct_flight_is_good():
     assert verdict.closest_m == pytest.approx(20.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("highest_m", "told"), [(1.9, set()), (2.1, {"told"})])
+def test_what_only_hopped_has_not_landed_from_a_flight(highest_m, told):
+    hop = [(e, n, min(up, highest_m), *rest) for e, n, up, *rest in track(((0, 0), (0, 1)))]
+    assert kinds(evidence(hop, code=1)) & {"told"} == told
+
+
 NEAR = ((0, 0), (16, 30), (0, 0))
 THROUGH = ((0, 0), (10, 30), (50, 30), (10, 30), (0, 0))
 OUT = ((0, 0), (-97, 0), (0, 0))
