@@ -255,7 +255,7 @@ class TestCommand:
         assert ready["system_id"] == free_instance + 1
         assert ready["truth"] == f"udp://127.0.0.1:{19410 + free_instance}"
         assert seen(tmp_path)["variables"]["PX4_PARAM_GF_ACTION"] == "1"
-        assert seen(tmp_path)["variables"]["PX4_PARAM_SIM_BAT_DRAIN"] == "1500"
+        assert seen(tmp_path)["variables"]["PX4_PARAM_SIM_BAT_DRAIN"] == "1350"
         assert gone(ready["process_id"])
 
     def test_killed_it_takes_px4_with_it(self, build, free_instance):
