@@ -27,7 +27,8 @@ from mocha_link.service.service_client import (
     split,
 )
 
-WAIT_S = 1.0  # of a request for news; also how long an end may take
+WAIT_S = 1.0  # of a request for news
+LEAVES_S = 30.0  # at its end what the robot has said leaves as long as the node answers
 PAUSE_S = 0.5  # before a node that does not answer is asked again
 MAX_HELD = 1000  # messages of the robot that wait for the node
 MAX_HELD_BYTES = 64 * 1024 * 1024
@@ -219,7 +220,7 @@ class Bridge:
                 self._follow(client, team)
             finally:
                 self._stopping.set()
-                outgoing.join(2 * WAIT_S)  # what the robot has said leaves, if the node is there
+                outgoing.join(LEAVES_S)
 
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:
