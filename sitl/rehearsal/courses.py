@@ -297,7 +297,7 @@ def no_fix(dice: random.Random) -> Iterator[Row]:
 def ready_taken(dice: random.Random) -> Iterator[Row]:
     """The pilot takes the vehicle on the ground, or arms it before it is looked at."""
     how, at_s = dice.choice(("POSCTL", "ALTCTL", "arm")), dice.uniform(2.5, 7.5)
-    yield 1.0 if how == "arm" and dice.randrange(2) else at_s, "before us", how
+    yield 0.5 if how == "arm" and dice.randrange(2) else at_s, "before us", how
 
 
 def by_hand(dice: random.Random) -> Iterator[Row]:
