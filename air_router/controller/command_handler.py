@@ -130,7 +130,8 @@ class CommandHandler:
 
     def _check_heard(self) -> None:
         """It was heard just now."""
-        telemetry = self._context.heard
+        telemetry = self._context.telemetry
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         # Its clock stands still while nothing is heard of it: then the link says for how long.
         silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
         if silent_s > NOT_HEARD_S:

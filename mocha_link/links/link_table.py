@@ -199,15 +199,27 @@ class LinkTable:
             case ContactEnded():
                 link.end(event.at_s, event.reason)
 
-    def keep_clock(self, now: Instant) -> None:
-        """Go by the clock as it is set now: contacts that last are as long as before."""
+    def catch_up(self, events: Iterable[LinkEvent], now: Instant) -> None:
+        """Take in events of just now, of which the clock may have been set after some."""
+        step_s = self.keep_clock(now)
+        for event in events:
+            if step_s and abs(event.at_s - now.unix_s) > abs(step_s) / 2:
+                event = dataclasses.replace(event, at_s=event.at_s + step_s)  # noqa: PLW2901
+            self.update(event)
+
+    def keep_clock(self, now: Instant) -> float:
+        """Go by the clock as it is set now: contacts that last are as long as before.
+
+        Returns the seconds by which it was set; 0: it was not.
+        """
         step_s = now.unix_s - now.timer_s - self._offset_s
         if abs(step_s) < STEP_S:
-            return
+            return 0.0
         self._offset_s += step_s
         for link in self._links.values():
             link.active_s += step_s
             link.began_s = None if link.began_s is None else link.began_s + step_s
+        return step_s
 
     def count(self, peer: str, *, bytes_in: int = 0, bytes_out: int = 0) -> None:
         """Add to the counters of a link."""

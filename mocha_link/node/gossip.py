@@ -97,6 +97,7 @@ class Gossip:
         )
         self._links = PeerLinks(self._context, self.me, self._link_table, datagrams=datagrams)
         self._events: list[LinkEvent] = []  # for listeners
+        self._uncounted: list[LinkEvent] = []  # those that the link table has not had
         self._sequence = 0  # of the database, when peers were last pushed what is new
         self._served: set[str] = set()  # peers for whose connection there may be a frame
 
@@ -217,8 +218,8 @@ class Gossip:
 
     def tell(self, event: LinkEvent) -> None:
         """Have listeners told of what the program has noticed."""
-        self._link_table.update(event)
         self._events.append(event)
+        self._uncounted.append(event)
 
     # --- what the time brings, and what the node wants and says
 
@@ -287,10 +288,11 @@ class Gossip:
         return self._link(peer).peer.newest
 
     def _count(self, now: Instant) -> None:
-        """Bring the link table up to date, before anything of now is told."""
-        self._link_table.keep_clock(now)
+        """Bring the link table up to date."""
         for peer, count in self._links.take_bytes():
             self._link_table.count(peer, bytes_in=count)
+        self._link_table.catch_up(self._uncounted, now)
+        self._uncounted.clear()
 
     def _pull_due(self, now: Instant) -> None:
         if self._links.push_otherwise():
@@ -307,7 +309,6 @@ class Gossip:
 
     def _tell(self, link: PeerLink, now: Instant) -> None:
         """Tell what has come of a peer's syncs."""
-        self._count(now)
         peer = link.peer
         for reason in peer.refusals:
             self._link_table.refuse(peer.name, reason)
@@ -332,7 +333,6 @@ class Gossip:
             self.tell(MessageStored(name, now.unix_s, name, topic, record.header, size))
 
     def _tell_contacts(self, now: Instant) -> None:
-        self._count(now)
         for event in self._trigger.news():
             self.tell(replace(event, at_s=now.unix_s))
             if isinstance(event, ContactEnded):

@@ -215,9 +215,10 @@ class Navigator:
 
     def _plan(self) -> Motion | None:
         """The first motion of a way to the goal; the router has checked its first leg from here."""
-        way, gate, telemetry = self._context.way, self._gate, self._context.heard
+        way, gate, telemetry = self._context.way, self._gate, self._context.telemetry
         goal = way.goal
         assert goal is not None  # noqa: S101 - every caller has set one
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         target = goal.position if goal.node is None else goal.node
         here, momentum = telemetry.position, gate.momentum(telemetry)
         pending = gate.setpoints.pending(telemetry)

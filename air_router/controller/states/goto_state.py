@@ -109,7 +109,8 @@ class GotoValidator:
         Raises:
             RequestRefusedError: they cannot.
         """
-        telemetry = self._context.heard
+        telemetry = self._context.telemetry
+        assert telemetry is not None  # noqa: S101 - in the air there was telemetry
         here = telemetry.position
         length_m, legs = 0.0, 0
         for number, goal in enumerate(goals, start=1):

@@ -248,9 +248,10 @@ def test_a_contact_is_one_though_the_clock_is_set(net, step_s):
     io, steady_s = net.nodes["io"], net.now.steady_s
     io.links(Instant(T, steady_s, may_step=True))
     io.tell(SyncStarted("titan", T, Direction.OUT))
-    io.tell(SyncEnded("titan", T + 1, Direction.OUT, 1, 6, 1.0))
+    io.tell(SyncEnded("titan", T + 9 + step_s, Direction.OUT, 1, 6, 1.0))
     link = io.links(Instant(T + 10 + step_s, steady_s + 10, may_step=True))["titan"]
     assert [(each.began_s, each.ended_s) for each in link.contacts] == [(T + step_s, None)]
+    assert link.last_sync_out_s == T + 9 + step_s
 
 
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0])
