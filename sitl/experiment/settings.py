@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
-from sitl.world.explorers.settings import ExplorerSettings
+from sitl.world.explorers.settings import ExplorerSettings, Positive
 
 ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
@@ -24,7 +24,6 @@ ProtocolKind = Literal["original", "ours"]
 """`original`: one request at a time (GHEAD, a GDATA per message, DENDT), as MOCHA does.
 `ours`: the sync between two nodes of `mocha_link`."""
 
-Positive = Annotated[float, Field(gt=0, le=1e9)]
 AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
 Level = Annotated[float, Field(ge=-300, le=300)]
 """What a file of an experiment may write where these stand."""

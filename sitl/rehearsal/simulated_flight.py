@@ -12,7 +12,7 @@ from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault, carry_out
-from sitl.rehearsal.faults import Fault, Scene
+from sitl.rehearsal.faults import Scene
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.scenario import Scenario
@@ -295,11 +295,10 @@ class SimulatedFlight(Scenario):
 
     def do_plan(self, which: str) -> None:
         """A station puts the same mission on board, another one, or none."""
-        stations = self.stations
-        starts = self.scene.fault is Fault.PLAN_AT_START
-        if not (self._operator.flies or starts):
+        stations, autopilot = self.stations, self.autopilot
+        if not autopilot.armed or autopilot.failsafe.acting:
             return
-        lands = self.autopilot.mode is FlightMode.AUTO_LAND
+        lands = autopilot.mode is FlightMode.AUTO_LAND
         match which:
             case "same":
                 stations.same_plan()
