@@ -23,8 +23,8 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.whole_file import PlacedSource
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, ZoneTerms
-from geo.frame import Geodetic
-from geo.geodesic import arc_around, polar
+from geo.frame import Geodetic, arc_around, polar
+from mocha_link.team.problem import line_column
 
 _NAUTICAL_MILE_M: Final = 1852.0
 _ANGLE = r"(\d{1,3}(?:\.\d{1,12})?)(?::(\d{1,2}(?:\.\d{1,12})?))?(?::(\d{1,2}(?:\.\d{1,12})?))?\s*"
@@ -37,15 +37,24 @@ Place = tuple[int, int]
 """Line and column in the file."""
 
 
-def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneReading:
-    """The zones of an OpenAir file; `allow`: classes, types or names that may be flown in."""
+def read_openair(raw: bytes, path: Path, allow: Collection[str] = ()) -> ZoneReading:
+    """The zones of an OpenAir file's bytes; `allow`: classes, types or names to be flown in.
+
+    Many such files are in Latin-1, whose letters stand in names and remarks only.
+    """
     reading = ZoneReading(PlacedSource(path), "OpenAir")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = raw.decode("latin1")
+        message = "not UTF-8 text: read as Latin-1; look at the names"
+        reading.note(line_column(raw[: error.start]), message, "not-utf8")
     if re.search(r"^[ \t]*AC\s", text, re.MULTILINE) is None:
         message = "no airspace begins in it (no line 'AC'); choose another file"
         reading.report((), message, "unknown-format")
         return reading
     reader = _Reader(reading, AllowedZones(allow))
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(re.split(r"\r\n?|\n", text), start=1):
         reader.line(line.partition("*")[0].rstrip(), number)
     return reader.end()
 

@@ -69,10 +69,9 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
         raw, suffix = kml_in(raw, path, MAX_BYTES), ".kml"
     if suffix in _XML_READERS or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _XML_READERS.get(suffix, read_kml)(raw, path)
-    text = text_in(raw, path)
     if suffix in _OPENAIR_SUFFIXES:
-        return read_openair(text, path, allow)
-    document = json_from_text(text, path)
+        return read_openair(raw, path, allow)
+    document = json_from_text(text_in(raw, path), path)
     data = document.data
     if isinstance(data, dict) and data.get("fileType") == "Plan":
         message = "a QGroundControl plan is a mission; use it as one, or convert it to GeoJSON"

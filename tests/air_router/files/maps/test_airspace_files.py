@@ -19,8 +19,7 @@ from air_router.files.maps.zone_files import read_zones
 from air_router.files.maps.zone_reading import MapCircle
 from air_router.files.xml_document import kml_in, kmz_of
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
-from geo.frame import Geodetic
-from geo.geodesic import ARC_ERROR_M, arc_around, polar
+from geo.frame import ARC_ERROR_M, Geodetic, arc_around, polar
 from mocha_link.team.document import DocumentError
 
 FILES = Path(__file__).parents[3] / "data" / "files"
@@ -57,6 +56,15 @@ def test_openair():
     assert min(place.longitude_deg for place in moon.shape.ring) < 7.98
     assert max(place.longitude_deg for place in moon.shape.ring) == pytest.approx(8, abs=1e-6)
     assert (moon.problem("", "").line, moon.problem("", "").column) == (28, 1)
+
+
+def test_openair_in_latin_1_is_read_and_that_is_noted():
+    text = (FILES / "airspace.txt").read_text("utf-8").replace("Sandbox", "K\xf6ln \x85")
+    reading = read_openair(text.encode("latin-1"), PATH)
+    assert [zone.name for zone in reading.zones][:2] == ["K\xf6ln", "CTR Toy"]
+    place = (reading.notes[0].line, reading.notes[0].column)
+    assert (*place, reading.notes[0].code) == (4, 5, "not-utf8")
+    assert (codes(reading.problems), codes(reading.notes[1:])) == ([], [UNCLEAR])
 
 
 def test_airspaces_that_the_operator_may_fly_in():
@@ -251,7 +259,7 @@ LINES = st.lists(
 @given(LINES)
 def test_no_openair_crashes_its_reader(lines):
     text = "AC Q\n" + "\n".join(lines)
-    reading = read_openair(text, PATH)
+    reading = read_openair(text.encode(), PATH)
     for problem in (*reading.problems, *reading.notes):
         assert problem.code
         assert 1 <= problem.line <= len(text.splitlines()) + 1
@@ -262,5 +270,5 @@ def test_no_openair_crashes_its_reader(lines):
 def test_long_lines_end_soon():
     blanks = " " * 300_000
     lines = ["AC R", f"AN a{blanks}b", f"AL 1{blanks}!", f"DP 1N{blanks}x", f"DP 1{blanks}N 2E"]
-    reading = read_openair("\n".join(lines), PATH)
+    reading = read_openair("\n".join(lines).encode(), PATH)
     assert codes(reading.problems) == ["wrong-form"]
