@@ -39,7 +39,7 @@ def made(waypoints: int, zones: int, seed: int = 1, pairs: int = 40) -> Map:
     )
     rings = _rings(chance, zones, side_m)
     airspace = Airspace(fence, [Zone(f"zone {n}", r) for n, r in enumerate(rings, 1)], CLEARANCE_M)
-    tight = airspace.with_clearance(_PLACE_M)
+    tight = airspace.with_margin(_PLACE_M - CLEARANCE_M)
 
     def place() -> Point:
         while True:

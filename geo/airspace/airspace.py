@@ -14,18 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from datetime import datetime
-from functools import cached_property
 from typing import cast
 
 import numpy as np
-import shapely
 from shapely import LineString, MultiPoint
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
-from shapely.ops import nearest_points
 
-from geo.airspace.fence import Fence
-from geo.airspace.zone import Circle, Outline, Ring, Shape, Zone, rounded
+from geo.airspace.zone import Circle, Fence, Outline, Ring, Shape, Zone, rounded
 from geo.airspace.zone_index import (
     TOLERANCE_M,
     Flags,
@@ -41,13 +37,6 @@ __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
 
 FENCE = "fence"
 """The name that stands for the fences in answers about what is near or in the way."""
-
-_NODE_MARGIN_M = 0.01
-"""Corners of detours keep this much more than the clearance, so that legs along a zone's side
-never fail their own test by rounding."""
-
-_UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
-"""What is drawn of an airspace without a fence."""
 
 
 class Airspace:
@@ -96,10 +85,6 @@ class Airspace:
             f"{self.clearance_m} m, margin {self.margin_m} m)"
         )
 
-    def with_clearance(self, clearance_m: float) -> Airspace:
-        """The same with another clearance for all that has none of its own."""
-        return Airspace(self.fences, self.zones, clearance_m, self.margin_m, self.relaxed_m)
-
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
         return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.relaxed_m)
@@ -127,8 +112,7 @@ class Airspace:
         place = ShapelyPoint(point)
         beyond = self._index.distances_m(place) > 0
         zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
-        held = zip(self.fences, self._fences, strict=True)
-        return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
+        return self._of([fence.shape for fence in self._fences if fence.depth_m(place) >= 0], zones)
 
     def kept_from(self, start: Point, end: Point) -> Airspace:
         """The airspace with only those zones and fences that a leg keeps its distance from."""
@@ -136,8 +120,7 @@ class Airspace:
         far = self._index.far(leg)
         zones = (zone for zone, clear in zip(self.zones, far, strict=True) if clear)
         things, threshold_m = np.array([leg], dtype=object), self._fence_threshold_m
-        held = zip(self.fences, self._fences, strict=True)
-        return self._of([shape for shape, f in held if f.keeps(things, threshold_m)[0]], zones)
+        return self._of([f.shape for f in self._fences if f.keeps(things, threshold_m)[0]], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
         """The airspace with only the zones that come nearer than this to a point."""
@@ -271,35 +254,13 @@ class Airspace:
             return closest
         return min(closest, *(self.nearest(point) for point in points))
 
-    def nearest_clear(self, point: Point) -> Point | None:
-        """The closest place to go to: the point itself if it is clear; None if nowhere is."""
-        if self.point_clear(point):
-            return point
-        if self.free.is_empty:
-            return None
-        nearest, _ = nearest_points(self.free, ShapelyPoint(point))
-        found = Point(nearest.x, nearest.y)
-        return found if self.point_clear(found) else None
-
-    @cached_property
-    def free(self) -> BaseGeometry:
-        """The clear area, drawn a centimetre (and 0.3 % of the clearance) too small.
-
-        For finding places and telling regions apart; the tests above do not use it.
-        """
-        clear: BaseGeometry = shapely.box(*_UNFENCED_M)
-        for number, fence in enumerate(self.fences):
-            inside = rounded(fence, -(self.fence_distance_m + _NODE_MARGIN_M))
-            clear = clear.intersection(inside) if number else inside
-        return clear.difference(shapely.union_all(self.inflated(_NODE_MARGIN_M)))
-
-    def inflated(self, extra_m: float = 0.0) -> list[BaseGeometry]:
-        """Every zone, grown by the distance to keep from it and `extra_m`, or slightly more.
+    def inflated(self) -> list[BaseGeometry]:
+        """Every zone, grown by the distance to keep from it, or slightly more.
 
         In the order of `zones`.
         """
         reaches = zip(self.zones, self.distances_m, strict=True)
-        return [rounded(zone.shape, distance_m + extra_m) for zone, distance_m in reaches]
+        return [rounded(zone.shape, distance_m) for zone, distance_m in reaches]
 
     def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
         return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.relaxed_m)
@@ -311,7 +272,7 @@ class Airspace:
         return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
 
     def _clear(self, shape: BaseGeometry) -> bool:
-        return not self._index.any_close(shape) and self._within_fences(shape)
+        return not self._index.close(shape).size and self._within_fences(shape)
 
     def _within_fences(self, shape: BaseGeometry) -> bool:
         things = np.array([shape], dtype=object)

@@ -7,6 +7,10 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Point as ShapelyPoint
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
@@ -20,8 +24,12 @@ Ring = tuple[Point, ...]
 _LEAST_AREA_M2 = 1e-6
 _FARTHEST_M = 1e8
 _LEAST_SEGMENTS, _MOST_SEGMENTS = 12, 360
-_ARC_STEPS = 16  # of a quarter circle
 _EXCESS_M = 0.02  # how much farther out a grown circle's corners may be
+
+ARC_STEPS = 16  # of a quarter circle
+ARC_EXCESS = 1 / math.cos(0.75 * (math.pi / 2) / ARC_STEPS)
+"""GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
+compensation for the chord still falls short, this one does not."""
 
 
 class ZoneError(ValueError):
@@ -212,12 +220,7 @@ def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
 
 
 def circle_ring(
-    centre: Point,
-    radius_m: float,
-    *,
-    outward: bool = True,
-    segments: int = 48,
-    within_m: float | None = None,
+    centre: Point, radius_m: float, *, outward: bool = True, within_m: float | None = None
 ) -> Ring:
     """A circle as a polygon that lies around it (`outward`, a zone) or within it (a fence).
 
@@ -229,6 +232,7 @@ def circle_ring(
     """
     if not 0 < radius_m < math.inf:
         raise ZoneError(f"its radius is {radius_m} m, it must be more than 0", "zone-radius")
+    segments = 48
     if within_m is not None:
         ratio = radius_m / (radius_m + within_m) if outward else 1 - within_m / radius_m
         widest = math.acos(min(max(ratio, 0.0), 1.0))
@@ -277,21 +281,57 @@ def _explained(polygon: Polygon) -> tuple[str, Point | None]:
 
 
 def rounded(shape: Shape, reach_m: float) -> BaseGeometry:
-    """A shape grown by a distance, or by slightly more; shrunk when that is negative.
+    """A shape grown by a distance, or by slightly more.
 
     Corners become round: at most 0.3 % of the distance, and two centimetres at circles, more.
     """
     if isinstance(shape, Circle):
-        return _circle(shape, reach_m)
-    # GEOS rounds the number of steps of an arc, so that a step may be half as long again: the
-    # usual compensation for the chord still falls short, this one does not.
-    step = 1.5 * (math.pi / 2) / _ARC_STEPS
-    return shape.polygon.buffer(reach_m / math.cos(step / 2), quad_segs=_ARC_STEPS)
+        return Polygon(circle_ring(shape.centre, shape.radius_m + reach_m, within_m=_EXCESS_M))
+    return shape.polygon.buffer(reach_m * ARC_EXCESS, quad_segs=ARC_STEPS)
 
 
-def _circle(shape: Circle, reach_m: float) -> BaseGeometry:
-    radius_m = shape.radius_m + reach_m
-    if radius_m <= 0:
-        return Polygon()
-    outward = reach_m >= 0
-    return Polygon(circle_ring(shape.centre, radius_m, outward=outward, within_m=_EXCESS_M))
+PREPARED_FROM = 48
+"""Distances to shapes of fewer corners are found sooner without an index; measured."""
+
+
+class Fence:
+    """One fence: how far inside of its border things are, exactly; a circle is never a polygon."""
+
+    def __init__(self, shape: Shape) -> None:
+        self.shape = shape
+        self._circle = shape if isinstance(shape, Circle) else None  # None: a polygon
+        self._inside = shape.polygon  # area, prepared for many questions
+        self._border = shape.polygon.boundary  # prepared if it is long
+        if self._circle is None:
+            shapely.prepare(self._inside)
+            if shapely.get_num_coordinates(self._border) > PREPARED_FROM:
+                shapely.prepare(self._border)
+
+    def keeps(self, things: npt.NDArray[np.object_], threshold_m: float) -> npt.NDArray[np.bool_]:
+        """Which of these connected geometries are inside, and farther than this from the border."""
+        if len(things) == 0:
+            return np.zeros(0, dtype=bool)
+        if self._circle is not None:
+            # A circle is convex: it holds all of a thing when it holds the corners.
+            points, owners = shapely.get_coordinates(things, return_index=True)
+            reach_m = np.hypot(*(points - self._circle.centre).T)
+            farthest_m = np.zeros(len(things))
+            np.maximum.at(farthest_m, owners, reach_m)
+            return farthest_m < self._circle.radius_m - threshold_m
+        # A connected thing that stays away from the border is inside where any part of it is.
+        inside = shapely.intersects(self._inside, things)
+        return np.asarray(inside & ~shapely.dwithin(self._border, things, threshold_m))
+
+    def depth_m(self, place: ShapelyPoint) -> float:
+        """How far inside of the border a point is; negative: how far outside."""
+        if self._circle is not None:
+            return self._circle.radius_m - math.dist((place.x, place.y), self._circle.centre)
+        distance_m = float(self._border.distance(place))
+        return distance_m if self._inside.covers(place) else -distance_m
+
+    def distance_m(self, track: BaseGeometry) -> float:
+        """The least distance of a line to the border; of a circle, less than 0 once outside."""
+        if self._circle is None:
+            return float(self._border.distance(track))
+        reach_m = np.hypot(*(shapely.get_coordinates(track) - self._circle.centre).T)
+        return self._circle.radius_m - float(reach_m.max())

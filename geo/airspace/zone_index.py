@@ -13,8 +13,7 @@ from shapely import LineString, STRtree
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.fence import PREPARED_FROM
-from geo.airspace.zone import Circle, Shape, Zone
+from geo.airspace.zone import PREPARED_FROM, Circle, Zone
 from geo.frame import Point
 
 TOLERANCE_M = 1e-6
@@ -50,10 +49,6 @@ class ZoneIndex:
         near = self._tree.query(shape)
         return near[_dwithin(self._geometries[near], shape, self._thresholds_m[near])]
 
-    def any_close(self, shape: BaseGeometry) -> bool:
-        """Whether a shape is too near to any zone."""
-        return self.close(shape).size > 0
-
     def far(self, shape: BaseGeometry) -> Flags:
         """Of each zone whether a shape keeps its distance."""
         return ~_dwithin(self._geometries, shape, self._thresholds_m)
@@ -79,7 +74,9 @@ class ZoneIndex:
     @cached_property
     def _geometries(self) -> Geometries:
         """What distances are measured from: polygons, and the centres of circles."""
-        geometries = np.array([_solid(zone.shape) for zone in self._zones], dtype=object)
+        shapes = (zone.shape for zone in self._zones)
+        solids = [ShapelyPoint(s.centre) if isinstance(s, Circle) else s.polygon for s in shapes]
+        geometries = np.array(solids, dtype=object)
         shapely.prepare([g for g in geometries if shapely.get_num_coordinates(g) > PREPARED_FROM])
         return geometries
 
@@ -141,7 +138,3 @@ def leg_lines(starts: Floats, ends: Floats) -> Geometries:
     if still.any():
         lines[still] = shapely.points(starts[still])
     return lines
-
-
-def _solid(shape: Shape) -> BaseGeometry:
-    return ShapelyPoint(shape.centre) if isinstance(shape, Circle) else shape.polygon

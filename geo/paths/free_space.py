@@ -13,7 +13,6 @@ a path too near. Exact along straight sides; at corners of polygons
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import cast
@@ -25,7 +24,7 @@ from shapely import Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Circle, Shape, circle_ring, polygons_of
+from geo.airspace.zone import ARC_EXCESS, ARC_STEPS, Circle, Shape, circle_ring, polygons_of
 
 Shapes = npt.NDArray[np.object_]
 Floats = npt.NDArray[np.float64]
@@ -40,11 +39,6 @@ HAIR_M = 1e-4
 
 BEVEL = 1.03
 """Where mitred corners are cut off, in distances to keep: up to here they never fall short."""
-
-_ARC_STEPS = 16
-_ARC_EXCESS = 1 / math.cos(0.75 * (math.pi / 2) / _ARC_STEPS)
-"""GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
-compensation for the chord still falls short, this one does not."""
 
 _SHARP = 2.0
 """For shapes that are cut to arcs afterwards; a limit much higher than this falls short."""
@@ -102,13 +96,10 @@ class FreeSpace:
     def slack_m(self) -> float:
         """Farther out than this the drawn border of the clear area lies nowhere."""
         kept_m = max(self._airspace.fence_distance_m, 0.0, *self._airspace.distances_m)
-        widest_m = max((s.radius_m for s in self._circles), default=0.0) + kept_m
-        return (BEVEL - 1) * kept_m + _CIRCLE_SHARE * widest_m + 0.02
-
-    @property
-    def _circles(self) -> list[Circle]:
         shapes = (*(zone.shape for zone in self._airspace.zones), *self._airspace.fences)
-        return [shape for shape in shapes if isinstance(shape, Circle)]
+        radii_m = (shape.radius_m for shape in shapes if isinstance(shape, Circle))
+        widest_m = max(radii_m, default=0.0) + kept_m
+        return (BEVEL - 1) * kept_m + _CIRCLE_SHARE * widest_m + 0.02
 
     @cached_property
     def _lean_zones(self) -> Shapes:
@@ -125,7 +116,7 @@ class FreeSpace:
         missing = zones[[shape is None for shape in self._tight_zones[zones]]]
         drawn, reaches_m = self._zones[missing], self._reaches_m[missing]
         sharp = shapely.buffer(drawn, reaches_m, join_style="mitre", mitre_limit=_SHARP)
-        arcs = shapely.buffer(drawn, reaches_m * _ARC_EXCESS, quad_segs=_ARC_STEPS)
+        arcs = shapely.buffer(drawn, reaches_m * ARC_EXCESS, quad_segs=ARC_STEPS)
         self._tight_zones[missing] = shapely.intersection(sharp, arcs)
         for index in missing:
             if isinstance(shape := self._airspace.zones[index].shape, Circle):
@@ -152,8 +143,9 @@ class FreeSpace:
 
     @property
     def _plane(self) -> BaseGeometry:
-        west, south, east, north = _bounds(self._zones)
         far_m = _UNFENCED_M
+        bounds = shapely.total_bounds(self._zones) if len(self._zones) else (0.0, 0.0, 0.0, 0.0)
+        west, south, east, north = bounds
         return shapely.box(west - far_m, south - far_m, east + far_m, north + far_m)
 
     @cached_property
@@ -204,7 +196,7 @@ def _shrunk(fence: Shape, reach_m: float) -> BaseGeometry:
     if isinstance(fence, Circle):
         return _circle(fence, -reach_m, finest=True)
     sharp = fence.polygon.buffer(-reach_m, join_style="mitre", mitre_limit=_SHARP)
-    return sharp.union(fence.polygon.buffer(-reach_m * _ARC_EXCESS, quad_segs=_ARC_STEPS))
+    return sharp.union(fence.polygon.buffer(-reach_m * ARC_EXCESS, quad_segs=ARC_STEPS))
 
 
 def _circle(circle: Circle, reach_m: float, *, finest: bool = False) -> BaseGeometry:
@@ -214,10 +206,3 @@ def _circle(circle: Circle, reach_m: float, *, finest: bool = False) -> BaseGeom
         return Polygon()
     within_m = _CIRCLE_LEAST_M if finest else max(_CIRCLE_LEAST_M, _CIRCLE_SHARE * radius_m)
     return Polygon(circle_ring(circle.centre, radius_m, outward=reach_m > 0, within_m=within_m))
-
-
-def _bounds(shapes: Shapes) -> Bounds:
-    if not len(shapes):
-        return (0.0, 0.0, 0.0, 0.0)
-    west, south, east, north = shapely.total_bounds(shapes).tolist()
-    return west, south, east, north

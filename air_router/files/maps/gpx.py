@@ -18,8 +18,7 @@ from air_router.files.settings import DEFAULT_SPEED_M_S
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import NO_TERMS
-from geo.frame import FrameError, Geodetic, LocalFrame
-from geo.geodesic import polar
+from geo.frame import FrameError, Geodetic, LocalFrame, polar
 from mocha_link.team.problem import DocumentError
 
 _HOME, _RALLY_POINT, _ZONE = "home", "rally_point", "zone"

@@ -33,8 +33,7 @@ from air_router.files.maps.zone_reading import (
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, terms_data
-from geo.frame import Geodetic
-from geo.geodesic import circle_around
+from geo.frame import Geodetic, circle_around
 
 _FOLDERS: Final = frozenset({"kml", "Document", "Folder"})
 _NOT_FOLLOWED: Final = frozenset(
@@ -242,7 +241,7 @@ def kml_text(feature_set: FeatureSet) -> str:
     folders: dict[str, ET.Element] = {}
     for kind, area in feature_set.areas():
         _add_area(_folder(document, kind, folders), kind, area, feature_set.home_altitude_amsl_m)
-    for kind, spot in feature_set.spots():
+    for kind, spot in feature_set.spots:
         _add_spot(_folder(document, kind, folders), kind, spot, feature_set.home_altitude_amsl_m)
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

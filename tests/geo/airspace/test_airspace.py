@@ -127,12 +127,12 @@ def test_closest_approach_of_a_track():
 
 def test_nearest_clear_place():
     space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED)
-    assert space.nearest_clear(P(50, 50)) == (50, 50)
-    near = space.nearest_clear(P(5, 8))
-    assert near == pytest.approx((5, 15.01), abs=0.05)
-    assert space.nearest_clear(P(0, 300)) == pytest.approx((0, 94.99), abs=0.05)
+    paths = ShortestPaths(space)
+    assert paths.nearest(P(50, 50)) == (50, 50)
+    assert paths.nearest(P(5, 8)) == pytest.approx((5, 15), abs=0.05)
+    assert paths.nearest(P(0, 300)) == pytest.approx((0, 95), abs=0.05)
     full = airspace(box("all", -99, -99, 99, 99), fence=FENCED)
-    assert full.nearest_clear(P(0, 0)) is None
+    assert ShortestPaths(full).nearest(P(0, 0)) is None
 
 
 def test_holders_say_what_one_is_in():

@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely import Point as ShapelyPoint
@@ -12,6 +13,8 @@ from shapely import Point as ShapelyPoint
 from geo.airspace.airspace import FENCE, TOLERANCE_M, Airspace
 from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
+from geo.paths.free_space import FreeSpace
+from geo.paths.shortest import ShortestPaths
 from geo.validity import Period, Validity
 from tests.geo import exact
 from tests.geo.shapes import box, box_ring, place, shapes
@@ -52,7 +55,7 @@ def test_a_circle_as_a_fence():
     assert space.blockers(P(0, 0), P(0, 96)) == (FENCE,)
     assert space.track_distance_m([P(0, 0), P(0, 90)]) == (10, FENCE)
     assert space.track_distance_m([P(0, 0), P(0, 110), P(0, 0)]) == (-10, FENCE)
-    assert space.nearest_clear(P(0, 300)) == pytest.approx((0, 95), abs=0.1)
+    assert ShortestPaths(space).nearest(P(0, 300)) == pytest.approx((0, 95), abs=1)
 
 
 def test_a_corridor_between_two_circles_is_as_wide_as_it_is():
@@ -72,7 +75,7 @@ def test_the_hole_of_a_zone_is_free_and_no_way_leads_out():
     assert space.distance_m(P(40, 0)) == -10
     assert space.distance_m(P(32, 0)) == -2
     assert space.holders(P(0, 0)) == ()
-    assert len(space.free.geoms) == 2
+    assert len(FreeSpace(space).tight()) == 2
 
 
 def test_the_hole_of_a_fence_is_out_of_bounds():
@@ -95,15 +98,15 @@ def test_the_vehicle_stays_inside_of_all_fences():
         assert space.holders(beyond) == (FENCE,)
         assert not space.leg_clear(P(60, 0), beyond)
     assert space.distance_m(P(60, 20)) == pytest.approx(10)
-    free = space.free
+    (free,) = FreeSpace(space).tight()
     assert free.covers(ShapelyPoint(60, 0))
     west, south, east, north = free.bounds
     assert west > 25
     assert east < 95.01
     assert (south, north) == pytest.approx((-25, 25), abs=0.05)
     apart = Airspace([Circle(P(-50, 0), 10), Circle(P(50, 0), 10)], [], 0)
-    assert apart.free.is_empty
-    assert apart.nearest_clear(P(0, 0)) is None
+    assert FreeSpace(apart).tight() == []
+    assert ShortestPaths(apart).nearest(P(0, 0)) is None
 
 
 def test_no_fence_in_every_form():
@@ -131,8 +134,6 @@ def test_a_zone_may_have_its_own_clearance():
     assert (space.kept_m("far"), space.kept_m("near"), space.kept_m(FENCE)) == (20, 0.5, 5)
     with pytest.raises(KeyError):
         space.kept_m("nothing")
-    assert space.with_clearance(7).distances_m == (20, 0.5, 7)
-    assert planning.with_clearance(7).fence_distance_m == 8.5
 
 
 def test_spare_distance_weighs_what_is_kept():
@@ -262,12 +263,13 @@ def test_in_bulk_the_answers_are_the_same(drawn, fences, places, clearance_m):
 def test_drawn_free_space_is_clear_and_hardly_smaller(drawn, fences, clearance_m, probe):
     space = Airspace(fences, drawn, clearance_m)
     inside = ShapelyPoint(probe)
-    if space.free.covers(inside):
+    free = shapely.union_all(FreeSpace(space).tight())
+    if free.covers(inside):
         assert space.point_clear(probe)
     spare_m, _ = space.spare_m(probe)
     if spare_m > 0.04 + 0.005 * max(clearance_m, *space.distances_m, 0.0):
-        assert space.free.covers(inside)
-    near = space.nearest_clear(probe)
+        assert free.covers(inside)
+    near = ShortestPaths(space).nearest(probe)
     assert near is None or space.point_clear(near)
 
 
@@ -279,7 +281,7 @@ def test_nothing_in_bulk_is_nothing():
 
 def test_inflated_zones_reach_as_far_as_must_be_kept():
     zones = [Zone("c", Circle(P(0, 0), 10), clearance_m=2), box("b", 50, 0, 60, 10)]
-    circle, square = Airspace(None, zones, 5, 1).inflated(0.5)
+    circle, square = Airspace(None, zones, 5, 1.5).inflated()
     assert circle.bounds == pytest.approx((-13.5, -13.5, 13.5, 13.5), abs=0.05)
     assert square.bounds == pytest.approx((43.5, -6.5, 66.5, 16.5), abs=0.05)
     for step in range(360):
