@@ -17,7 +17,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.planners import Leg, Planner, planner_of
 from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
-from geo.paths.regions import Regions
+from geo.paths.separators import separators
 
 __all__ = ["Leg", "NoRoute", "Route", "Router"]
 
@@ -180,7 +180,7 @@ class Router:
         )
 
     def _no_route(self, start: Point, target: Leg, rule: Departure) -> NoRoute:
-        walls = Regions(self._airspace).separators(start, target.to)
+        walls = separators(self._airspace, start, target.to)
         if walls:
             kept_m = sorted({self._airspace.kept_m(name) for name in walls})
             keep = " and ".join(f"{metres:g} m" for metres in kept_m)

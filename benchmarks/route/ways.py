@@ -15,9 +15,8 @@ from benchmarks.route.maps import Map
 from geo.frame import Point
 from geo.paths.free_space import HAIR_M, FreeSpace
 from geo.paths.mesh import Mesh
-from geo.paths.mesh_paths import shortest
 from geo.paths.polyanya import Source
-from geo.paths.shortest import path_length_m, shortest_paths
+from geo.paths.shortest import path_length_m, shortest, shortest_paths
 
 Query = Callable[[Point, Point], float | None]
 """Length of the path between two places; None if there is none."""

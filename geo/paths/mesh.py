@@ -12,7 +12,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import Polygon
+from shapely import Point as ShapelyPoint
+from shapely import Polygon, STRtree
 
 from geo.frame import Point
 
@@ -45,16 +46,15 @@ class Mesh:
     Attributes:
         entries: every side of every triangle as an `Entry`, that leads into no dead end.
         back: for every side of a triangle, the entry into the neighbour behind it; -1: border.
-        places, east_m, north_m: the vertices.
+        places: the vertices.
         corner: whether paths turn at a vertex: the area takes more than half of the way around it.
         part: for every triangle, the number of the part that it belongs to.
     """
 
     def __init__(self, parts: Sequence[Polygon]) -> None:
         cut = shapely.constrained_delaunay_triangles(np.array(parts, dtype=object))
-        part = np.repeat(np.arange(len(parts)), shapely.get_num_geometries(cut))
-        outlines = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
-        del cut
+        pieces, part = shapely.get_parts(cut, return_index=True)
+        outlines = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
         triangles, east_m, north_m = _vertices(outlines)
         back, left, right = _neighbours(triangles, len(east_m))
         self.part = part
@@ -68,9 +68,7 @@ class Mesh:
 
         self.back = listed(back)
         self._dead_ends = listed(dead_ends)  # entry into each triangle of one; else -1
-        self.east_m: list[float] = east_m.tolist()
-        self.north_m: list[float] = north_m.tolist()
-        self.places = list(zip(self.east_m, self.north_m, strict=True))
+        self.places: list[Place] = list(zip(east_m.tolist(), north_m.tolist(), strict=True))
         sides = (listed(np.roll(triangles, -step, axis=1)) for step in range(3))
         self.entries: list[Entry] = list(zip(*sides, listed(left), listed(right), strict=True))
         self.corner: list[bool] = _reflex(triangles, east_m, north_m).tolist()
@@ -80,7 +78,7 @@ class Mesh:
         self._border = np.stack([east_m, north_m], axis=1)[  # starts and ends of sides
             np.stack([triangles.ravel()[border], ends])
         ]
-        self._index = _Cells(east_m[triangles], north_m[triangles])  # for `holding`
+        self._tree = STRtree(pieces)  # for `holding`
 
     def __len__(self) -> int:
         return len(self.part)
@@ -100,37 +98,26 @@ class Mesh:
 
     def holding(self, point: Point) -> list[int]:
         """The triangles that a point is in: several where it lies on a side or on a vertex."""
-        places, found = self.places, []
-        for triangle in self._index.near(*point):
-            one, two, three, _, _ = self.entries[3 * triangle]
-            a, b, c = places[one], places[two], places[three]
-            for start, end in ((a, b), (b, c), (c, a)):  # on the left of each side, or on it
-                along_e, along_n = end[0] - start[0], end[1] - start[1]
-                hand = along_e * (point[1] - start[1]) - along_n * (point[0] - start[0])
-                if hand < -ON_M * math.hypot(along_e, along_n):
-                    break
-            else:
-                found.append(triangle)
-        return found
+        if not math.isfinite(point[0] + point[1]):
+            return []
+        found = self._tree.query(ShapelyPoint(point), predicate="dwithin", distance=ON_M)
+        held: list[int] = np.sort(found).tolist()
+        return held
 
     def part_of(self, point: Point) -> int | None:
         """The number of the part that a point lies in; None if it is outside of the area."""
         held = self.holding(point)
         return int(self.part[held[0]]) if held else None
 
-    def nearest(self, point: Point, part: int | None = None) -> tuple[float, Point, int]:
-        """The place on the border (of one part) nearest to a point: how far, where, which part.
+    def nearest(self, point: Point, part: int | None = None) -> tuple[Point, int]:
+        """The place on the border (of one part) nearest to a point, and in which part it is.
 
-        Raises:
-            ValueError: the area (or that part of it) is empty.
+        The area (or that part of it) is not empty.
         """
         mine = np.flatnonzero(self._border_part == part) if part is not None else slice(None)
         places, away_m = self._feet(point, mine)
-        if not len(places):
-            raise ValueError("an empty area has no border")
         best = int(np.argmin(away_m))
-        found = int(self._border_part[mine][best])
-        return float(away_m[best]), Point(*places[best].tolist()), found
+        return Point(*places[best].tolist()), int(self._border_part[mine][best])
 
     def all_around(self, point: Point, directions: int) -> list[Point]:
         """The nearest place on the border in each of so many directions, nearest first."""
@@ -213,57 +200,6 @@ def _reflex(triangles: Integers, east_m: Floats, north_m: Floats) -> npt.NDArray
     dot = to_next[0] * to_last[0] + to_next[1] * to_last[1]
     angles = np.arctan2(_cross(*to_next, *to_last), dot)
     return np.bincount(triangles.ravel(), angles.ravel(), minlength=len(east_m)) > _REFLEX
-
-
-class _Cells:
-    """Which triangles reach into which square of a grid, so that few are asked for a point.
-
-    The grid spans the middle of the vertices; what lies beyond counts as in its outermost squares.
-    """
-
-    def __init__(self, east_m: Floats, north_m: Floats) -> None:
-        self._side = max(1, math.isqrt(len(east_m)))  # squares in each direction
-        self._west_m, self._step_east_m = self._span(east_m)  # edge, square's width
-        self._south_m, self._step_north_m = self._span(north_m)  # edge, square's height
-        first_column = self._columns(east_m.min(axis=1) - ON_M)
-        first_row = self._rows(north_m.min(axis=1) - ON_M)
-        wide = self._columns(east_m.max(axis=1) + ON_M) - first_column + 1
-        high = self._rows(north_m.max(axis=1) + ON_M) - first_row + 1
-        counts = wide * high
-        who = np.repeat(np.arange(len(counts)), counts)
-        nth = np.arange(len(who)) - np.repeat(np.cumsum(counts) - counts, counts)
-        cells = (first_row[who] + nth // wide[who]) * self._side + first_column[who]
-        cells += nth % wide[who]
-        # triangles, by square
-        self._members = who[np.argsort(cells, kind="stable")].astype(np.int32)
-        counted = np.bincount(cells, minlength=self._side**2)
-        self._ends: list[int] = [0, *np.cumsum(counted).tolist()]  # of each square in `_members`
-
-    def near(self, east_m: float, north_m: float) -> list[int]:
-        """The triangles that reach into the square of a point."""
-        if not math.isfinite(east_m + north_m):
-            return []
-        last = self._side - 1
-        column = min(max((east_m - self._west_m) / self._step_east_m, 0.0), last)
-        row = min(max((north_m - self._south_m) / self._step_north_m, 0.0), last)
-        cell = int(row) * self._side + int(column)
-        near: list[int] = self._members[self._ends[cell] : self._ends[cell + 1]].tolist()
-        return near
-
-    def _span(self, values_m: Floats) -> tuple[float, float]:
-        if not values_m.size:
-            return 0.0, 1.0
-        low_m, high_m = np.quantile(values_m, (0.02, 0.98)).tolist()
-        return low_m, (high_m - low_m) / self._side or 1.0
-
-    def _columns(self, values_m: Floats) -> Integers:
-        return self._squares((values_m - self._west_m) / self._step_east_m)
-
-    def _rows(self, values_m: Floats) -> Integers:
-        return self._squares((values_m - self._south_m) / self._step_north_m)
-
-    def _squares(self, steps: Floats) -> Integers:
-        return np.clip(steps, 0, self._side - 1).astype(np.intp)
 
 
 def _cross(a_east: Floats, a_north: Floats, b_east: Floats, b_north: Floats) -> Floats:

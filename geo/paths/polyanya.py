@@ -325,7 +325,7 @@ class Search:
 
 
 class CornerSearch(Search):
-    """A search that only notes where it could turn; it never arrives."""
+    """A search that never arrives: it notes the corners seen at which a shortest path may turn."""
 
     def __init__(self, mesh: Mesh, sources: Sequence[Source], goal: Point) -> None:
         super().__init__(mesh, sources, goal)

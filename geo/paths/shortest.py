@@ -18,8 +18,7 @@ from geo.airspace.airspace import Airspace
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.mesh import Mesh
-from geo.paths.mesh_paths import seen_corners, shortest
-from geo.paths.polyanya import Source
+from geo.paths.polyanya import CornerSearch, Search, Source
 
 Path = tuple[Point, ...]
 
@@ -29,7 +28,6 @@ _CORNER_EXCESS = 0.2
 _WORTH = 0.03
 """A path that may be this share longer than it must be is looked for again in the tight shape."""
 
-
 _BLUNT = math.radians(40)
 """Turns along an arc are made one up to here: an arc gets 4 % longer, and has few corners."""
 
@@ -37,6 +35,10 @@ _DIRECTIONS = 48
 
 _OUT_M, _OUT_TRIES = 300.0, 200
 """How far ways out of a tight place are looked for, and to how many corners at most."""
+
+_PATIENCE = 100
+"""After so many nodes a path is looked for from its end too, as one end may be walled in. Then, so
+many at a time, the search goes on that knows the path to be longer: it is likely the nearer one."""
 
 
 @lru_cache(maxsize=8)
@@ -117,10 +119,10 @@ class ShortestPaths:
         if reachable_from is not None:
             part = self.part_of(reachable_from)
             if part is None:
-                part = self.mesh.nearest(reachable_from)[2]
+                part = self.mesh.nearest(reachable_from)[1]
         if self.airspace.point_clear(point) and part in {None, self.part_of(point)}:
             return point
-        found = self.mesh.nearest(point, part)[1]
+        found = self.mesh.nearest(point, part)[0]
         return found if self.airspace.point_clear(found) else None
 
     def exits(self, point: Point) -> list[Point]:
@@ -136,7 +138,7 @@ class ShortestPaths:
         """
         if not len(self.mesh):
             return None
-        places = [self.mesh.nearest(point)[1], *self.mesh.corners_within(point, _OUT_M)]
+        places = [self.mesh.nearest(point)[0], *self.mesh.corners_within(point, _OUT_M)]
         for least_m in (_OUT_M / 8, _OUT_M):  # few zones are near enough for a short one
             best: Path | None = None
             local = ShortestPaths(near.around(point, least_m + max(least_m / 2, self._kept_m)))
@@ -184,7 +186,7 @@ class ShortestPaths:
             return (point,), part
         if not len(mesh) or not self.airspace.point_clear(point):
             return None
-        _, place, part = mesh.nearest(point)
+        place, part = mesh.nearest(point)
         if self.airspace.leg_clear(point, place):
             return (point, place), part
         if mesh is not self.mesh:
@@ -193,7 +195,7 @@ class ShortestPaths:
         for place in mesh.all_around(point, _DIRECTIONS):
             path = shortest(nearby, [Source(0.0, point)], place)
             if path is not None and self._all_clear(path):
-                return path, mesh.nearest(place)[2]
+                return path, mesh.nearest(place)[1]
         return None
 
     def _nearby(self, point: Point) -> Mesh:
@@ -227,7 +229,7 @@ class ShortestPaths:
             beside_m: how much of it leads into the mesh and out of it, and may be a detour.
         """
         length_m = path_length_m(path)
-        excess_m = _turned(path) * _CORNER_EXCESS * self._kept_m + 2 * beside_m
+        excess_m = sum(map(abs, _turns(path))) * _CORNER_EXCESS * self._kept_m + 2 * beside_m
         if excess_m < _WORTH * length_m:
             return path
         # All that is as near is within an ellipse around the ends.
@@ -257,8 +259,10 @@ class ShortestPaths:
         goal = self._landing(mesh, end)
         if goal is None:
             return None
-        begin = start if mesh.part_of(start) is not None else mesh.nearest(start)[1]
-        places = [begin, *doors, *seen_corners(mesh, begin, goal[0][-1])]
+        begin = start if mesh.part_of(start) is not None else mesh.nearest(start)[0]
+        search = CornerSearch(mesh, [Source(0.0, begin)], goal[0][-1])
+        search.run(math.inf)
+        places = [begin, *doors, *search.corners]
         sources = [Source(math.dist(start, place), place) for place in dict.fromkeys(places)]
         path = shortest(mesh, sources, goal[0][-1], allowed=first)
         if path is None:
@@ -271,14 +275,39 @@ class ShortestPaths:
         return bool(self.airspace.legs_clear_between(places[:-1], places[1:]).all())
 
 
+def shortest(
+    mesh: Mesh,
+    sources: Sequence[Source],
+    goal: Point,
+    *,
+    allowed: Callable[[Point], bool] | None = None,
+) -> Path | None:
+    """The shortest path to the goal from any of the sources, its source first.
+
+    Args:
+        mesh: where the path stays.
+        sources: where it may begin.
+        goal: where it ends.
+        allowed: asked for a source, only when a path from there may be the shortest.
+
+    Returns:
+        The path; None if there is none, or where the goal is not in the mesh.
+    """
+    ahead = Search(mesh, sources, goal, allowed)
+    patience: float = _PATIENCE if len(sources) == 1 and allowed is None else math.inf
+    if ahead.run(patience):
+        return ahead.path
+    back = Search(mesh, [Source(sources[0].length_m, goal)], sources[0].place)
+    search = back
+    while not search.run(patience):
+        search = max(ahead, back, key=lambda one: one.least_m)
+    path = search.path
+    return path[::-1] if path is not None and search is back else path
+
+
 def path_length_m(path: Sequence[Point]) -> float:
     """Length of the line through the points, in metres."""
     return sum(math.dist(a, b) for a, b in pairwise(path))
-
-
-def _turned(path: Path) -> float:
-    """By how much a path turns in all, in radians."""
-    return sum(map(abs, _turns(path)))
 
 
 def _turns(path: Path) -> list[float]:

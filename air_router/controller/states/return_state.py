@@ -22,7 +22,7 @@ from air_router.routing.departure import names_of
 from air_router.routing.router import Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
-from geo.paths.regions import Regions
+from geo.paths.separators import separators
 
 POSITION_S: Final = 1.0
 """A vehicle whose positions have been missing for longer is not known to be above home."""
@@ -109,7 +109,7 @@ class HomeReachability:
             self.walls = ()
         else:
             airspace = mission.planning_airspace
-            walls = Regions(airspace).separators(place, home)
+            walls = separators(airspace, place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 
     def _words(self, telemetry: Telemetry, *, due: bool) -> str:

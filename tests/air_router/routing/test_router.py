@@ -474,7 +474,7 @@ def test_a_vehicle_inside_a_zone_takes_the_short_way_out_and_says_so(tmp_path, i
     assert "inside no-fly zone 'wall'" in route.warnings[0]
     first = route.legs[0].to
     assert router.check_leg(Point(*inside), first)
-    nearest = mission.planning_airspace.nearest_clear(Point(*inside))
+    nearest = ShortestPaths(mission.planning_airspace).nearest(Point(*inside))
     out = LineString([inside, first])
     assert out.intersection(judge.zones).length <= 1.5 * math.dist(inside, nearest) + 1
     assert judge.clear(first)

@@ -11,7 +11,7 @@ from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
-from geo.paths.regions import Regions
+from geo.paths.separators import separators
 from geo.paths.shortest import ShortestPaths, shortest_paths
 
 
@@ -69,19 +69,16 @@ def test_no_path_into_a_walled_yard_and_who_walls_it():
     space = Airspace(FENCED, walls, 5)
     inside, outside = Point(0, 0), Point(80, -80)
     assert shortest_paths(space).path(inside, outside) is None
-    regions = Regions(space)
-    assert not regions.connected(inside, outside)
-    assert regions.separators(inside, outside) == ("south", "north", "west", "east")
-    assert regions.separators(inside, Point(5, 5)) == ()
-    without = Regions(space.without(["east"]))
-    assert without.connected(inside, outside)
+    assert not shortest_paths(space).connected(inside, outside)
+    assert separators(space, inside, outside) == ("south", "north", "west", "east")
+    assert separators(space, inside, Point(5, 5)) == ()
+    assert shortest_paths(space.without(["east"])).connected(inside, outside)
 
 
 def test_a_zone_from_fence_to_fence_separates_with_the_fence():
     space = Airspace(FENCED, [box("river", -120, -5, 120, 5), box("shed", 50, 50, 60, 60)], 5)
-    regions = Regions(space)
-    assert len(regions) == 2
-    assert regions.separators(Point(0, 50), Point(0, -50)) == (FENCE, "river")
+    assert len(shortest_paths(space).space.lean) == 2
+    assert separators(space, Point(0, 50), Point(0, -50)) == (FENCE, "river")
     assert shortest_paths(space).path(Point(0, 50), Point(0, -50)) is None
 
 
@@ -89,8 +86,8 @@ def test_without_a_fence_there_is_always_a_way_around():
     space = Airspace(None, [box("river", -1000, -5, 1000, 5)], 5)
     path = shortest_paths(space).path(Point(0, 50), Point(0, -50))
     assert path is not None
-    assert len(Regions(Airspace(None, [], 5))) == 1
-    assert Regions(space).connected(Point(0, 50), Point(40_000, -30_000))
+    assert len(shortest_paths(Airspace(None, [], 5)).space.lean) == 1
+    assert shortest_paths(space).connected(Point(0, 50), Point(40_000, -30_000))
 
 
 @pytest.mark.parametrize(("gap_m", "open_"), [(9.9, False), (10.2, True), (11, True)])
@@ -99,7 +96,7 @@ def test_a_gap_is_open_when_it_is_wider_than_twice_the_clearance(gap_m, open_):
     space = Airspace(FENCED, walls, 5)
     path = shortest_paths(space).path(Point(-50, 50), Point(50, -50))
     assert (path is not None) is open_
-    assert Regions(space).connected(Point(-50, 50), Point(50, -50)) is open_
+    assert shortest_paths(space).connected(Point(-50, 50), Point(50, -50)) is open_
 
 
 @pytest.mark.parametrize(
@@ -206,4 +203,4 @@ def test_an_airspace_without_room_has_no_paths_and_no_places():
     assert paths.nearest(Point(0, 0)) is None
     assert paths.part_of(Point(0, 0)) is None
     assert not paths.connected(Point(0, 0), Point(1, 1))
-    assert len(Regions(full)) == 0
+    assert paths.space.lean == []

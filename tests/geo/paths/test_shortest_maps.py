@@ -13,9 +13,8 @@ from shapely import LineString, Polygon
 
 from benchmarks.route.maps import made, read
 from geo.frame import Point
-from geo.paths.mesh_paths import shortest
 from geo.paths.polyanya import Source
-from geo.paths.shortest import ShortestPaths, path_length_m
+from geo.paths.shortest import ShortestPaths, path_length_m, shortest
 from tests.geo.optimum import BruteForce, Ground, gridded, places, scattered
 
 MAPS = sorted((Path(__file__).parents[2] / "data" / "maps").glob("*.json"))
@@ -111,7 +110,7 @@ def test_lengths_are_those_that_brute_force_finds(kind, step):
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from([0.0, 5.0]))
 def test_searches_find_what_brute_force_finds_in_the_same_area(seed, on_grid, clearance_m):
     ground, chance = (gridded if on_grid else scattered)(seed)
-    paths = ShortestPaths(ground.airspace.with_clearance(clearance_m))
+    paths = ShortestPaths(ground.airspace.with_margin(clearance_m - 5))
     optimum = BruteForce(shapely.union_all(paths.space.lean))
     for start, goal in pairs(places(chance, 6, 5 if on_grid else None)):
         path = shortest(paths.mesh, [Source(0.0, start)], goal)
@@ -162,7 +161,7 @@ def test_more_clearance_never_makes_a_path_shorter_or_possible(seed, more_m):
     ground, chance = scattered(seed)
     start, goal = places(chance, 2)
     narrow = ShortestPaths(ground.airspace).path(start, goal)
-    wide = ShortestPaths(ground.airspace.with_clearance(5 + more_m)).path(start, goal)
+    wide = ShortestPaths(ground.airspace.with_margin(more_m)).path(start, goal)
     if wide is not None:
         assert narrow is not None
         # Short paths are looked at more closely than long ones, within 3 %.

@@ -1,4 +1,4 @@
-"""Which places can be reached from one another at all, and which zones keep others apart."""
+"""Which zones keep two places of an airspace apart."""
 
 from __future__ import annotations
 
@@ -20,45 +20,27 @@ _Suspects = tuple[int, ...]
 _FENCES = -1
 
 
-class Regions:
-    """The connected parts of an airspace's clear area."""
+def separators(airspace: Airspace, a: Point, b: Point) -> tuple[str, ...]:
+    """Names of zones (and the fence) that together leave no way between two clear places.
 
-    def __init__(self, airspace: Airspace) -> None:
-        self._airspace = airspace
-        self._paths = shortest_paths(airspace)
+    None of the names could be left out. Empty when the places are connected, or not clear.
+    """
+    paths = shortest_paths(airspace)
+    one, other = paths.part_of(a), paths.part_of(b)
+    if one is None or other is None or one == other:
+        return ()
+    space = paths.space
+    walls = [_wall(space, space.lean[one], b), _wall(space, space.lean[other], a)]
+    suspects = min((wall for wall in walls if wall), key=len, default=())
+    needed = _needed(suspects, lambda some: _apart(space, some, a, b))
+    return tuple(FENCE if index == _FENCES else airspace.zones[index].name for index in needed)
 
-    def __len__(self) -> int:
-        return len(self._paths.space.lean)
 
-    def of(self, point: Point) -> int | None:
-        """The number of the region that a place lies in; None if it is not clear."""
-        return self._paths.part_of(point)
-
-    def connected(self, a: Point, b: Point) -> bool:
-        """Whether a clear way from one place to the other exists."""
-        return self._paths.connected(a, b)
-
-    def separators(self, a: Point, b: Point) -> tuple[str, ...]:
-        """Names of zones (and the fence) that together leave no way between two clear places.
-
-        None of the names could be left out. Empty when the places are connected, or not clear.
-        """
-        one, other = self.of(a), self.of(b)
-        if one is None or other is None or self.connected(a, b):
-            return ()
-        space = self._paths.space
-        walls = [self._wall(space.lean[one], b), self._wall(space.lean[other], a)]
-        suspects = min((wall for wall in walls if wall), key=len, default=())
-        needed = _needed(suspects, lambda some: _apart(space, some, a, b))
-        zones = self._airspace.zones
-        return tuple(FENCE if index == _FENCES else zones[index].name for index in needed)
-
-    def _wall(self, part: Polygon, beyond: Point) -> _Suspects:
-        """What bounds a part of the clear area on the side of a place outside of it."""
-        ring = _facing(part, beyond)
-        zones = self._paths.space.touching(ring).tolist()
-        fences = [_FENCES] if self._paths.space.fence_touches(ring) else []
-        return (*fences, *zones)
+def _wall(space: FreeSpace, part: Polygon, beyond: Point) -> _Suspects:
+    """What bounds a part of the clear area on the side of a place outside of it."""
+    ring = _facing(part, beyond)
+    fences = [_FENCES] if space.fence_touches(ring) else []
+    return (*fences, *space.touching(ring).tolist())
 
 
 def _facing(part: Polygon, beyond: Point) -> LinearRing:
