@@ -9,8 +9,14 @@ from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
 from air_router.cli.command_line import print_json
 from air_router.coverage.camera import CAMERAS, SurveyCamera, camera_of
 from air_router.coverage.cover_area import CoverOptions, read_field
-from air_router.coverage.cover_facts import facts_of, lines_of, place_of
-from air_router.coverage.cover_write import place_text, waypoints_of, written
+from air_router.coverage.cover_output import (
+    facts_of,
+    lines_of,
+    place_of,
+    place_text,
+    waypoints_of,
+    written,
+)
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.files.whole_file import write_whole
 from geo.coverage.coverage import CoverageError, Swath, cover

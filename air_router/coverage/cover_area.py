@@ -16,8 +16,8 @@ from air_router.files.mission_document import Area, MissionDocument, MissionPoin
 from air_router.files.missions.mission_form import AreaForm
 from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
 from air_router.files.whole_file import PlacedSource
-from air_router.mission.airspaces import FlightWindow, airspaces_of
 from air_router.mission.loading import read_draft, validate
+from air_router.mission.mission import FlightWindow, areas_of
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -126,7 +126,8 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     altitude_m = altitude_m if own_m else mission.altitude_above_home_m
     airspace = mission.planning_airspace
     if terms.inside:
-        airspace = _fenced(airspace, shape)
+        fences = (*airspace.fences, _outline(shape))
+        airspace = Airspace(fences, airspace.zones, airspace.clearance_m, airspace.margin_m)
     return Field(shape, draft, draft.frame, airspace, mission.home, altitude_m)
 
 
@@ -160,10 +161,9 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     shape = _shape(zones, frame)
     if terms.inside:
         draft.fences.append(Area(FENCE, _outline(shape), ()))
-    airspaces = airspaces_of(draft, FlightWindow.of(datetime.now(UTC), None, None))
-    airspace = airspaces.cruise.with_margin(settings.tracking_margin_m)
+    areas = areas_of(draft, FlightWindow.of(datetime.now(UTC), None, None))
     home = None if draft.home is None else draft.home.position
-    return Field(shape, draft, frame, airspace, home, terms.altitude_m)
+    return Field(shape, draft, frame, areas.planning_airspace, home, terms.altitude_m)
 
 
 def _drawn(path: Path) -> list[MapArea]:
@@ -182,8 +182,6 @@ def _drawn(path: Path) -> list[MapArea]:
 def _yaml_area(path: Path) -> MapArea:
     """`polygon` (with `holes`) or `circle`, as in a mission; or a list of corners."""
     document = Document.load(path)
-    if isinstance(document.data, list):
-        document.data = {"polygon": document.data}
     form = document.parse(AreaForm)
     if form.circle is not None:
         circle = MapCircle(Geodetic(*form.circle.centre), form.circle.radius_m)
@@ -201,12 +199,6 @@ def _shape(zones: Sequence[MapArea], frame: LocalFrame) -> BaseGeometry:
     if problems:
         raise MissionFileError(problems)
     return shapely.union_all([s.polygon for s in shapes if not isinstance(s, Problem)])
-
-
-def _fenced(airspace: Airspace, shape: BaseGeometry) -> Airspace:
-    """The airspace with the area as another fence."""
-    fences = (*airspace.fences, _outline(shape))
-    return Airspace(fences, airspace.zones, airspace.clearance_m, airspace.margin_m)
 
 
 def _outline(shape: BaseGeometry) -> Outline:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import pairwise
 
 import shapely
@@ -20,21 +21,17 @@ from shapely.geometry.base import BaseGeometry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import polygons_of
 from geo.coverage.row_order import Joiner, Row, cells_of, in_order
-from geo.coverage.scan_lines import Sweep
-from geo.coverage.unseen import UnseenGround, explain
-from geo.coverage.visibility import CoverageError, Swath, Visibility
+from geo.coverage.visibility import CoverageError, Swath, Sweep, Visibility
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.mesh import Mesh
-from geo.paths.mesh_paths import shortest
 from geo.paths.polyanya import Source
-from geo.paths.shortest import shortest_paths
+from geo.paths.shortest import shortest, shortest_paths
 
 __all__ = ["Coverage", "CoverageError", "Swath", "cover"]
 
 _MARGIN_M = 0.03
 """Rows keep this much more than the clearance: degrees of seven decimals move them by 8 mm."""
-
 
 _TRIED = 3
 """So many of the most promising bearings are planned to the end."""
@@ -176,15 +173,86 @@ def _plan(
     order = in_order(cells, path, start)
     flown = [sweep.span(row.start, row.end) for row in order.rows]
     seen = sweep.turned(sight.seen(flown)).intersection(sight.target)
-    plan = Coverage(
-        bearing_deg=bearing_deg,
-        rows=order.rows,
-        track=order.track,
-        way_out=order.way_out,
-        way_back=order.way_back,
-        target=sight.target,
-        seen=seen,
-        missed=(),
-    )
+    plan = Coverage(bearing_deg, *order, sight.target, seen, missed=())
     missed_m = (sight.target.area - seen.area) / sight.swath.spacing_m
     return plan.length_m + stop_m * len(list(plan.legs)) + 2 * missed_m, plan
+
+
+# Why some ground is not seen
+
+
+_DUST_M2 = 0.01
+"""Smaller gaps are the rounding of geometry."""
+
+
+class UnseenCause(Enum):
+    """Why ground is not seen, in words; `{by}` is the zone (or the fence) in the way."""
+
+    NEAR = "no place that keeps its distance from {by} sees it"
+    APART = "no clear way leads there, {by} is nearest"
+    OUTSIDE = "outside of the fence, and out of sight from inside"
+    SLIVER = "slivers, too small for rows of their own"
+
+
+@dataclass(frozen=True, slots=True)
+class UnseenGround:
+    """Ground that is not seen.
+
+    Attributes:
+        why: the reason.
+        by: the zone (or the fence) that is in the way; "" where nothing is.
+        parts: the ground, in metres east and north.
+    """
+
+    why: UnseenCause
+    by: str
+    parts: tuple[Polygon, ...]
+
+    @property
+    def area_m2(self) -> float:
+        """How much ground."""
+        return sum(float(part.area) for part in self.parts)
+
+    @property
+    def place(self) -> Point:
+        """A place in the largest part."""
+        return _place_in(max(self.parts, key=lambda part: part.area))
+
+
+def explain(
+    missed: BaseGeometry,
+    airspace: Airspace,
+    free: BaseGeometry,
+    within: BaseGeometry,
+    reach_m: float,
+) -> tuple[UnseenGround, ...]:
+    """What is missed, by reason, the most ground first.
+
+    Args:
+        missed: the ground that is not seen.
+        airspace: fence and zones.
+        free: where the vehicle may be at all.
+        within: where it can get to.
+        reach_m: how far to the side of a row something is seen.
+    """
+    rest = shapely.intersection_all([missed, *(fence.polygon for fence in airspace.fences)])
+    shares = [(UnseenCause.OUTSIDE, missed.difference(rest))]
+    for why, places in ((UnseenCause.SLIVER, within), (UnseenCause.APART, free)):
+        in_sight = places.intersection(rest.buffer(2 * reach_m).envelope).buffer(reach_m)
+        shares.append((why, rest.intersection(in_sight)))
+        rest = rest.difference(in_sight)
+    shares.append((UnseenCause.NEAR, rest))
+    found: dict[tuple[UnseenCause, str], list[Polygon]] = {}
+    for why, share in shares:
+        for part in polygons_of(share):
+            if part.area >= _DUST_M2:
+                held = why in {UnseenCause.APART, UnseenCause.NEAR}
+                by = airspace.nearest(_place_in(part))[1] if held else ""
+                found.setdefault((why, by), []).append(part)
+    groups = [UnseenGround(why, by, tuple(parts)) for (why, by), parts in found.items()]
+    return tuple(sorted(groups, key=lambda group: -group.area_m2))
+
+
+def _place_in(part: Polygon) -> Point:
+    inside = part.representative_point()
+    return Point(inside.x, inside.y)

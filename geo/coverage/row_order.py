@@ -10,10 +10,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from geo.coverage.scan_lines import Floats, Span, Sweep
+from geo.coverage.visibility import Floats, Span, Sweep
 from geo.frame import Point
 
 Joiner = Callable[[Point, Point], Sequence[Point] | None]
@@ -76,8 +77,7 @@ class Cell:
         return self, other, self.turned, other.turned
 
 
-@dataclass(frozen=True, slots=True)
-class RowOrder:
+class RowOrder(NamedTuple):
     """Rows in order, with the points between them; see `geo.coverage.coverage.Coverage`."""
 
     rows: tuple[Row, ...]
@@ -231,17 +231,10 @@ class _Tour:
         for first in range(len(self.order)):
             while (last := self._stretch_to_turn(first)) is not None:
                 stretch = self.order[first : last + 1]
-                self._turn(first, [cell.turned for cell in stretch[::-1]])
+                self.order[first : last + 1] = [cell.turned for cell in stretch[::-1]]
+                self._survey()
                 better = True
         return better
-
-    def _turn(self, first: int, stretch: list[Cell]) -> None:
-        end = first + len(stretch)
-        self.order[first:end] = stretch
-        self._exits[first + 1 : end + 1] = [cell.exit for cell in stretch]
-        self._entries[first:end] = [cell.entry for cell in stretch]
-        for hop in range(first, end + 1):
-            self._measure(hop)
 
     def _stretch_to_turn(self, first: int) -> int | None:
         before, entry = self._exits[first], self._entries[first]
@@ -259,40 +252,26 @@ class _Tour:
         """Fly cells at another place, or another way, where that is shorter; whether any was."""
         better = False
         for index in range(len(self.order)):
-            with_it_m = float(self._hops_m[index] + self._hops_m[index + 1])
-            cell = self._take(index)
-            limit_m = with_it_m - float(self._hops_m[index]) - _GAIN_M
-            place, flight = self._best_place(cell, limit_m) or (index, cell)
-            better |= place != index or flight is not cell
-            self._put(place, flight)
+            if (found := self._better_place(index)) is not None:
+                del self.order[index]
+                self.order.insert(*found)
+                self._survey()
+                better = True
         return better
 
-    def _take(self, index: int) -> Cell:
-        self._exits = np.delete(self._exits, index + 1, axis=0)
-        self._entries = np.delete(self._entries, index, axis=0)
-        self._hops_m = np.delete(self._hops_m, index)
-        self._measure(index)
-        return self.order.pop(index)
-
-    def _put(self, index: int, cell: Cell) -> None:
-        self._exits = np.insert(self._exits, index + 1, cell.exit, axis=0)
-        self._entries = np.insert(self._entries, index, cell.entry, axis=0)
-        self._hops_m = np.insert(self._hops_m, index, 0.0)
-        self._measure(index)
-        self._measure(index + 1)
-        self.order.insert(index, cell)
-
-    def _measure(self, hop: int) -> None:
-        self._hops_m[hop] = self._hop(self._exits[hop], self._entries[hop])
-
-    def _best_place(self, cell: Cell, limit_m: float) -> tuple[int, Cell] | None:
-        """Where, and which way, a cell costs least; None if nowhere less than the limit."""
-        flights = cell.ways
+    def _better_place(self, index: int) -> tuple[int, Cell] | None:
+        """Where among the others, and which way, a cell costs least; None: where it is."""
+        flights = self.order[index].ways
+        exits = np.delete(self._exits, index + 1, axis=0)
+        entries = np.delete(self._entries, index, axis=0)
+        hops_m = np.delete(self._hops_m, index)
+        hops_m[index] = self._hop(exits[index], entries[index])
+        limit_m = float(self._hops_m[index : index + 2].sum() - hops_m[index]) - _GAIN_M
         least_m = np.array(
             [
-                _away(self._exits, np.array(flight.entry))
-                + _away(self._entries, np.array(flight.exit))
-                - self._hops_m
+                _away(exits, np.array(flight.entry))
+                + _away(entries, np.array(flight.exit))
+                - hops_m
                 for flight in flights
             ]
         )
@@ -300,10 +279,10 @@ class _Tour:
         for candidate in np.argsort(least_m, axis=None):
             if least_m.flat[candidate] >= limit_m:
                 break
-            way, place = divmod(int(candidate), len(self._hops_m))
-            cost_m = self._hop(self._exits[place], flights[way].entry)
-            cost_m += self._hop(self._entries[place], flights[way].exit)
-            cost_m -= float(self._hops_m[place])
+            way, place = divmod(int(candidate), len(hops_m))
+            cost_m = self._hop(exits[place], flights[way].entry)
+            cost_m += self._hop(entries[place], flights[way].exit)
+            cost_m -= float(hops_m[place])
             if cost_m < limit_m:
                 limit_m, best = cost_m, (place, flights[way])
         return best

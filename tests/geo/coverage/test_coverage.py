@@ -15,8 +15,7 @@ from shapely import Polygon
 
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
-from geo.coverage.coverage import CoverageError, Swath, cover
-from geo.coverage.unseen import UnseenCause
+from geo.coverage.coverage import CoverageError, Swath, UnseenCause, cover
 from geo.frame import Point
 
 MAPS = Path(__file__).parents[2] / "data" / "maps"

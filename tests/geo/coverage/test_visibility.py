@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
-from geo.coverage.scan_lines import Border, Sweep, common, merged
+from geo.coverage.visibility import Border, Sweep, common, merged
 from geo.frame import Point
 
 SQUARE = Polygon([(0, 0), (10, 0), (10, 10), (0, 10)])
