@@ -10,7 +10,6 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +24,7 @@ MAX_CELLS = 4_000_000
 _VERSION = 1
 _GRID = struct.Struct("<4sB3xdddddII")
 _PATCH = struct.Struct("<4sB3xdddII")
-_GRID_MAGIC = b"SGRD"
-_PATCH_MAGIC = b"SPAT"
+_MAGIC = {_GRID: b"SGRD", _PATCH: b"SPAT"}
 
 
 class GridError(ValueError):
@@ -65,22 +63,13 @@ class GridPatch:
 
     def encode(self) -> bytes:
         """Header and cells as bytes."""
-        header = _PATCH.pack(
-            _PATCH_MAGIC,
-            _VERSION,
-            self.resolution_m,
-            self.west_m,
-            self.south_m,
-            *self.cells.shape,
-        )
-        return header + self.cells.tobytes()
+        return _encoded(_PATCH, self.cells, self.resolution_m, self.west_m, self.south_m)
 
     @classmethod
     def decode(cls, data: bytes) -> GridPatch:
         """The patch that `encode` wrote; raises GridError on anything else."""
-        magic, version, resolution_m, west_m, south_m, rows, columns = _header(_PATCH, data)
-        _check_kind(magic, _PATCH_MAGIC, version)
-        return cls(west_m, south_m, resolution_m, _body(data, _PATCH.size, rows, columns))
+        (resolution_m, west_m, south_m), cells = _decoded(_PATCH, data)
+        return cls(west_m, south_m, resolution_m, cells)
 
 
 @dataclass(slots=True, eq=False)
@@ -150,26 +139,14 @@ class SemanticGrid:
 
     def encode(self) -> bytes:
         """Header and cells as bytes; not compressed (the gossip node does that)."""
-        header = _GRID.pack(
-            _GRID_MAGIC,
-            _VERSION,
-            *self.origin,
-            self.resolution_m,
-            self.west_m,
-            self.south_m,
-            *self.cells.shape,
-        )
-        return header + self.cells.tobytes()
+        numbers = (*self.origin, self.resolution_m, self.west_m, self.south_m)
+        return _encoded(_GRID, self.cells, *numbers)
 
     @classmethod
     def decode(cls, data: bytes) -> SemanticGrid:
         """The grid that `encode` wrote; raises GridError on anything else."""
-        fields = _header(_GRID, data)
-        magic, version, latitude_deg, longitude_deg, resolution_m, west_m, south_m = fields[:7]
-        _check_kind(magic, _GRID_MAGIC, version)
-        cells = _body(data, _GRID.size, *fields[7:])
-        origin = Geodetic(latitude_deg, longitude_deg)
-        return cls(origin, resolution_m, west_m, south_m, cells)
+        (latitude_deg, longitude_deg, resolution_m, west_m, south_m), cells = _decoded(_GRID, data)
+        return cls(Geodetic(latitude_deg, longitude_deg), resolution_m, west_m, south_m, cells)
 
     def _offset(self, other: GridPatch) -> tuple[int, int]:
         """Row and column of this grid at which cell [0, 0] of the other one lies."""
@@ -210,22 +187,24 @@ def _check(west_m: float, south_m: float, resolution_m: float, cells: Cells) -> 
         raise GridError(f"cell class {int(cells.max())} is unknown; the last one is {max(Terrain)}")
 
 
-def _header(layout: struct.Struct, data: bytes) -> tuple[Any, ...]:
+def _encoded(layout: struct.Struct, cells: Cells, *numbers: float) -> bytes:
+    """A header with these numbers, and the cells behind it."""
+    header = layout.pack(_MAGIC[layout], _VERSION, *numbers, *cells.shape)
+    return header + cells.tobytes()
+
+
+def _decoded(layout: struct.Struct, data: bytes) -> tuple[list[float], Cells]:
+    """The numbers of a header, and the cells behind it; raises GridError."""
     if len(data) < layout.size:
         raise GridError(f"{len(data)} bytes are too few for a header of {layout.size}")
-    return layout.unpack_from(data)
-
-
-def _check_kind(magic: bytes, expected: bytes, version: int) -> None:
-    if magic != expected:
-        raise GridError(f"starts with {magic!r}, expected {expected!r}")
+    magic, version, *numbers, rows, columns = layout.unpack_from(data)
+    if magic != _MAGIC[layout]:
+        raise GridError(f"starts with {magic!r}, expected {_MAGIC[layout]!r}")
     if version != _VERSION:
         raise GridError(f"format version {version}; this program reads version {_VERSION}")
-
-
-def _body(data: bytes, start: int, rows: int, columns: int) -> Cells:
     if not 0 < rows * columns <= MAX_CELLS:
         raise GridError(f"announces {rows} x {columns} cells; allowed are 1..{MAX_CELLS}")
-    if len(data) - start != rows * columns:
-        raise GridError(f"holds {len(data) - start} bytes of cells, announces {rows} x {columns}")
-    return np.frombuffer(data, np.uint8, offset=start).reshape(rows, columns).copy()
+    body = data[layout.size :]
+    if len(body) != rows * columns:
+        raise GridError(f"holds {len(body)} bytes of cells, announces {rows} x {columns}")
+    return numbers, np.frombuffer(body, np.uint8).reshape(rows, columns).copy()
