@@ -20,9 +20,8 @@ from air_router.files.settings import (
     Timers,
 )
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
-from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
-from geo.frame import FrameError, Geodetic, LocalFrame, Point, check_on_earth
-from geo.geodesic import STEP_M, dense_ring
+from geo.airspace.zone import Band, Circle, Outline, Ring, Shape, ZoneError
+from geo.frame import STEP_M, FrameError, Geodetic, LocalFrame, Point, dense_ring
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -48,8 +47,6 @@ def local_ring(ring: tuple[Geodetic, ...], frame: LocalFrame) -> Ring:
     Raises:
         FrameError: a corner is not on Earth.
     """
-    for corner in ring:
-        check_on_earth(*corner)
     sides = np.diff(np.array([*ring, ring[0]]), axis=0)
     sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
     around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
@@ -192,6 +189,16 @@ class MissionDocument:
     def note_area(self, area: Area, message: str, code: str) -> None:
         """Note something about an area, in the file that it comes from."""
         self.notes.append((area.source or self.source).problem(area.keys, message, code))
+
+    def band(self, area: Area) -> Band | None:
+        """Where an area applies, in metres above home; None: everywhere.
+
+        Raises:
+            HomeAltitudeError, ZoneError: as `Altitudes.band`.
+        """
+        if area.terms.altitudes is None:
+            return None
+        return area.terms.altitudes.band(self.home_altitude_amsl_m, self.planner.terrain_relief_m)
 
     def find_frame(self, what: str, origin: Sequence[float], keys: Keys, advice: str = "") -> bool:
         """Lay the frame around a place in degrees; False, with a problem noted, if it is none."""

@@ -75,9 +75,11 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
     problems = [problem for problem in draft.problems if problem.code not in DRAWN_OVER]
     if problems or now is None:
         raise MissionFileError(problems or draft.problems)
+    follows = ("cruise", "climb_corridors")
+    fields = sorted(dataclasses.fields(mission), key=lambda field: field.name in follows)
     others = [
         field.name
-        for field in dataclasses.fields(mission)
+        for field in fields  # what follows from others is told last
         if field.name not in _AREAS | _FROM_OPTIONS
         and getattr(mission, field.name) != getattr(now, field.name)
     ]

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
+from air_router.files.mission_document import Area, MissionDocument, Uav
 from geo.airspace.zone import Circle
 from geo.frame import Point
 from mocha_link.team.document import Problem
@@ -42,74 +42,46 @@ class Layer:
 
 def layers_of(draft: MissionDocument) -> tuple[Layer, ...]:
     """The layers of a draft, in its order; empty if it speaks of one UAV only."""
-    homes = [uav.home or draft.home for uav in draft.uavs]
     heights = [_height_m(draft, uav) for uav in draft.uavs]
-    known = [height_m for height_m in heights if height_m is not None]
-    common = len(known) == len(heights)
-    return tuple(
-        Layer(
-            uav.name,
-            home.position,
-            _altitude_m(draft, uav),
-            _altitude_m(draft, uav) + ((height_m or 0.0) if common else 0.0),
-            uav.explore,
-        )
-        for uav, home, height_m in zip(draft.uavs, homes, heights, strict=True)
-        if home is not None
-    )
-
-
-def ceiling_m(layers: Sequence[Layer], uav: str | None, separation_m: float) -> float:
-    """How high above its own home a UAV may be without coming near to the layer above."""
-    own = next((layer for layer in layers if layer.uav == uav), None)
-    if own is None:
-        return math.inf
-    above = [layer.level_m for layer in layers if layer.level_m > own.level_m]
-    return own.altitude_m + min(above, default=math.inf) - own.level_m - separation_m
-
-
-def below(layers: Sequence[Layer], uav: str | None) -> tuple[str, ...]:
-    """The UAVs that fly in lower layers than this one."""
-    own = next((layer for layer in layers if layer.uav == uav), None)
-    return () if own is None else tuple(each.uav for each in layers if each.level_m < own.level_m)
-
-
-def top_m(layers: Sequence[Layer], uav: str | None) -> float:
-    """How high above its own home a UAV counts as in its own layer: halfway to the next."""
-    own = next((layer for layer in layers if layer.uav == uav), None)
-    return math.inf if own is None else (ceiling_m(layers, uav, 0.0) + own.altitude_m) / 2
+    common = None not in heights
+    layers = []
+    for uav, height_m in zip(draft.uavs, heights, strict=True):
+        home = uav.home or draft.home
+        altitude_m = draft.altitude_m if uav.altitude_m is None else uav.altitude_m
+        if home is not None:
+            level_m = altitude_m + ((height_m or 0.0) if common else 0.0)
+            layers.append(Layer(uav.name, home.position, altitude_m, level_m, uav.explore))
+    return tuple(layers)
 
 
 def variants(draft: MissionDocument) -> list[MissionDocument]:
-    """The draft as each of its UAVs flies it; the one that is asked for first."""
+    """The draft (with a home) as each of its UAVs flies it; the one that is asked for first."""
     layers = layers_of(draft)
     uavs = tuple(
         replace(
             uav,
-            altitude_m=_altitude_m(draft, uav),
+            altitude_m=layer.altitude_m,
             home=uav.home or draft.home,
             home_altitude_amsl_m=_height_m(draft, uav),
         )
-        for uav in draft.uavs
+        for uav, layer in zip(draft.uavs, layers, strict=True)
     )
-    made = []
-    for uav, layer in zip(uavs, layers, strict=True):
-        made.append(
-            replace(
-                draft,
-                uav=uav.name,
-                uavs=uavs,
-                home=uav.home,
-                home_altitude_amsl_m=uav.home_altitude_amsl_m,
-                altitude_m=layer.altitude_m,
-                explore=uav.explore,
-                climb_corridors=_climb_corridors(draft, layers, layer),
-                # Two that return by themselves must not meet on one of them.
-                rally_points=draft.rally_points if len(layers) == 1 else [],
-            )
+    made = [
+        replace(
+            draft,
+            uav=uav.name,
+            uavs=uavs,
+            home=uav.home,
+            home_altitude_amsl_m=uav.home_altitude_amsl_m,
+            altitude_m=layer.altitude_m,
+            explore=uav.explore,
+            climb_corridors=_climb_corridors(draft, layers, layer),
+            # Two that return by themselves must not meet on one of them.
+            rally_points=draft.rally_points if len(layers) == 1 else [],
         )
-    made.sort(key=lambda variant: variant.uav != draft.uav)
-    return made
+        for uav, layer in zip(uavs, layers, strict=True)
+    ]
+    return sorted(made, key=lambda variant: variant.uav != draft.uav)
 
 
 def check_fleet(draft: MissionDocument) -> None:
@@ -187,13 +159,7 @@ def _climb_corridors(draft: MissionDocument, layers: Sequence[Layer], own: Layer
     ]
 
 
-def _altitude_m(draft: MissionDocument, uav: Uav) -> float:
-    return draft.altitude_m if uav.altitude_m is None else uav.altitude_m
-
-
 def _height_m(draft: MissionDocument, uav: Uav) -> float | None:
     """Of the ground at a UAV's home, above the sea; that of the mission's home for want of it."""
-    own: MissionPoint | None = uav.home
-    if own is not None and uav.home_altitude_amsl_m is not None:
-        return uav.home_altitude_amsl_m
-    return draft.home_altitude_amsl_m
+    own_m = uav.home_altitude_amsl_m
+    return draft.home_altitude_amsl_m if own_m is None else own_m

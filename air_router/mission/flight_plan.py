@@ -27,8 +27,7 @@ from shapely import Point as ShapelyPoint
 
 from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Outline, Ring, Shape
-from geo.frame import LocalFrame, Point
-from geo.geodesic import stepped
+from geo.frame import LocalFrame, Point, stepped
 
 
 class Command(IntEnum):
@@ -225,6 +224,9 @@ def _corners_e7(frame: LocalFrame, ring: Ring) -> list[tuple[int, int]]:
 HOME_NODE = 0
 """The node that hovers above home; the operator's waypoints count from 1."""
 
+_FIRST_NODE_ITEM = 2
+"""The item of that node, behind speed and take-off."""
+
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
@@ -234,13 +236,11 @@ class FlightPlan:
         items: speed, take-off and nodes.
         fence: the vertices and circles of fences and zones.
         rally: where the autopilot's own return may land beside home.
-        first_node_item: the item of node 0.
     """
 
     items: tuple[PlanItem, ...]
     fence: tuple[PlanItem, ...]
     rally: tuple[PlanItem, ...]
-    first_node_item: int
 
     @property
     def size(self) -> str:
@@ -250,15 +250,15 @@ class FlightPlan:
 
     def item_of(self, node: int) -> int:
         """The plan item of a node (0 is home, then the operator's waypoint numbers)."""
-        item = self.first_node_item + node
-        if not self.first_node_item <= item < len(self.items):
+        item = _FIRST_NODE_ITEM + node
+        if not _FIRST_NODE_ITEM <= item < len(self.items):
             raise IndexError(f"no node {node} in a plan of {len(self.items)} items")
         return item
 
     def node_of(self, item: int) -> int | None:
         """The node of a plan item, None for speed and take-off."""
-        node = item - self.first_node_item
-        return node if 0 <= node < len(self.items) - self.first_node_item else None
+        node = item - _FIRST_NODE_ITEM
+        return node if 0 <= node < len(self.items) - _FIRST_NODE_ITEM else None
 
     @classmethod
     def of(cls, mission: Mission) -> FlightPlan:
@@ -279,7 +279,6 @@ class FlightPlan:
             items=(speed, takeoff, *hovers),
             fence=fence_plan(mission).items,
             rally=tuple(_rally_point(mission, place) for place in mission.landings),
-            first_node_item=2,
         )
 
 

@@ -10,18 +10,17 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.json_document import MAX_BYTES
+from air_router.files.json_document import MAX_BYTES, load_json
 from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.qgc_read import read_plan, read_waypoints
+from air_router.files.missions.qgc_read import plan_draft, read_waypoints
 from air_router.files.settings import SLOWEST_M_S
 from air_router.files.whole_file import bytes_within
 from air_router.messages import FARTHEST_M
-from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.flight_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
-from air_router.mission.mission import Mission, Waypoint
+from air_router.mission.mission import FlightWindow, Mission, MissionAreas, Waypoint, areas_of
 from air_router.mission.team import check_team
 from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
@@ -100,7 +99,7 @@ def read_draft(path: Path) -> MissionDocument:
         DocumentError: it cannot be read at all.
     """
     if path.suffix.lower() == ".plan":
-        return read_plan(path)
+        return plan_draft(load_json(path))
     check_own(path)
     return read_mission(Document.load(path))
 
@@ -139,10 +138,10 @@ def validate(draft: MissionDocument) -> Mission | None:
 def _validate(draft: MissionDocument) -> Mission | None:
     now = datetime.now(UTC)
     window = FlightWindow.of(now, draft.start, draft.duration_s, _way_home_s(draft))
-    airspaces = airspaces_of(draft, window)
-    check_geometry(draft, airspaces)
+    areas = areas_of(draft, window)
+    check_geometry(draft, areas)
     check_team(draft)
-    mission = mission_of(draft, airspaces, window)
+    mission = mission_of(draft, areas, window)
     if draft.problems or mission is None:
         return mission
     _note_fence(draft, mission)
@@ -158,9 +157,7 @@ def _way_home_s(draft: MissionDocument) -> float:
     return 2.0 * min(away_m, FARTHEST_M) / draft.speed_m_s
 
 
-def mission_of(
-    draft: MissionDocument, airspaces: Airspaces, window: FlightWindow
-) -> Mission | None:
+def mission_of(draft: MissionDocument, areas: MissionAreas, window: FlightWindow) -> Mission | None:
     """The mission of a draft, whether it has problems or not; None without frame or home."""
     if draft.frame is None or draft.home is None:
         return None
@@ -174,8 +171,6 @@ def mission_of(
             Waypoint(number, spot.position, spot.altitude_m or draft.altitude_m)
             for number, spot in enumerate(draft.waypoints, start=1)
         ),
-        fences=airspaces.cruise.fences,
-        zones=airspaces.zones,
         rally_points=tuple(spot.position for spot in draft.rally_points),
         altitude_above_home_m=draft.altitude_m,
         speed_m_s=draft.speed_m_s,
@@ -194,13 +189,7 @@ def mission_of(
         accepts=draft.accepts,
         endurance_s=draft.endurance_s,
         window=window,
-        cruise=airspaces.altitudes,
-        airspace=airspaces.cruise,
-        planning_airspace=airspaces.planning,
-        climb_airspace=airspaces.climb,
-        above_airspace=airspaces.above,
-        climb_corridors=airspaces.climb_corridors,
-        idle_zones=airspaces.idle,
+        **areas.parts(),
         notes=tuple(draft.notes),
     )
 

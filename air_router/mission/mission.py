@@ -1,22 +1,195 @@
-"""The mission: what to explore, where not to fly, whom to seek; checked, in one local frame."""
+"""The mission: what to explore, where not to fly, whom to seek; checked, in one local frame.
+
+The vehicle cruises between the lowest and the highest altitude of the mission, and what it may be
+off them (`planner.vertical_margin_m`). Below that it climbs or descends: it takes off, lands, or
+returns, and keeps from every zone from the ground up.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from datetime import datetime
+from dataclasses import dataclass, fields, replace
+from datetime import datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers
-from air_router.mission.airspaces import FlightWindow, IdleZone, airspaces_within
-from air_router.mission.fleet import Layer, below, ceiling_m, top_m
+from air_router.files.zone_terms import HomeAltitudeError
+from air_router.mission.fleet import Layer
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Band, Shape, Zone
+from geo.airspace.zone import Band, Shape, Zone, ZoneError
 from geo.frame import LocalFrame, Point
 from mocha_link.team.document import Problem
+
+LAUNCH_WAIT = timedelta(hours=1)
+"""So much later than it was to start a mission may start."""
+
+COMING_HOME = timedelta(minutes=10)
+"""What it may take to come home and land, after `duration_s`; more where the way takes more."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightWindow:
+    """From when to when the vehicle may be in the air; without `end`, for ever.
+
+    A vehicle that takes off after `latest_start` may still fly when the window is over.
+    """
+
+    start: datetime
+    end: datetime | None
+    latest_start: datetime | None = None
+
+    @classmethod
+    def of(
+        cls,
+        now: datetime,
+        start: datetime | None,
+        duration_s: float | None,
+        way_home_s: float = 0.0,
+    ) -> FlightWindow:
+        """The window of a flight that starts at `start`, or soon after `now`."""
+        first = now if start is None else start
+        if duration_s is None:
+            return cls(first, None)
+        latest = first + LAUNCH_WAIT
+        home = max(COMING_HOME, timedelta(seconds=way_home_s))
+        return cls(first, latest + timedelta(seconds=duration_s) + home, latest)
+
+    def __str__(self) -> str:
+        end = "on" if self.end is None else f"to {self.end:%Y-%m-%d %H:%M}"
+        return f"{self.start:%Y-%m-%d %H:%M} {end} UTC"
+
+
+@dataclass(frozen=True, slots=True)
+class IdleZone:
+    """A zone that the mission need not keep away from where it cruises, and why.
+
+    `below` says that it applies below the cruise altitudes all the same.
+    """
+
+    zone: Zone
+    reason: str  # in words
+    below: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionAreas:
+    """The fences and zones of a mission, and the airspaces that they make for its flight.
+
+    Attributes:
+        fences: The vehicle stays inside of all of them; empty if there is none.
+        zones: All no-fly zones of the file, also those that do not apply to this flight.
+        cruise: The altitudes above home that it flies at, and `planner.vertical_margin_m`.
+        airspace: Fences, and the zones that apply at these altitudes and in that time, with the
+            clearance that every flown metre keeps.
+        planning_airspace: The same with the tracking margin on top: what routes are checked with.
+        climb_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
+            for taking off and landing.
+        above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
+            a vehicle that a pilot has flown higher.
+        climb_corridors: Where other UAVs climb and descend; kept away from like zones.
+        idle_zones: The zones that are not in `airspace`, and why.
+    """
+
+    fences: tuple[Shape, ...]
+    zones: tuple[Zone, ...]
+    cruise: Band
+    airspace: Airspace
+    planning_airspace: Airspace
+    climb_airspace: Airspace
+    above_airspace: Airspace
+    climb_corridors: tuple[Zone, ...]
+    idle_zones: tuple[IdleZone, ...]
+
+    def parts(self) -> dict[str, Any]:
+        """All of it by name, for a mission that has these areas."""
+        return {field.name: getattr(self, field.name) for field in fields(MissionAreas)}
+
+
+def areas_of(draft: MissionDocument, window: FlightWindow) -> MissionAreas:
+    """The areas of a draft. An altitude limit that cannot be read is taken for none."""
+    zones = tuple(_zone(area, draft) for area in draft.zones)
+    fences = tuple(area.shape for area in draft.fences)
+    climb_corridors = tuple(_zone(area, draft) for area in draft.climb_corridors)
+    flown_m = [draft.altitude_m, *(s.altitude_m for s in draft.waypoints if s.altitude_m)]
+    flown_m += draft.altitudes_m
+    margin_m = draft.planner.vertical_margin_m
+    cruise = Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
+    return _areas(fences, zones, climb_corridors, draft.planner, _if_timed(zones, window), cruise)
+
+
+def _if_timed(zones: tuple[Zone, ...], window: FlightWindow) -> FlightWindow | None:
+    """The window, if it matters when the flight is; None if all zones always apply."""
+    return window if any(zone.validity is not None for zone in zones) else None
+
+
+@lru_cache(maxsize=4)  # an edit that changes none of this costs nothing, nor what is found in them
+def _areas(  # noqa: PLR0913, PLR0917 - all that counts
+    fences: tuple[Shape, ...],
+    zones: tuple[Zone, ...],
+    climb_corridors: tuple[Zone, ...],
+    planner: PlannerSettings,
+    window: FlightWindow | None,
+    cruise: Band,
+) -> MissionAreas:
+    """The areas for a flight at these altitudes in that time; None: whenever it is."""
+    active = Airspace(fences, (*zones, *climb_corridors), planner.clearance_m)
+    if window is not None:
+        active = active.during(window.start, window.end)
+    climb = active.at(-math.inf, cruise.upper_m)
+    airspace = active.at(cruise.lower_m, cruise.upper_m)
+    active_ids, below = {id(zone) for zone in airspace.zones}, {id(zone) for zone in climb.zones}
+    in_time = {id(zone) for zone in active.zones}
+    idle = []
+    for zone in zones:
+        if id(zone) not in in_time and zone.validity is not None and window is not None:
+            reason = f"applies {zone.validity}, the flight is from {window}"
+            idle.append(IdleZone(zone, reason))
+        elif id(zone) not in active_ids and zone.band is not None:
+            reason = _out_of_height(zone.band, cruise)
+            idle.append(IdleZone(zone, reason, below=id(zone) in below))
+    return MissionAreas(
+        fences=fences,
+        zones=zones,
+        climb_corridors=climb_corridors,
+        cruise=cruise,
+        airspace=airspace,
+        planning_airspace=airspace.with_margin(planner.tracking_margin_m),
+        climb_airspace=climb,
+        above_airspace=active.at(cruise.lower_m, math.inf),
+        idle_zones=tuple(idle),
+    )
+
+
+def _zone(area: Area, draft: MissionDocument) -> Zone:
+    try:
+        band = draft.band(area)
+    except (HomeAltitudeError, ZoneError):
+        band = None
+    return Zone(
+        area.name,
+        area.shape,
+        clearance_m=area.terms.clearance_m,
+        band=band,
+        validity=area.terms.validity,
+        crosses_fence=area.crosses_fence,
+    )
+
+
+def _out_of_height(band: Band, cruise: Band) -> str:
+    parts = []
+    if math.isfinite(band.lower_m):
+        parts.append(f"from {band.lower_m:g} m")
+    if math.isfinite(band.upper_m):
+        parts.append(f"up to {band.upper_m:g} m")
+    return (
+        f"applies {' '.join(parts)} above home, the mission flies at "
+        f"{cruise.lower_m:g} to {cruise.upper_m:g} m, its vertical margin included"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +201,8 @@ class Waypoint:
     altitude_above_home_m: float  # of the flight there
 
 
-@dataclass(frozen=True, slots=True)
-class Mission:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission(MissionAreas):
     """A checked mission. Positions are metres east/north in `frame`, altitudes above home.
 
     Attributes:
@@ -39,8 +212,6 @@ class Mission:
         home: Where the vehicle takes off and lands.
         home_altitude_amsl_m: Height of the ground at home above sea level, if known.
         waypoints: What to explore, in order; numbered 1, 2, 3 ... without gaps.
-        fences: The vehicle stays inside of all of them; empty if there is none.
-        zones: All no-fly zones of the file, also those that do not apply to this flight.
         rally_points: Places where the vehicle may land in need.
         altitude_above_home_m: The mission's altitude, for every point that has no other.
         speed_m_s: Cruise speed over ground.
@@ -59,16 +230,6 @@ class Mission:
         accepts: What the pre-flight card would stop the flight for and its operator accepts.
         endurance_s: How long a full battery lasts in cruise flight, if that is known.
         window: When it flies.
-        cruise: The altitudes above home that it flies at, and `planner.vertical_margin_m`.
-        airspace: Fences, and the zones that apply at these altitudes and in that time, with the
-            clearance that every flown metre keeps.
-        planning_airspace: The same with the tracking margin on top: what routes are checked with.
-        climb_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
-            for taking off and landing.
-        above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
-            a vehicle that a pilot has flown higher.
-        climb_corridors: Where other UAVs climb and descend; kept away from like zones.
-        idle_zones: The zones that are not in `airspace`, and why.
         notes: What the operator should know.
     """
 
@@ -78,8 +239,6 @@ class Mission:
     home: Point
     home_altitude_amsl_m: float | None
     waypoints: tuple[Waypoint, ...]
-    fences: tuple[Shape, ...]
-    zones: tuple[Zone, ...]
     rally_points: tuple[Point, ...]
     altitude_above_home_m: float
     speed_m_s: float
@@ -97,13 +256,6 @@ class Mission:
     battery_reserve: float
     endurance_s: float | None
     window: FlightWindow
-    cruise: Band
-    airspace: Airspace
-    planning_airspace: Airspace
-    climb_airspace: Airspace
-    above_airspace: Airspace
-    climb_corridors: tuple[Zone, ...]
-    idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
     accepts: tuple[Accepted, ...] = ()
 
@@ -125,42 +277,44 @@ class Mission:
         return round(cruise.lower_m + margin_m, 3), round(cruise.upper_m - margin_m, 3)
 
     @property
+    def layer(self) -> Layer | None:
+        """Where it flies among the UAVs of the mission; None if it is for one UAV only."""
+        return next((layer for layer in self.layers if layer.uav == self.uav), None)
+
+    @property
     def ceiling_m(self) -> float:
         """How high above home it may be without coming near to the UAV above; mostly infinite."""
-        return ceiling_m(self.layers, self.uav, self.planner.vertical_separation_m)
+        own = self.layer
+        return self._layer_above_m(own) - self.planner.vertical_separation_m if own else math.inf
 
     @property
     def layer_top_m(self) -> float:
-        """Higher above home it would be in the layer of another UAV; mostly infinite."""
-        return top_m(self.layers, self.uav)
+        """Higher above home it counts as in the next layer: halfway there; mostly infinite."""
+        own = self.layer
+        return (self._layer_above_m(own) + own.altitude_m) / 2 if own else math.inf
+
+    def _layer_above_m(self, own: Layer) -> float:
+        """How high above home the next layer is; infinite if there is none."""
+        above = [layer.level_m for layer in self.layers if layer.level_m > own.level_m]
+        return own.altitude_m + min(above, default=math.inf) - own.level_m
 
     @property
     def layers_below(self) -> tuple[str, ...]:
         """The UAVs whose layers it would descend through away from home; mostly none."""
-        return below(self.layers, self.uav)
+        own = self.layer
+        return tuple(each.uav for each in self.layers if own and each.level_m < own.level_m)
 
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
         """The same mission among other fences and zones; climb_corridors of other UAVs stay."""
-        areas = airspaces_within(
-            fences, zones, self.climb_corridors, self.planner, self.window, self.cruise
-        )
-        return replace(
-            self,
-            fences=areas.cruise.fences,
-            zones=areas.zones,
-            airspace=areas.cruise,
-            planning_airspace=areas.planning,
-            climb_airspace=areas.climb,
-            above_airspace=areas.above,
-            idle_zones=areas.idle,
-        )
+        window = _if_timed(zones, self.window)
+        areas = _areas(fences, zones, self.climb_corridors, self.planner, window, self.cruise)
+        return replace(self, **areas.parts())
 
     @property
     def skipped(self) -> frozenset[int]:
         """The waypoints that zones or fences were drawn over in flight; none before."""
-        if not self.waypoints:
-            return frozenset()
-        places = np.array([waypoint.position for waypoint in self.waypoints], dtype=float)
+        positions = [waypoint.position for waypoint in self.waypoints]
+        places = np.array(positions, dtype=float).reshape(-1, 2)
         clear = self.planning_airspace.legs_clear_between(places, places)
         return frozenset(self.waypoints[index].number for index in np.flatnonzero(~clear))
 
@@ -179,8 +333,7 @@ class Mission:
     @property
     def latest_start(self) -> datetime | None:
         """After this the zones may be others; None when they are the same at all times."""
-        timed = any(zone.validity is not None for zone in self.zones)
-        return self.window.latest_start if timed else None
+        return self.window.latest_start if _if_timed(self.zones, self.window) else None
 
 
 def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:

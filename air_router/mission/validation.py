@@ -11,12 +11,12 @@ from shapely import Polygon, STRtree
 
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint, RefusedRing
 from air_router.files.zone_terms import HomeAltitudeError
-from air_router.mission.airspaces import Airspaces, band_of
-from air_router.mission.mission import Mission
+from air_router.mission.mission import Mission, MissionAreas
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
 from geo.frame import Point
-from geo.paths.regions import Regions
+from geo.paths.separators import separators
+from geo.paths.shortest import shortest_paths
 from mocha_link.team.document import Problem
 
 _FAR_M = 50_000.0
@@ -33,7 +33,7 @@ _CODES = {
 """Of places outside of the fence, in a zone, and nearer to either than they may be."""
 
 
-def check_geometry(draft: MissionDocument, airspaces: Airspaces) -> None:
+def check_geometry(draft: MissionDocument, areas: MissionAreas) -> None:
     """Note everything that is wrong with the places and areas of a draft."""
     if draft.frame is None:
         return
@@ -45,8 +45,8 @@ def check_geometry(draft: MissionDocument, airspaces: Airspaces) -> None:
     _check_fence_crossings(draft)
     _check_same_places(draft)
     far = _check_distances(draft)
-    if _check_spots(draft, airspaces, far) and not far and "planner" not in draft.unread:
-        _check_ways(draft, airspaces)
+    if _check_spots(draft, areas, far) and not far and "planner" not in draft.unread:
+        _check_ways(draft, areas)
 
 
 def _check_names(draft: MissionDocument) -> None:
@@ -67,7 +67,7 @@ def _check_altitudes(draft: MissionDocument) -> None:
     for area in draft.zones:
         label = f"no-fly zone '{area.name}'"
         try:
-            band_of(area, draft)
+            draft.band(area)
         except HomeAltitudeError:
             message = (
                 f"{label} has limits above the sea, and home's altitude is not known; "
@@ -171,12 +171,12 @@ def _check_same_places(draft: MissionDocument) -> None:
         draft.report(spot.keys, message, "same-place")
 
 
-def _check_spots(draft: MissionDocument, airspaces: Airspaces, far: Collection[str]) -> bool:
+def _check_spots(draft: MissionDocument, areas: MissionAreas, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
-    cruise = airspaces.planning
-    climb = airspaces.climb.with_margin(draft.planner.tracking_margin_m)
+    cruise = areas.planning_airspace
+    climb = areas.climb_airspace.with_margin(draft.planner.tracking_margin_m)
     if "planner" in draft.unread:
-        cruise, climb = airspaces.cruise.as_drawn(), airspaces.climb.as_drawn()
+        cruise, climb = areas.airspace.as_drawn(), areas.climb_airspace.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
     wrong = [
         (spot, airspace)
@@ -230,32 +230,30 @@ def _metres(distance_m: float) -> str:
     return f"{distance_m:.2f} m" if distance_m < 1 else f"{distance_m:.1f} m"
 
 
-def _check_ways(draft: MissionDocument, airspaces: Airspaces) -> None:
+def _check_ways(draft: MissionDocument, areas: MissionAreas) -> None:
     """A clear way must lead from home to every waypoint (and so from each to every other)."""
     if draft.home is None:
         return
-    regions = Regions(airspaces.planning)
+    home, airspace = draft.home.position, areas.planning_airspace
+    paths = shortest_paths(airspace)
     answers: dict[int | None, str] = {}
-    around_home = regions.of(draft.home.position)
+    around_home = paths.part_of(home)
     for spot in draft.waypoints:
-        region = regions.of(spot.position)
-        if region == around_home is not None:
+        part = paths.part_of(spot.position)
+        if part == around_home is not None or paths.connected(home, spot.position):
             continue
-        if regions.connected(draft.home.position, spot.position):
-            continue
-        if region not in answers:
-            answers[region] = _walls(regions, draft.home.position, spot.position)
+        if part not in answers:
+            answers[part] = _walls(separators(airspace, home, spot.position))
         draft.report(
             spot.keys,
-            f"no clear way leads from home to {spot.label}: {answers[region]} at "
+            f"no clear way leads from home to {spot.label}: {answers[part]} at "
             f"{_needs(draft, draft.planner.distance_m)}; open a gap, or move or remove the "
             "waypoint",
             "waypoint-unreachable",
         )
 
 
-def _walls(regions: Regions, home: Point, place: Point) -> str:
-    names = regions.separators(home, place)
+def _walls(names: Sequence[str]) -> str:
     words = ["the fence" if name == FENCE else f"'{name}'" for name in names]
     if not words:
         return "what lies between leaves no room"

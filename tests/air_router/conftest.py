@@ -244,7 +244,7 @@ class PretendFlight(Airframe):
             return
         match action:
             case FlyToNode(node=node, position=position):
-                assert self.plan.item_of(node) >= self.plan.first_node_item
+                assert self.plan.item_of(node) >= self.plan.item_of(0)
                 self.mode, self.target = FlightMode.MISSION, position
             case FlyToPoint(position=position, altitude_m=altitude_m):
                 self.mode, self.target = FlightMode.HOLD, position

@@ -122,7 +122,7 @@ class InitialClimb:
 
 def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:
     """The other UAVs that fly between where the vehicle is and its own layer."""
-    own = next((layer for layer in mission.layers if layer.uav == mission.uav), None)
+    own = mission.layer
     if own is None:
         return ()
     here_m = telemetry.altitude_m + own.level_m - own.altitude_m

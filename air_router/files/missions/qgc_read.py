@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.json_document import JsonDocument, load_json
+from air_router.files.json_document import JsonDocument
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.missions.qgc_items import (
     EXPORT_AGAIN,
@@ -32,17 +32,11 @@ from mocha_link.team.problem import DocumentError, Problem, ProblemList
 PLAN_TYPE = "Plan"
 
 
-def read_plan(path: Path) -> MissionDocument:
+def plan_draft(document: JsonDocument) -> MissionDocument:
     """A draft of the mission in a `.plan` file; `team.yaml` and `world.yaml` beside it are used.
 
-    Raises:
-        DocumentError: the file cannot be read or is not JSON.
+    The document's data stay as they are.
     """
-    return plan_draft(load_json(path))
-
-
-def plan_draft(document: JsonDocument) -> MissionDocument:
-    """A draft of the mission in a plan that has been loaded; its data stay as they are."""
     draft = MissionDocument(document)
     data = document.data
     if not isinstance(data, dict) or data.get("fileType") != PLAN_TYPE:
@@ -61,10 +55,6 @@ def plan_draft(document: JsonDocument) -> MissionDocument:
 class _PlanReader(PlanValues):
     """Fills a draft from the document's data, noting problems as it goes."""
 
-    def __init__(self, draft: MissionDocument, data: dict[str, Any]) -> None:
-        super().__init__(draft, data)
-        self._data = data
-
     def read(self) -> None:
         """Read all sections."""
         self.version((), 1)
@@ -78,7 +68,7 @@ class _PlanReader(PlanValues):
         self._read_rally_points()
 
     def _section(self, name: str) -> bool:
-        if isinstance(self._data.get(name), dict):
+        if isinstance(self.at(name), dict):
             return True
         message = f"missing section '{name}'; {EXPORT_AGAIN}"
         self.draft.report((name,), message, "missing-key")
@@ -86,7 +76,7 @@ class _PlanReader(PlanValues):
 
     def _optional_section(self, name: str, without: str) -> bool:
         """A section that other programs leave out, with a note of what that means."""
-        if self._data.get(name) is not None:
+        if self.at(name) is not None:
             if found := self._section(name):
                 self.version((name,), 2, dropped=True)
             return found

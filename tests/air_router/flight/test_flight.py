@@ -22,7 +22,7 @@ from air_router.errors import (
     PlanRefusedError,
     RefusedError,
 )
-from air_router.mission.airspaces import FlightWindow
+from air_router.mission.mission import FlightWindow
 from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
 from air_router.record.replay import replay

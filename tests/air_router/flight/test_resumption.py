@@ -92,7 +92,7 @@ def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, la
 
 
 def test_without_a_record_the_vehicle_is_asked(mission):
-    item = FlightPlan.of(mission).first_node_item + 4
+    item = FlightPlan.of(mission).item_of(4)
     heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
     flown, _, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
     assert flown == FlownBefore(50.0, 3)

@@ -265,7 +265,7 @@ def test_a_hold_stops_a_jump_that_shows_only_after_it(hold_over, hovering, missi
             px4.mode, px4.target = HOLD, px4.places(Point(0.5, 0.5))
             px4.acknowledge(order, ACCEPTED)
 
-    node = ITEM - FlightPlan.of(mission).first_node_item
+    node = FlightPlan.of(mission).node_of(ITEM)
     jump_there = FlyToNode(node, mission.waypoints[node - 1].position)
     px4, reports = hold_over(answer, jump_there, 2, **hovering)
     assert px4.commands() == JUMP + STOP

@@ -10,8 +10,8 @@ from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.errors import ExitCode, MissionFileError
-from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.mission.loading import load_mission
+from air_router.mission.mission import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Band
 from geo.frame import Point

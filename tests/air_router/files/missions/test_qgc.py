@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.files.json_document import json_from_text, value_at
-from air_router.files.missions.qgc_read import plan_draft, read_plan
+from air_router.files.json_document import json_from_text, load_json, value_at
+from air_router.files.missions.qgc_read import plan_draft
 from air_router.mission.loading import load_mission, validate
 from tests.air_router.files.values import values_in
 
@@ -293,7 +293,7 @@ def test_a_waypoint_that_lies_on_another_is_visited_once(tmp_path):
 
 
 def test_surveys_are_flown_by_their_embedded_items():
-    draft = read_plan(DATA / "files" / "survey.plan")
+    draft = plan_draft(load_json(DATA / "files" / "survey.plan"))
     assert draft.problems == []
     assert len(draft.waypoints) == 11
     inner = ("mission", "items", 2, "TransectStyleComplexItem", "Items", 0, "params", 4)
