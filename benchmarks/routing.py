@@ -13,8 +13,7 @@ from typing import Any
 import shapely
 
 from air_router.editor.edits import Move
-from air_router.editor.mission_file import MissionFile
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router

@@ -8,8 +8,7 @@ import webbrowser
 from pathlib import Path
 
 from air_router.cli.arguments import home
-from air_router.editor.mission_file import MissionFile, write_starter
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile, write_starter
 from air_router.errors import ExitCode
 from air_router.web.serving import add_page_options, page_port, show, web_of
 from mocha_link.errors import needs_extra

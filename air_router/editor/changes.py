@@ -5,7 +5,7 @@ crosses itself, or a waypoint on another continent, can still be seen and dragge
 """
 
 import copy
-import math
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
-from air_router.files.json_document import value_at
+from air_router.files.json_document import is_number, value_at
 from air_router.files.mission_document import Keys
 from air_router.files.yaml_text import Digits, degrees, metres
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -70,6 +70,12 @@ class Region:
     circle: CircleHandle | None = None
     entry: Keys | None = None
 
+    @property
+    def handles(self) -> list[Handle]:
+        """Its corners, or its centre."""
+        corners = [corner for ring in self.rings for corner in ring.corners]
+        return [*corners, self.circle.centre] if self.circle else corners
+
 
 @dataclass(slots=True)
 class Features:
@@ -88,10 +94,7 @@ class Features:
         yield from self.waypoints
         yield from self.rally_points
         for region in self.regions:
-            for ring in region.rings:
-                yield from ring.corners
-            if region.circle:
-                yield region.circle.centre
+            yield from region.handles
 
 
 def as_pair(value: Any) -> Pair | None:
@@ -104,12 +107,7 @@ def as_pair(value: Any) -> Pair | None:
 
 def as_number(value: Any) -> float | None:
     """A finite number; None if it is something else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        return float(value) if math.isfinite(value) else None
-    except OverflowError:
-        return None
+    return float(value) if is_number(value) and abs(value) <= sys.float_info.max else None
 
 
 def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | None:
@@ -160,6 +158,7 @@ class Changes(ABC):
         self.data = data
         self.features = self.features_of(data)
         self._regions = {region.keys: region for region in self.features.regions}
+        self._rings = {ring.keys: ring for r in self._regions.values() for ring in r.rings}
 
     def copied(self) -> Self:
         """The same data to be changed by an edit, which means the features as they are here."""
@@ -220,12 +219,10 @@ class Changes(ABC):
     def shift(self, edit: edits.Shift) -> None:
         """Write all pairs of an area anew; it keeps its size in metres."""
         region = self._region(edit.keys)
-        handles = [corner for ring in region.rings for corner in ring.corners]
-        handles += [region.circle.centre] if region.circle else []
         try:
             frame = LocalFrame(Geodetic(*edit.to))
             start = frame.to_local(*edit.origin)
-            for handle in handles:
+            for handle in region.handles:
                 here = self.geodetic(handle.pair)
                 if here is None:
                     raise EditError(f"{region.name} has a corner that is not on Earth")
@@ -245,11 +242,11 @@ class Changes(ABC):
 
     def add_corner(self, edit: edits.AddCorner) -> None:
         """Insert a corner into a ring."""
-        rings = {ring.keys: ring for region in self.features.regions for ring in region.rings}
-        if edit.keys not in rings:
+        ring = self._rings.get(edit.keys)
+        if ring is None:
             raise EditError("the mission has no such border any more")
-        if edit.index > len(rings[edit.keys].corners):
-            raise EditError(f"the ring has only {len(rings[edit.keys].corners)} corners")
+        if edit.index > len(ring.corners):
+            raise EditError(f"the ring has only {len(ring.corners)} corners")
         self._at(edit.keys).insert(edit.index, self.digits(edit.at))
 
     def remove(self, edit: edits.Remove) -> None:
@@ -264,8 +261,7 @@ class Changes(ABC):
         handle = self._handle(keys)
         if handle.entry is None:
             raise EditError("this cannot be removed; move it instead")
-        rings = {ring.keys: ring for region in self.features.regions for ring in region.rings}
-        ring = rings.get(keys[:-1])
+        ring = self._rings.get(keys[:-1])
         if ring and len(ring.corners) <= _LEAST_CORNERS:
             raise EditError("an area needs three corners; remove the whole area instead")
         if self.features.waypoints == [handle]:

@@ -1,21 +1,42 @@
-"""A mission file's text, as it would be saved now: what it says, and what an edit makes of it."""
+"""A mission file's text, as it would be saved now: what an edit makes of it, and what it comes to.
+
+That is its problems, its graph, and how its legs can be flown.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 
-from air_router.editor.changes import Changes
+import numpy as np
+from shapely import Polygon, make_valid
+
+from air_router.editor.changes import Changes, Region
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.plan_changes import PlanChanges
-from air_router.editor.yaml_changes import YamlChanges
+from air_router.editor.file_changes import PlanChanges, YamlChanges
 from air_router.files.json_document import JsonDocument, json_from_text
-from air_router.files.mission_document import MissionDocument
+from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.qgc_read import plan_draft
 from air_router.files.text_edit import rewritten
-from air_router.mission.loading import check_own
+from air_router.mission.loading import check_own, validate
+from air_router.mission.mission import Mission
+from air_router.mission.validation import points_clear
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Route, Router
+from geo.airspace.zone import Outline, ZoneError, polygons_of
+from geo.frame import Point
 from mocha_link.team.document import Document, DocumentError
+
+_LEAST_CORNERS = 3
+_MOST_WORK = 4_000
+"""So many nodes are looked at for ways around, in all, while the user drags; where a mission of
+very many waypoints needs more, the other legs are only said to lead around."""
 
 _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
 
@@ -67,3 +88,101 @@ class EditableMission:
         if after.document.data != changes.data:
             raise EditError(_BY_HAND)
         return after
+
+
+class LegKind(StrEnum):
+    """How the operator's leg from one waypoint to the next is flown."""
+
+    STRAIGHT = "straight"
+    AROUND = "around"
+    BLOCKED = "blocked"
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorLeg:
+    """From a node to the next in the operator's order, over `points` (both ends included)."""
+
+    start: int  # node, 0: home
+    end: int
+    way: LegKind  # how it is flown
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MissionAnalysis:
+    """A document with its problems noted, and what could be planned with it all the same.
+
+    `mission`, `graph` and `router` are None if the text says too little for them.
+    """
+
+    document: MissionDocument
+    mission: Mission | None
+    graph: WaypointGraph | None
+    router: Router | None
+    legs: tuple[OperatorLeg, ...]  # in the operator's order
+
+    @classmethod
+    def of(cls, editable: EditableMission) -> MissionAnalysis:
+        """Judge a text."""
+        document = editable.mission_document()
+        mission = validate(document)
+        parts = editable.parts
+        known = {area.keys for area in (*document.fences, *document.zones)}
+        unread = [region for region in parts.features.regions if region.keys not in known]
+        if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
+            return cls(document, None, None, None, ())
+        if unread:  # what is no area yet must not be planned across all the same
+            standing = [area for region in unread for area in _stand_ins(region, parts, document)]
+            zones = [*document.zones, *standing]
+            mission = validate(replace(document, zones=zones, problems=[], notes=[])) or mission
+        graph = WaypointGraph(mission)
+        router = Router(graph)
+        return cls(document, mission, graph, router, tuple(_legs(document, mission, graph, router)))
+
+    def length_m(self) -> float:
+        """Of all legs that can be flown."""
+        flown = (leg.points for leg in self.legs if leg.way is not LegKind.BLOCKED)
+        return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
+
+
+def _stand_ins(region: Region, parts: Changes, document: MissionDocument) -> Iterator[Area]:
+    """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
+    if document.frame is None:
+        return
+    for ring in region.rings[:1]:
+        places = [parts.geodetic(corner.pair) for corner in ring.corners]
+        points = [document.frame.to_local(*place) for place in places if place is not None]
+        if len(points) < _LEAST_CORNERS:
+            continue
+        for polygon in polygons_of(make_valid(Polygon(points))):
+            outline = tuple(Point(*xy) for xy in polygon.exterior.coords)
+            with suppress(ZoneError):
+                yield Area(region.name, Outline(outline), region.keys)
+
+
+def _legs(
+    document: MissionDocument, mission: Mission, graph: WaypointGraph, router: Router
+) -> Iterator[OperatorLeg]:
+    airspace = mission.planning_airspace
+    nodes = sorted(graph.positions)  # home, then the waypoints in their order
+    if len(nodes) < 2:
+        return
+    places = np.array([graph.position(node) for node in nodes])
+    straight = airspace.legs_clear_between(places[:-1], places[1:])
+    wrong = {problem.keys for problem in document.problems}
+    spots = [*([document.home] if document.home else []), *document.waypoints]
+    clear = points_clear(airspace, spots)
+    legal = [spot.keys not in wrong and ok for spot, ok in zip(spots, clear, strict=True)]
+    routes = _MOST_WORK // len(nodes)
+    for index, (start, end) in enumerate(pairwise(nodes)):
+        way = LegKind.BLOCKED
+        points: tuple[Point, ...] = (graph.position(start), graph.position(end))
+        if legal[index] and legal[index + 1]:
+            if straight[index]:
+                way = LegKind.STRAIGHT
+            elif routes <= 0:
+                way = LegKind.AROUND
+            elif isinstance(route := router.route(points[0], end), Route):
+                way, points = LegKind.AROUND, (points[0], *(leg.to for leg in route.legs))
+            routes -= not straight[index]
+        yield OperatorLeg(start, end, way, points)

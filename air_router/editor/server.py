@@ -10,8 +10,13 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_file import ChangedOnDiskError, SaveError
-from air_router.editor.session import EditSession, StaleError, UnconfirmedError
+from air_router.editor.session import (
+    ChangedOnDiskError,
+    EditSession,
+    SaveError,
+    StaleError,
+    UnconfirmedError,
+)
 from air_router.errors import AirRouterError
 from air_router.web.browsers import Browsers, PageOutbox
 from air_router.web.serving import HERE, Say, Web
@@ -90,7 +95,7 @@ class EditorServer:
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_WATCH_S)
-            changed = await loop.run_in_executor(worker, self._session.changed_on_disk)
+            changed = await loop.run_in_executor(worker, self._session.file.changed)
             if changed != self._changed_on_disk:
                 self._changed_on_disk = changed
                 self._browsers.broadcast("disk", as_json({"type": "disk", "changed": changed}))

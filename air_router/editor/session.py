@@ -1,18 +1,119 @@
-"""The work on one mission: edits, undo, redo, and saving."""
+"""The work on one mission: its file on the disk, edits, undo, redo, and saving."""
 
+import codecs
+import hashlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from air_router.editor import edits
-from air_router.editor.analysis import MissionAnalysis
-from air_router.editor.editable_mission import EditableMission
+from air_router.editor.editable_mission import EditableMission, MissionAnalysis
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.mission_file import MissionFile
-from air_router.editor.view import Viewer, route_view
-from air_router.errors import AirRouterError
-from mocha_link.team.document import DocumentError
+from air_router.editor.view import route_view, view
+from air_router.errors import AirRouterError, UsageError
+from air_router.files.missions.mission_write import first_mission_text
+from air_router.files.whole_file import bytes_within, write_whole
+from geo.frame import Geodetic, Point
+from mocha_link.team.document import MAX_BYTES, DocumentError
+from mocha_link.team.problem import text_in
 
 _MOST_STEPS = 500
+_FIRST_WAYPOINT = Point(0.0, 40.0)
+
+
+class SaveError(AirRouterError):
+    """The file could not be written; it is as it was."""
+
+
+class ChangedOnDiskError(SaveError):
+    """Another program has changed, or removed, the file since it was read."""
+
+
+class MissionFile:
+    """A file whose text is edited. Links are followed: the file they lead to is replaced."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._digest = b""  # SHA-256 of what was read or written last
+        self._mark = False  # it begins with a byte order mark
+
+    def read(self) -> str:
+        """The file's text, line breaks as they are; from now on this is what it should be.
+
+        Raises:
+            DocumentError: it cannot be read, is too large or not UTF-8.
+        """
+        raw = bytes_within(self.path, MAX_BYTES)
+        text = text_in(raw, self.path)
+        self._mark = raw.startswith(codecs.BOM_UTF8)
+        self._digest = hashlib.sha256(raw).digest()
+        return text
+
+    def forget(self) -> None:
+        """What is in the file now was not taken over: from now on it counts as changed."""
+        self._digest = b""
+
+    def changed(self) -> bool:
+        """Whether the file is another one than was read or written last."""
+        try:
+            return hashlib.sha256(bytes_within(self.path, MAX_BYTES)).digest() != self._digest
+        except DocumentError:
+            return True
+
+    def write(self, text: str, *, overwrite: bool = False) -> None:
+        """Replace the file in one step; readers see the old or the new one, never a part.
+
+        Args:
+            text: what shall be in it.
+            overwrite: replace what another program has written meanwhile.
+
+        Raises:
+            ChangedOnDiskError: the file was changed by another program.
+            SaveError: it cannot be written.
+        """
+        target = self.path.resolve()
+        raw = (codecs.BOM_UTF8 if self._mark else b"") + text.encode()
+        if len(raw) > MAX_BYTES:
+            raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
+        try:
+            check = (lambda: None) if overwrite else self._check_unchanged
+            write_whole(target, raw, replace=True, check=check)
+        except OSError as error:
+            raise SaveError(
+                f"cannot write {target}: {error.strerror or type(error).__name__}; nothing is lost "
+                "here, save again when the reason is gone"
+            ) from None
+        self._digest = hashlib.sha256(raw).digest()
+
+    def keep_aside(self, text: str) -> Path:
+        """Write what was not saved into a file beside; gives its path. Raises SaveError."""
+        aside = MissionFile(self.path.with_name(f"{self.path.name}.unsaved"))
+        aside.write(text, overwrite=True)
+        return aside.path
+
+    def _check_unchanged(self) -> None:
+        if self.changed():
+            raise ChangedOnDiskError(
+                f"{self.path.name} was changed on the disk meanwhile; load it again, "
+                "or overwrite it"
+            )
+
+
+def write_starter(path: Path, home: Geodetic) -> None:
+    """Write a new mission around its home.
+
+    Raises:
+        UsageError: the file is there already or is no YAML.
+        SaveError: it cannot be written.
+    """
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise UsageError(f"{path}: new missions are YAML files; call it {path.stem}.yaml")
+    if path.exists():
+        raise UsageError(f"{path} is there already; leave --new out to edit it")
+    text = first_mission_text(
+        "air-router edit", home, [_FIRST_WAYPOINT], altitude_m=40, fence_radius_m=150
+    )
+    MissionFile(path).write(text, overwrite=True)
 
 
 class StaleError(AirRouterError):
@@ -38,6 +139,7 @@ class EditSession:
     Not for several threads at a time.
 
     Attributes:
+        file: What is edited; `file.changed()` where another program has written it.
         revision: Counts the states shown; edits name the one they mean.
         editable: The text as it is now.
 
@@ -46,13 +148,12 @@ class EditSession:
     """
 
     def __init__(self, file: MissionFile) -> None:
-        self._file = file
-        self._viewer = Viewer()
+        self.file = file
         self.revision = 0
         self._saved = ""  # the text on the disk
         self._steps: list[_Step] = []  # the first is the file as it was read
         self._now = 0  # index of the present state in `_steps`
-        self._begin()
+        self.reload()
 
     @property
     def dirty(self) -> bool:
@@ -82,7 +183,7 @@ class EditSession:
         goes_on = gesture is not None and self._now > 0 and last.gesture == gesture
         base = self.editable
         if goes_on and isinstance(edit, edits.Shift):  # from where it began: no rounding adds up
-            base = EditableMission.read(self._steps[self._now - 1].text, self._file.path)
+            base = EditableMission.read(self._steps[self._now - 1].text, self.file.path)
         after = base.edited(edit)
         if after.text == self.editable.text:
             return
@@ -125,16 +226,21 @@ class EditSession:
                 f"the mission has {count} problem{'s' if count > 1 else ''} and cannot be flown "
                 "as it is; save it all the same?"
             )
-        self._file.write(self.editable.text, overwrite=overwrite)
+        self.file.write(self.editable.text, overwrite=overwrite)
         self._saved = self.editable.text
 
     def reload(self) -> None:
         """Begin again with what is on the disk. Raises DocumentError if it cannot be read."""
-        self._begin()
-
-    def changed_on_disk(self) -> bool:
-        """Whether another program has changed the file."""
-        return self._file.changed()
+        text = self.file.read()
+        try:
+            editable = EditableMission.read(text, self.file.path)
+        except DocumentError:
+            self.file.forget()
+            raise
+        self._saved = text
+        self._steps = [_Step(text, "", None)]
+        self._now = 0
+        self._show(editable, MissionAnalysis.of(editable))
 
     def route(self, start: int, end: int) -> dict[str, Any]:
         """The route between two waypoints (0: home)."""
@@ -145,27 +251,15 @@ class EditSession:
         more = self._now + 1 < len(self._steps)
         return {
             "revision": self.revision,
-            "file": self._file.path.name,
+            "file": self.file.path.name,
             "dirty": self.dirty,
             "undo": self._steps[self._now].what if self._now else None,
             "redo": self._steps[self._now + 1].what if more else None,
             **self._view,
         }
 
-    def _begin(self) -> None:
-        text = self._file.read()
-        try:
-            editable = EditableMission.read(text, self._file.path)
-        except DocumentError:
-            self._file.forget()
-            raise
-        self._saved = text
-        self._steps = [_Step(text, "", None)]
-        self._now = 0
-        self._show(editable, MissionAnalysis.of(editable))
-
     def _go(self, steps: int) -> None:
-        editable = EditableMission.read(self._steps[self._now + steps].text, self._file.path)
+        editable = EditableMission.read(self._steps[self._now + steps].text, self.file.path)
         analysis = MissionAnalysis.of(editable)
         self._now += steps
         self._show(editable, analysis)
@@ -174,4 +268,4 @@ class EditSession:
         self.revision += 1
         self.editable = editable
         self._analysis = analysis
-        self._view = self._viewer.view(self.editable.parts, analysis)
+        self._view = view(self.editable.parts, analysis)

@@ -2,99 +2,78 @@
 
 from collections.abc import Iterable
 from dataclasses import asdict
+from functools import lru_cache
 from os.path import relpath
 from typing import Any
 
-from air_router.editor.analysis import MissionAnalysis
 from air_router.editor.changes import Changes, Handle, Pair, Region
-from air_router.editor.yaml_changes import SECTIONS
+from air_router.editor.editable_mission import MissionAnalysis
+from air_router.editor.file_changes import SECTIONS
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.mission import Mission
 from air_router.mission.team import UAV_KIND
 from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
-from geo.airspace.zone import Shape
-from geo.frame import LocalFrame
 from mocha_link.team.document import DocumentError, Problem
 from mocha_link.team.team import Team
 
 _NUMBERS = ("altitude_m", "speed_m_s", "duration_s", "endurance_s", "battery_reserve")
 _MOST_EDGES = 20_000
-_MOST_CACHED = 4_000
 
 
-class Viewer:
-    """Makes views; remembers the buffers of shapes that did not change."""
+_buffer = lru_cache(maxsize=4_000)(buffer)
+"""Most shapes do not change with an edit."""
 
-    def __init__(self) -> None:
-        # by frame, shape and metres
-        self._buffers: dict[tuple[LocalFrame, Shape, float], list[Rings]] = {}
 
-    def view(self, parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
-        """Everything that the page draws."""
-        problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
-        marks = _Marks(parts)
-        shown = [marks.problem(problem, note=False) for problem in problems[0]]
-        wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
-        shown += [marks.problem(problem, note=True) for problem in problems[1]]
-        return {
-            "places": list(_places(parts, analysis, wrong)),
-            "areas": list(self._areas(parts, analysis, wrong)),
-            "graph": _graph(analysis),
-            "legs": _legs(analysis),
-            "problems": shown,
-            "settings": _settings(parts, analysis),
+def view(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
+    """Everything that the page draws."""
+    problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
+    marks = _Marks(parts)
+    shown = [marks.problem(problem, note=False) for problem in problems[0]]
+    wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
+    shown += [marks.problem(problem, note=True) for problem in problems[1]]
+    return {
+        "places": list(_places(parts, analysis, wrong)),
+        "areas": list(_areas(parts, analysis, wrong)),
+        "graph": _graph(analysis),
+        "legs": _legs(analysis),
+        "problems": shown,
+        "settings": _settings(parts, analysis),
+    }
+
+
+def _areas(parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
+    document = analysis.document
+    areas = {area.keys: area for area in (*document.fences, *document.zones) if area.source is None}
+    for region in parts.features.regions:
+        area = areas.get(region.keys)
+        yield {
+            **_region(parts, region),
+            "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
+            "notes": _notes(area, analysis.mission),
+            "crosses": area is not None and area.crosses_fence,
+            "buffers": _kept(analysis, area, is_fence=region.is_fence),
         }
+    for area in (area for area in document.zones if area.source is not None):
+        if document.frame is not None:  # from another file: to be seen, not to be edited
+            yield area_beside(
+                area.name,
+                _buffer(document.frame, area.shape, 0.0),
+                _kept(analysis, area, is_fence=False),
+                _notes(area, analysis.mission),
+            )
 
-    def _areas(
-        self, parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]
-    ) -> Iterable[dict[str, Any]]:
-        document = analysis.document
-        areas = {
-            area.keys: area for area in (*document.fences, *document.zones) if area.source is None
-        }
-        for region in parts.features.regions:
-            area = areas.get(region.keys)
-            yield {
-                **_region(parts, region),
-                "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
-                "notes": _notes(area, analysis.mission),
-                "crosses": area is not None and area.crosses_fence,
-                "buffers": self._kept(analysis, area, is_fence=region.is_fence),
-            }
-        for area in (area for area in document.zones if area.source is not None):
-            if document.frame is not None:  # from another file: to be seen, not to be edited
-                yield area_beside(
-                    area.name,
-                    self._buffer(document.frame, area.shape, 0.0),
-                    self._kept(analysis, area, is_fence=False),
-                    _notes(area, analysis.mission),
-                )
 
-    def _kept(
-        self, analysis: MissionAnalysis, area: Area | None, *, is_fence: bool
-    ) -> list[list[Rings]]:
-        """How far to keep away, at least and when planning; as polygons with holes."""
-        document = analysis.document
-        if area is None or document.frame is None or "planner" in document.unread:
-            return []
-        planner = document.planner
-        clearance_m = (
-            planner.clearance_m if area.terms.clearance_m is None else area.terms.clearance_m
-        )
-        kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
-        sign = -1 if is_fence else 1
-        return [
-            self._buffer(document.frame, area.shape, sign * distance_m) for distance_m in kept_m
-        ]
-
-    def _buffer(self, frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
-        key = (frame, shape, distance_m)
-        if key not in self._buffers:
-            if len(self._buffers) >= _MOST_CACHED:
-                self._buffers.clear()
-            self._buffers[key] = buffer(frame, shape, distance_m)
-        return self._buffers[key]
+def _kept(analysis: MissionAnalysis, area: Area | None, *, is_fence: bool) -> list[list[Rings]]:
+    """How far to keep away, at least and when planning; as polygons with holes."""
+    document = analysis.document
+    if area is None or document.frame is None or "planner" in document.unread:
+        return []
+    planner = document.planner
+    clearance_m = planner.clearance_m if area.terms.clearance_m is None else area.terms.clearance_m
+    kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
+    sign = -1 if is_fence else 1
+    return [_buffer(document.frame, area.shape, sign * distance_m) for distance_m in kept_m]
 
 
 def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any]:
@@ -106,7 +85,8 @@ def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any
         return {"reason": "the mission has no such waypoint any more"}
     mission = graph.mission
     if not mission.planning_airspace.point_clear(graph.position(start)):
-        return {"reason": f"{_node_name(start)} is not a legal place"}
+        name = f"waypoint {start}" if start else "home"
+        return {"reason": f"{name} is not a legal place"}
     route = router.route(graph.position(start), end)
     if not isinstance(route, Route):
         return {"reason": route.reason}
@@ -136,9 +116,7 @@ class _Marks:
         # of an entry, the handle in it
         self._names = {handle.entry: handle.keys for handle in parts.features.handles()}
         for region in parts.features.regions:
-            corners = [corner for ring in region.rings for corner in ring.corners]
-            corners += [region.circle.centre] if region.circle else []
-            self._handles[region.keys] = corners
+            self._handles[region.keys] = region.handles
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
         """A problem, with the keys of what is wrong on the map and the places to zoom to."""
@@ -220,10 +198,7 @@ def _region(parts: Changes, region: Region) -> dict[str, Any]:
 
 
 def _corners(parts: Changes, corners: Iterable[Handle]) -> list[Degrees]:
-    return _known(_on_map(parts, corner.pair) for corner in corners)
-
-
-def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
+    places = (_on_map(parts, corner.pair) for corner in corners)
     return [list(place) for place in places if place is not None]
 
 
@@ -302,7 +277,3 @@ def _on_map(parts: Changes, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
     place, origin = parts.geodetic(pair), parts.features.origin
     return place if place is None or origin is None else beside(origin, place)
-
-
-def _node_name(node: int) -> str:
-    return f"waypoint {node}" if node else "home"

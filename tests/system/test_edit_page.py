@@ -14,9 +14,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile
 from tests.air_router.tile_maker import around, colour_of, tile_at, write_tiles
 from tests.system.looker import LIMIT_MS, expect, served
 

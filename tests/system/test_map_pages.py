@@ -7,9 +7,8 @@ import pytest
 
 from air_router.control.command_request import CommandRequestError
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.editor.mission_file import MissionFile, write_starter
 from air_router.editor.server import EditorServer
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile, write_starter
 from air_router.live.joint import JointPage
 from air_router.live.page_address import PageAddress
 from air_router.live.playback import Playback, RecordedFlight

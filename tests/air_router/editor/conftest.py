@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.editor.mission_file import MissionFile
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile
 
 ROOT = Path(__file__).parents[3]
 

@@ -13,9 +13,8 @@ import pytest
 from yarl import URL
 
 from air_router.cli.cli import main
-from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile
 from air_router.errors import ExitCode
 from air_router.web import guard
 from air_router.web.guard import cookie_of

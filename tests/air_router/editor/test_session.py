@@ -12,11 +12,18 @@ from shapely import LineString, Polygon, make_valid
 from air_router.cli.arguments import home
 from air_router.cli.cli import main
 from air_router.editor import edits
-from air_router.editor.analysis import LegKind
+from air_router.editor.editable_mission import LegKind
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_file import ChangedOnDiskError, MissionFile, SaveError, write_starter
-from air_router.editor.session import EditSession, StaleError, UnconfirmedError
-from air_router.editor.yaml_changes import YamlChanges
+from air_router.editor.file_changes import YamlChanges
+from air_router.editor.session import (
+    ChangedOnDiskError,
+    EditSession,
+    MissionFile,
+    SaveError,
+    StaleError,
+    UnconfirmedError,
+    write_starter,
+)
 from air_router.errors import ExitCode, UsageError
 from mocha_link.team.document import DocumentError
 
@@ -363,7 +370,7 @@ def test_a_mission_with_problems_is_saved_only_when_that_is_confirmed(path, sess
 def test_what_others_wrote_is_not_lost(path, session):
     session.edit(move(waypoint(1), FREE))
     path.write_text(path.read_text() + "# by hand\n")
-    assert session.changed_on_disk()
+    assert session.file.changed()
     with pytest.raises(ChangedOnDiskError):
         session.save()
     assert path.read_text().endswith("# by hand\n")

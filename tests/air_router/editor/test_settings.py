@@ -6,8 +6,7 @@ import pytest
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_file import MissionFile
-from air_router.editor.session import EditSession
+from air_router.editor.session import EditSession, MissionFile
 from air_router.files.settings import DEFAULT_SEEK_POLICY
 from tests.air_router.editor.test_session import FREE, changed_lines
 
