@@ -13,6 +13,7 @@ from air_router.files.missions.mission_form import (
     AreaForm,
     MissionForm,
     SpotForm,
+    UavForm,
     WaypointForm,
 )
 from air_router.files.settings import PlannerSettings, Timers
@@ -26,14 +27,8 @@ _ORIGIN_M = 50_000.0
 _POLAR_DEG, _POLAR_ORIGIN_M = 70.0, 20_000.0
 """Meridians draw together: so near to a pole a frame is turned as much nearer to its origin."""
 
-_LISTS = {
-    "waypoints": "position",
-    "fences": "polygon",
-    "no_fly_zones": "polygon",
-    "no_fly_files": "file",
-    "rally_points": "position",
-}
-"""Sections that are lists, and what a bare list (of files, a bare path) in them is short for."""
+_LISTS = ("waypoints", "fences", "no_fly_zones", "no_fly_files", "rally_points")
+"""Sections of which what is right is read, whatever is wrong with other entries."""
 
 _STAND_INS: dict[str, Any] = {
     "home": {"position": [0.0, 0.0]},
@@ -61,14 +56,12 @@ def read_mission(document: Document) -> MissionDocument:
         message = "this is a team file: name the mission, which says 'team: ...' for this file"
         draft.report((), message, "no-mission")
         return draft
-    data = _written_out(document.data)
     try:
-        form = Document(document.path, document.node(), data).parse(MissionForm)
+        form = document.parse(MissionForm)
     except DocumentError as error:
         draft.problems.extend(error.problems)
-        missing = _STAND_INS.keys() - data.keys()
-        draft.unread |= missing
-        text = json.dumps({**_STAND_INS, **data})
+        draft.unread |= _STAND_INS.keys() - document.data.keys()
+        text = json.dumps({**_STAND_INS, **document.data})
         form = _RightParts.model_validate_json(
             text, strict=True, extra="ignore", context=draft.unread
         )
@@ -96,30 +89,6 @@ class _RightParts(MissionForm):
         if info.context is not None:
             info.context.add(name)
         return read(_STAND_INS.get(name, cls.model_fields[name].get_default()))
-
-
-def _written_out(short: dict[Any, Any]) -> dict[Any, Any]:
-    """Short forms in the long one: a bare pair is a position, a bare list a polygon."""
-    data = {**short}
-    for kind, key in ((list, "robots"), (str, "policy")):
-        if isinstance(data.get("seek"), kind):
-            data["seek"] = {key: data["seek"]}
-    for name, key in (("home", "position"), ("fence", "polygon")):
-        if isinstance(data.get(name), list):
-            data[name] = {key: data[name]}
-    if isinstance(data.get("uavs"), dict):
-        data["uavs"] = {name: _uav_written_out(uav) for name, uav in data["uavs"].items()}
-    for name, key in _LISTS.items():
-        bare = str if key == "file" else list
-        if isinstance(data.get(name), list):
-            data[name] = [{key: item} if isinstance(item, bare) else item for item in data[name]]
-    return data
-
-
-def _uav_written_out(uav: Any) -> Any:
-    if isinstance(uav, dict) and isinstance(uav.get("home"), list):
-        return {**uav, "home": {"position": uav["home"]}}
-    return {} if uav is None else uav
 
 
 def _fill(draft: MissionDocument, form: MissionForm) -> None:
@@ -183,8 +152,8 @@ def _fill_uavs(draft: MissionDocument, form: MissionForm) -> None:
         draft.report(("uavs",), message, "one-uav-key")
         return
     uavs = []
-    for name, uav in form.uavs.items():
-        keys: Keys = ("uavs", name)
+    for name, given in form.uavs.items():
+        uav, keys = given or UavForm(), ("uavs", name)
         home = None
         if uav.home is not None:
             home = draft.spot("home", uav.home.position, (*keys, "home", "position"))

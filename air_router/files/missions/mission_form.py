@@ -1,6 +1,6 @@
 """The form of a mission file in YAML: keys, types, limits. See docs/mission-file.md."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -29,6 +29,18 @@ _Metres = Annotated[float, Field(gt=0, le=10_000)]
 _Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
 
 
+class _Form(BaseModel):
+    """A mapping; the bare value of its most important key may stand for it."""
+
+    short_for: ClassVar[dict[type, str]] = {}  # that key, by the type of such a value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _written_out(cls, value: Any) -> Any:
+        key = cls.short_for.get(type(value))
+        return value if key is None else {key: value}
+
+
 class CircleForm(BaseModel):
     """A circle."""
 
@@ -36,9 +48,10 @@ class CircleForm(BaseModel):
     radius_m: Annotated[float, Field(gt=0, le=1_000_000)]
 
 
-class AreaForm(BaseModel):
+class AreaForm(_Form):
     """A fence, or the place of a zone."""
 
+    short_for = {list: "polygon"}
     polygon: Polygon | None = None
     holes: Annotated[list[Polygon], Field(max_length=1_000)] = []
     circle: CircleForm | None = None
@@ -69,16 +82,18 @@ class ZoneForm(AreaForm, ActiveForm):
         return ZoneTerms(self.clearance_m, altitudes, self.validity())
 
 
-class ZoneFileForm(BaseModel):
+class ZoneFileForm(_Form):
     """A file with more zones."""
 
+    short_for = {str: "file"}
     file: str
     allow: list[str] = []
 
 
-class SpotForm(BaseModel):
+class SpotForm(_Form):
     """A place."""
 
+    short_for = {list: "position"}
     position: Position
 
 
@@ -132,9 +147,10 @@ class PlannerForm(BaseModel):
     kind: PlannerKind = _PLANNER.kind
 
 
-class SeekForm(BaseModel):
+class SeekForm(_Form):
     """Whom to seek, and in which order."""
 
+    short_for = {list: "robots", str: "policy"}
     robots: list[str] = []
     policy: SeekPolicy = DEFAULT_SEEK_POLICY
 
@@ -163,7 +179,7 @@ class MissionForm(BaseModel):
     timers: TimersForm = TimersForm()
     planner: PlannerForm = PlannerForm()
     uav: str | None = None
-    uavs: dict[str, UavForm] = {}
+    uavs: dict[str, UavForm | None] = {}
     seek: SeekForm = SeekForm()
     goals_from: list[str] = []
     team: str | None = None
