@@ -65,7 +65,7 @@ def json_from_text(text: str, path: Path) -> JsonDocument:
         fault = error
     else:
         return JsonDocument(path, data, text)
-    place = _Lines(text).place(fault.index)
+    place = JsonDocument(path, None, text).line_column(fault.index)
     raise DocumentError.at(path, str(fault), fault.code, *place) from None
 
 
@@ -105,16 +105,24 @@ class JsonDocument(Document):
     def __init__(self, path: Path, data: Any, text: str) -> None:
         super().__init__(path, None, data)
         self.text = text
-        self._lines = _Lines(text)
         self._children: dict[int, dict[str, tuple[int, int]]] = {}  # by the start of their parent
 
     def place(self, *keys: Key) -> tuple[int, int]:
         """Line and column (1-based) of the value at a key path, or of its nearest parent."""
-        return self._lines.place(self._walk(keys)[1])
+        return self.line_column(self._walk(keys)[1])
 
     def place_of_key(self, *keys: Key) -> tuple[int, int]:
         """Line and column (1-based) of the last key itself, or of its nearest parent."""
-        return self._lines.place(self._walk(keys)[0])
+        return self.line_column(self._walk(keys)[0])
+
+    def line_column(self, index: int) -> tuple[int, int]:
+        """Line and column (1-based) of a character of the text."""
+        line = bisect_right(self._line_starts, index)
+        return line, index - self._line_starts[line - 1] + 1
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        return [0, *(match.end() for match in re.finditer("\n", self.text))]
 
     def _walk(self, keys: tuple[Key, ...]) -> tuple[int, int]:
         """Where the key and the value at a key path begin."""
@@ -211,21 +219,6 @@ class _FaultError(ValueError):
 
 class _StrangeError(ValueError):
     """Something that the standard library reads and we do not is somewhere in a text."""
-
-
-class _Lines:
-    """Where the lines of a text begin."""
-
-    def __init__(self, text: str) -> None:
-        self._text = text
-
-    @cached_property
-    def _starts(self) -> list[int]:
-        return [0, *(match.end() for match in re.finditer("\n", self._text))]
-
-    def place(self, index: int) -> tuple[int, int]:
-        line = bisect_right(self._starts, index)
-        return line, index - self._starts[line - 1] + 1
 
 
 def _blanks_end(text: str, start: int) -> int:

@@ -179,9 +179,8 @@ class _Change(YamlText):
         """Add keys behind the last one of a mapping that has some."""
         if place.flow:
             spans = self._spans(place)
-            separator = self._separator(place, spans)
-            text = "".join(separator + self._entry_text(place, *item) for item in more.items())
-            self.put(spans[-1][1], spans[-1][1], text)
+            texts = [self._entry_text(place, *item) for item in more.items()]
+            self._insert_in_flow(place, spans, len(spans), texts)
         else:
             at = self.line_end(self.end(place.node))
             gap = self.newline if not place.keys else ""
@@ -191,7 +190,7 @@ class _Change(YamlText):
         """Insert items into a list, before the one that has the index now."""
         spans = self._spans(place)
         if place.flow:
-            self._insert_in_flow(place, spans, index, items)
+            self._insert_in_flow(place, spans, index, map(yaml_flow, items))
             return
         lines = self.lines(block(list(items), place.indent))
         if index == 0:
@@ -202,10 +201,10 @@ class _Change(YamlText):
             self.put(at, at, self.newline + lines)
 
     def _insert_in_flow(
-        self, place: YamlValue, spans: list[tuple[int, int]], index: int, items: Iterable[Any]
+        self, place: YamlValue, spans: list[tuple[int, int]], index: int, texts: Iterable[str]
     ) -> None:
         separator = self._separator(place, spans)
-        text = separator.join(map(yaml_flow, items))
+        text = separator.join(texts)
         if index == 0:
             self.put(spans[0][0], spans[0][0], text + separator)
             return

@@ -14,8 +14,7 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.zone import Circle, Ring
-from geo.frame import Geodetic, LocalFrame, Point
-from geo.geodesic import STEP_M, stepped
+from geo.frame import STEP_M, Geodetic, LocalFrame, Point, stepped
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -39,32 +38,22 @@ class FeatureSet:
 
     Attributes:
         name: of the mission or the file.
-        home: None for a file of zones.
         home_altitude_amsl_m: None if it is not known.
         fences: what the vehicle stays inside of.
         zones: what it stays outside of.
-        waypoints: in order.
-        rally_points: in order.
+        spots: home, waypoints and rally points in order, each with its kind.
     """
 
     name: str
-    home: MapPoint | None = None
     home_altitude_amsl_m: float | None = None
     fences: list[MapArea] = field(default_factory=list)
     zones: list[MapArea] = field(default_factory=list)
-    waypoints: list[MapPoint] = field(default_factory=list)
-    rally_points: list[MapPoint] = field(default_factory=list)
+    spots: list[tuple[str, MapPoint]] = field(default_factory=list)
 
     def areas(self) -> Iterator[tuple[str, MapArea]]:
         """Fences and zones, each with its kind."""
         yield from (("fence", area) for area in self.fences)
         yield from (("zone", area) for area in self.zones)
-
-    def spots(self) -> Iterator[tuple[str, MapPoint]]:
-        """All places in order, each with its kind."""
-        yield from [("home", self.home)] if self.home is not None else []
-        yield from (("waypoint", spot) for spot in self.waypoints)
-        yield from (("rally_point", spot) for spot in self.rally_points)
 
 
 def feature_set_of(draft: MissionDocument) -> FeatureSet:
@@ -72,21 +61,22 @@ def feature_set_of(draft: MissionDocument) -> FeatureSet:
     frame = draft.frame
     if frame is None:
         raise ValueError("a mission without a frame has no feature set")
-    return FeatureSet(
+    features = FeatureSet(
         sanitize(draft.name),
-        MapPoint("home", frame.to_geodetic(draft.home.position), 0.0) if draft.home else None,
         draft.home_altitude_amsl_m,
-        [_area(area, frame) for area in draft.fences],
-        [_area(area, frame) for area in draft.zones],
-        [
-            MapPoint(str(n), frame.to_geodetic(spot.position), spot.altitude_m or draft.altitude_m)
-            for n, spot in enumerate(draft.waypoints, start=1)
-        ],
-        [
-            MapPoint(f"rally point {n}", frame.to_geodetic(spot.position))
-            for n, spot in enumerate(draft.rally_points, start=1)
-        ],
+        [map_area(area, frame) for area in draft.fences],
+        [map_area(area, frame) for area in draft.zones],
     )
+    if draft.home is not None:
+        home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
+        features.spots.append(("home", home))
+    for n, spot in enumerate(draft.waypoints, start=1):
+        place, altitude_m = frame.to_geodetic(spot.position), spot.altitude_m or draft.altitude_m
+        features.spots.append(("waypoint", MapPoint(str(n), place, altitude_m)))
+    for n, spot in enumerate(draft.rally_points, start=1):
+        place = frame.to_geodetic(spot.position)
+        features.spots.append(("rally_point", MapPoint(f"rally point {n}", place)))
+    return features
 
 
 def feature_set_of_zones(
@@ -151,7 +141,8 @@ def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
     return 0 < along < length**2 and abs(across) < _ON_LINE_DEG * length
 
 
-def _area(area: Area, frame: LocalFrame) -> MapArea:
+def map_area(area: Area, frame: LocalFrame) -> MapArea:
+    """A fence or a zone in degrees."""
     if isinstance(area.shape, Circle):
         centre = frame.to_geodetic(area.shape.centre)
         return MapArea(area.name, MapCircle(centre, area.shape.radius_m), area.terms)

@@ -222,7 +222,7 @@ def geojson_text(feature_set: FeatureSet) -> str:
 def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
     """The feature set as a feature collection."""
     features = [_area_feature(kind, area) for kind, area in feature_set.areas()]
-    features += [_spot_feature(kind, spot) for kind, spot in feature_set.spots()]
+    features += [_spot_feature(kind, spot) for kind, spot in feature_set.spots]
     return {"type": "FeatureCollection", "name": feature_set.name, "features": features}
 
 

@@ -4,11 +4,10 @@ Both say the same under other names: a table has these. Geozones are published f
 and not always well. Where one is in doubt it is read as the larger zone, and the operator is told.
 """
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator
-from datetime import time
-from typing import Any, ClassVar, Final, NamedTuple
+from datetime import time, timedelta
+from typing import Any, ClassVar, Final
 
 from air_router.counted import counted
 from air_router.files.json_document import JsonDocument
@@ -41,18 +40,6 @@ _OF_GEOMETRY: Final = frozenset({"layer", "extent"})
 """What only features of ED-318 have."""
 
 _REFERENCES: Final = {"AGL": Reference.GROUND, "AMSL": Reference.AMSL, "WGS84": None}
-
-
-class _Names(NamedTuple):
-    """Where a format has what: keys of a zone, of its properties and of a volume's layer."""
-
-    properties: Keys  # of a zone
-    restriction: str
-    periods: str  # when it applies
-    unit: str  # of both limits
-    unit_needed: bool  # metres without one, where it is not
-    lower: tuple[str, str]  # value and reference
-    upper: tuple[str, str]  # value and reference
 
 
 def read_geozones(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading | None:
@@ -91,10 +78,16 @@ def _is_ed318(feature: dict[str, Any]) -> bool:
 
 
 class _GeozoneReader(GeometryReader, ABC):
-    """Reads zones by the names of a format."""
+    """Reads zones; its formats say where they have what: keys of a zone, of a volume's layer."""
 
     format: ClassVar[str]
-    names: ClassVar[_Names]
+    properties: ClassVar[Keys]  # of a zone
+    restriction: ClassVar[str]
+    periods: ClassVar[str]  # when it applies
+    unit: ClassVar[str]  # of both limits
+    unit_needed: ClassVar[bool]  # metres without one, where it is not
+    lower: ClassVar[tuple[str, str]]  # value and reference
+    upper: ClassVar[tuple[str, str]]
 
     def __init__(self, document: JsonDocument, allow: Collection[str]) -> None:
         super().__init__(document, self.format)
@@ -116,16 +109,16 @@ class _GeozoneReader(GeometryReader, ABC):
         """The volumes of a zone: where their limits stand, and their shapes."""
 
     def _zone(self, keys: Keys, number: int) -> None:
-        properties: Keys = (*keys, *self.names.properties)
+        properties: Keys = (*keys, *self.properties)
         if not isinstance(self.at(*properties), dict):
             self.wrong(properties, "what a zone says of itself must be an object")
             return
         identifier = self._text((*properties, "identifier")) or f"zone {number}"
-        if not self._restricted((*properties, self.names.restriction), identifier):
+        if not self._restricted((*properties, self.restriction), identifier):
             return
         words = (self._text((*properties, key)) for key in ("identifier", "name"))
         name = " ".join(filter(None, words)) or identifier
-        validity = self._validity((*properties, self.names.periods))
+        validity = self._validity((*properties, self.periods))
         volumes = list(self.volumes(keys))
         for index, (layer, shapes) in enumerate(volumes):
             suffix = f", volume {index + 1}" if len(volumes) > 1 else ""
@@ -157,18 +150,18 @@ class _GeozoneReader(GeometryReader, ABC):
         """The altitudes between the limits of a layer; None: without limits."""
         if self.at(*layer) is None:
             return None
-        names, unit = self.names, 1.0
-        if names.unit_needed or self.at(*layer, names.unit) is not None:
-            unit = self.choice((*layer, names.unit), "the unit", METRES_PER_UNIT) or unit
+        unit = 1.0
+        if self.unit_needed or self.at(*layer, self.unit) is not None:
+            unit = self.choice((*layer, self.unit), "the unit", METRES_PER_UNIT) or unit
         low, high = (
             self._limit((*layer, limit), (*layer, reference), unit)
-            for limit, reference in (names.lower, names.upper)
+            for limit, reference in (self.lower, self.upper)
         )
         if high is not None and high.reference is Reference.GROUND:
             least_m = low.metres if low is not None and low.reference is high.reference else 0.0
             if high.metres <= max(least_m, 0.0):
                 message = f"it ends at {high.metres:g} m, where it begins: read as without end"
-                self.reading.note((*layer, names.upper[0]), message, "no-height")
+                self.reading.note((*layer, self.upper[0]), message, "no-height")
                 high = None
         return Altitudes(low, high) if low or high else None
 
@@ -203,15 +196,12 @@ class _GeozoneReader(GeometryReader, ABC):
 
 class _Ed269(_GeozoneReader):
     format = "ED-269"
-    names = _Names(
-        (),
-        "restriction",
-        "applicability",
-        "uomDimensions",
-        unit_needed=True,
-        lower=("lowerLimit", "lowerVerticalReference"),
-        upper=("upperLimit", "upperVerticalReference"),
-    )
+    properties = ()
+    restriction = "restriction"
+    periods = "applicability"
+    unit, unit_needed = "uomDimensions", True
+    lower = ("lowerLimit", "lowerVerticalReference")
+    upper = ("upperLimit", "upperVerticalReference")
 
     def volumes(self, keys: Keys) -> Iterator[tuple[Keys, Shapes]]:
         for volume in self.pieces((*keys, "geometry"), "a zone's geometry"):
@@ -230,15 +220,12 @@ class _Ed269(_GeozoneReader):
 
 class _Ed318(_GeozoneReader):
     format = "ED-318"
-    names = _Names(
-        ("properties",),
-        "type",
-        "limitedApplicability",
-        "uom",
-        unit_needed=False,
-        lower=("lower", "lowerReference"),
-        upper=("upper", "upperReference"),
-    )
+    properties = ("properties",)
+    restriction = "type"
+    periods = "limitedApplicability"
+    unit, unit_needed = "uom", False
+    lower = ("lower", "lowerReference")
+    upper = ("upper", "upperReference")
 
     def volumes(self, keys: Keys) -> Iterator[tuple[Keys, Shapes]]:
         yield from self._parts((*keys, "geometry"))
@@ -262,10 +249,6 @@ Doubt = Callable[[Keys, ValueError], None]
 """Takes which entry is not clear, and why."""
 
 _DAY_MIN = 24 * 60
-_CLOCK = re.compile(
-    r"(?P<hour>[01][0-9]|2[0-4]):(?P<minute>[0-5][0-9])(?::(?P<second>[0-5][0-9])(?:[.,][0-9]+)?)?"
-    r"(?:Z|(?P<sign>[-+])(?P<hours>[0-9]{2}):?(?P<minutes>[0-9]{2}))?"
-)
 _ALL_DAYS = frozenset(range(len(DAYS)))
 _DAY_WORDS: dict[str, frozenset[int]] = {
     **{word.upper(): frozenset({number}) for word, number in DAY_NUMBERS.items()},
@@ -334,13 +317,12 @@ def _minutes(text: Any, *, up: bool) -> int:
 
     Without an offset they are UTC.
     """
-    match = _CLOCK.fullmatch(text) if isinstance(text, str) else None
-    minutes = _DAY_MIN + 1 if match is None else int(match["hour"]) * 60 + int(match["minute"])
-    if match is None or minutes > _DAY_MIN:
-        raise ValueError(f"'{str(text)[:20]}' is no time of day like 08:00Z")
-    if up and (minutes == _DAY_MIN - 1 or int(match["second"] or 0) > 0):
+    midnight = str(text).startswith("24:00")  # the end of a day, which Python has not
+    try:
+        clock = time.fromisoformat(str(text).replace("24:00", "00:00", 1) if midnight else text)
+    except (TypeError, ValueError):
+        raise ValueError(f"'{str(text)[:20]}' is no time of day like 08:00Z") from None
+    minutes = midnight * _DAY_MIN + clock.hour * 60 + clock.minute
+    if up and (minutes == _DAY_MIN - 1 or clock.second > 0):
         minutes += 1
-    if match["sign"]:
-        offset_min = int(match["hours"]) * 60 + int(match["minutes"])
-        minutes += offset_min if match["sign"] == "-" else -offset_min
-    return minutes
+    return minutes - int((clock.utcoffset() or timedelta(0)).total_seconds() // 60)

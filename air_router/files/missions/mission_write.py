@@ -6,7 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.files.maps.feature_set import corners_of
+from air_router.files.maps.feature_set import map_area
+from air_router.files.maps.zone_reading import MapCircle
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
@@ -16,7 +17,6 @@ from air_router.files.settings import (
 )
 from air_router.files.yaml_text import degrees_text
 from air_router.files.zone_terms import terms_data
-from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import as_yaml
 
@@ -107,20 +107,19 @@ def _zone(area: Area, frame: LocalFrame) -> dict[str, Any]:
 
 
 def _shape(area: Area, frame: LocalFrame) -> dict[str, Any]:
-    if isinstance(area.shape, Circle):
-        centre = _pair(area.shape.centre, frame)
-        return {"circle": {"centre": centre, "radius_m": area.shape.radius_m}}
-    holes = [_ring(hole, frame) for hole in area.shape.holes]
-    return _given({"polygon": _ring(area.shape.ring, frame), "holes": holes})
-
-
-def _ring(ring: Ring, frame: LocalFrame) -> list[list[float]]:
-    corners = corners_of(ring, frame)
-    return [[round(degrees, _DIGITS) for degrees in corner] for corner in corners]
+    shape = map_area(area, frame).shape
+    if isinstance(shape, MapCircle):
+        return {"circle": {"centre": _rounded(shape.centre), "radius_m": shape.radius_m}}
+    ring, *holes = ([*map(_rounded, ring)] for ring in (shape.ring, *shape.holes))
+    return _given({"polygon": ring, "holes": holes})
 
 
 def _pair(point: Point, frame: LocalFrame) -> list[float]:
-    return [round(degrees, _DIGITS) for degrees in frame.to_geodetic(point)]
+    return _rounded(frame.to_geodetic(point))
+
+
+def _rounded(place: Geodetic) -> list[float]:
+    return [round(degrees, _DIGITS) for degrees in place]
 
 
 _FIRST_MISSION: Final = """\

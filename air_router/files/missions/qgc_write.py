@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument, json_text
-from air_router.files.maps.feature_set import corners_of
+from air_router.files.maps.feature_set import map_area
+from air_router.files.maps.zone_reading import MapCircle, MapRing
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.missions.qgc_items import MavCommand
 from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
-from geo.airspace.zone import Circle, Ring
+from geo.airspace.zone import Circle
 from geo.frame import Geodetic, LocalFrame
 
 RELATIVE_FRAME: Final = 3
@@ -98,15 +99,14 @@ def areas_of(
     """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
     found: dict[str, list[Any]] = {"circles": [], "polygons": []}
     for area in areas:
-        shape = area.shape
-        if isinstance(shape, Circle):
-            circle = {"center": _rounded(frame.to_geodetic(shape.centre)), "radius": shape.radius_m}
-            entry = {"circle": circle, "inclusion": inclusion, "version": 1}
-            found["circles"].append(entry)
+        shape = map_area(area, frame).shape
+        if isinstance(shape, MapCircle):
+            circle = {"center": _rounded(shape.centre), "radius": shape.radius_m}
+            found["circles"].append({"circle": circle, "inclusion": inclusion, "version": 1})
         else:
+            found["polygons"].append(_polygon(shape.ring, inclusion=inclusion))
             holes = shape.holes if inclusion else ()
-            found["polygons"].append(_polygon(shape.ring, frame, inclusion=inclusion))
-            found["polygons"] += [_polygon(hole, frame, inclusion=False) for hole in holes]
+            found["polygons"] += [_polygon(hole, inclusion=False) for hole in holes]
         _warn_of_losses(area, warnings, inclusion=inclusion)
     return found
 
@@ -123,9 +123,8 @@ def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
     return json_text(data, like=plan.text)
 
 
-def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any]:
-    corners = [_rounded(corner) for corner in corners_of(ring, frame)]
-    return {"inclusion": inclusion, "polygon": corners, "version": 1}
+def _polygon(ring: MapRing, *, inclusion: bool) -> dict[str, Any]:
+    return {"inclusion": inclusion, "polygon": [*map(_rounded, ring)], "version": 1}
 
 
 def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool) -> None:

@@ -25,8 +25,7 @@ from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
-from geo.frame import Geodetic, LocalFrame, Point
-from geo.geodesic import circle_around, dense_ring
+from geo.frame import Geodetic, LocalFrame, Point, circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
 
 TOWN = Path(__file__).parents[3] / "data" / "files" / "town.yaml"
@@ -263,7 +262,7 @@ def test_rings_in_kml_run_counterclockwise(outline, turned):
 
 
 def test_what_xml_cannot_say_is_replaced():
-    features = FeatureSet("a\x00b", home=MapPoint("\ufffe", Geodetic(1, 2)))
+    features = FeatureSet("a\x00b", spots=[("home", MapPoint("\ufffe", Geodetic(1, 2)))])
     assert "<name>a?b</name>" in kml_text(features)
     assert from_kml(features) == []
 
