@@ -343,6 +343,7 @@ class ReturnMonitor:
         airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
         if mission.duration_s is not None and airborne_s >= mission.duration_s:
             return f"{mission.duration_s:.0f} s of mission are over"
-        if context.home_by_s is not None and context.now_s >= context.home_by_s:
+        over = context.home_by_s is not None and context.now_s >= context.home_by_s
+        if over and mission.latest_start is not None:
             return "the hours that its no-fly zones were chosen for are over"
         return None

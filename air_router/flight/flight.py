@@ -290,9 +290,9 @@ class Flight:
 
     def _too_late(self, telemetry: Telemetry) -> bool:
         """Whether it did not take off while its zones were the right ones; ends then."""
-        latest = self._mission.latest_start
         waits = self.controller.state is State.READY and not telemetry.armed
-        if latest is None or not waits or self._clock.now_s() <= latest.timestamp():
+        latest = self.controller.context.mission.latest_start if waits else None
+        if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
             f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "

@@ -254,14 +254,15 @@ class FlightLoop:
     def _reckon_with_time(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies.
 
-        And until when its zones are the right ones is told by the clock on the wall.
+        And until when zones with hours are the right ones is told by the clock on the wall.
         """
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
         self._controller.gate.reaction_s = reaction_s
         self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
         mission = self._controller.context.mission
-        if mission.latest_start is not None and mission.duration_s is not None:
-            left_s = mission.latest_start.timestamp() + mission.duration_s - self._clock.now_s()
+        latest = mission.window.latest_start
+        if latest is not None and mission.duration_s is not None:
+            left_s = latest.timestamp() + mission.duration_s - self._clock.now_s()
             self._controller.context.home_by_s = now_s + left_s
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
 

@@ -167,7 +167,8 @@ class MissionContext:
         zones: How far a change of zones is; None if none is under way.
         has_to_stop: Zones change, and the hold for that is not confirmed yet.
         jumped: Its altitude has jumped, and it holds until that is over.
-        home_by_s: When it comes home, on the vehicle's clock, because zones may be others later.
+        home_by_s: When it comes home, on the vehicle's clock, if some zones have their hours: they
+            may be others later.
         doubts: An order that is not ours shows, if not for long enough to be sure of it.
         put_off: A motion was dropped for these doubts.
         climbs_first: The next leg is begun at the mission's altitude: the vehicle was taken over,

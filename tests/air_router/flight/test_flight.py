@@ -11,7 +11,7 @@ import pytest
 
 from air_router.control.command_request import View
 from air_router.controller.model.actions import FlyToNode, StateChanged
-from air_router.controller.model.events import CommandConfirmed
+from air_router.controller.model.events import AirspaceChanged, CommandConfirmed
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import HoldNow
 from air_router.errors import (
@@ -35,7 +35,7 @@ from air_router.vehicle.vehicle import (
     PlanReplaced,
     Telemetry,
 )
-from geo.airspace.zone import Zone
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from geo.grid import SemanticGrid
 from geo.validity import Validity
@@ -111,9 +111,34 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     assert result.exit_code == ExitCode.REFUSED
     assert result.outcome.startswith("refused: no take-off before 22:13 UTC")
     assert "arm" not in flight.vehicle.verbs
+    flight = rig(arm=False, window=window)
+    zones = AirspaceChanged(pennovation.fences, (timed,))  # reloaded before the take-off
+    flight.at(lambda: flight.flight._admitted, lambda: flight.flight.loop.on_event(zones))
+    assert flight.run().exit_code == ExitCode.REFUSED
     flight = rig(arm=False, window=window)  # all zones count at all times
     flight.at(lambda: flight.clock.now_s() > 1.7e9 + 40, flight.vehicle.airframe.take_off)
     assert flight.run().outcome == "done"
+
+
+def test_zones_with_hours_that_are_reloaded_bring_it_home_when_these_are_over(rig, pennovation):
+    latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
+    timed = Zone("timed", Circle(Point(300.0, 300.0), 5.0), validity=Validity(()))
+    flight = rig(window=FlightWindow(latest, None, latest), duration_s=300.0, arm=False)
+    zones = AirspaceChanged(pennovation.fences, (*pennovation.zones, timed))
+    airframe, told = flight.vehicle.airframe, []
+
+    def step():
+        passed_s = flight.clock.now_s() - 1.7e9
+        if passed_s > 30.0 and not airframe.in_air and airframe.mode is FlightMode.HOLD:
+            airframe.take_off()
+        elif passed_s > 200.0 and not told:
+            told.append(flight.flight.loop.on_event(zones))
+
+    flight.vehicle.on_step = step
+    result = flight.run()
+    why = "the hours that its no-fly zones were chosen for are over"
+    assert (result.outcome, result.report["came_home_because"]) == ("done", why)
+    assert replay([*Log(flight.recorder.path)]).difference is None
 
 
 def test_flown_by_hand_until_zones_may_be_others_it_comes_home_when_it_is_handed_over(
