@@ -201,6 +201,8 @@ class ControlAuthority:
         self._hold_again_s = context.now_s + RETRY_S
         if flies_plan and context.giving_up is None:
             context.compares = what
+            if context.state is State.READY:
+                context.stopped_why = what
             self._gate.stop()
             self._gate.hold(what)
 

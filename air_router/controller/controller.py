@@ -319,11 +319,13 @@ class Controller:
             self.gate.stop()
         self._commands.now_what_waited()
         if not done:
+            context.stopped_why = None
             self.gate.let_go()
             return
         landed_by_us = self._left is State.LAND
         why = self._phase.ending(landed_by_us=landed_by_us)
-        context.actions.append(Finish(landed_by_us, why, context.taken_by))
+        refused = context.stopped_why is not None and self._phase.killed is None
+        context.actions.append(Finish(landed_by_us, why, context.taken_by, refused))
 
     # What others read.
 

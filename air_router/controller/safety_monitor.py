@@ -140,7 +140,7 @@ class FlightPhase:
         if self._flew:
             return False
         self._context.handed_over = self._was_armed = False
-        self._context.compares = None
+        self._context.compares = self._context.stopped_why = None
         self._gate.let_go()
         return True
 
@@ -153,6 +153,9 @@ class FlightPhase:
             return f"landed {context.ending.place if context.ending else 'at home'}"
         if self._flew:
             return "landed, but not by our command"
+        if context.stopped_why is not None:
+            why = context.stopped_why
+            return f"{why} as it took off; it is on the ground: start the mission anew"
         return f"{context.stayed_why}, before take-off"
 
 

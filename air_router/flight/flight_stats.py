@@ -164,6 +164,8 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
             return f"ended: {aborted_why}", ExitCode.ENDED_OTHERWISE
         case Finish(landed_by_us=True):
             return "done", ExitCode.DONE
+        case Finish(refused=True):
+            return f"refused: {finish.why}", ExitCode.REFUSED
         case Finish(taken_by=ControlHolder.PILOT):
             return "pilot", ExitCode.PILOT_TOOK_OVER
         case Finish(taken_by=ControlHolder.FAILSAFE):

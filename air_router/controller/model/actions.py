@@ -137,6 +137,7 @@ class Finish:
     landed_by_us: bool  # after LAND, commanded by us
     why: str  # in words
     taken_by: ControlHolder | None = None  # None: the vehicle stayed ours
+    refused: bool = False  # it was stopped as it took off, and has not flown
 
 
 Action = (

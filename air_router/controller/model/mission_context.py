@@ -158,6 +158,7 @@ class MissionContext:
         airborne_s: When the mission began in the air.
         leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
         handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
+        stopped_why: Why it was stopped as it took off; None once it flies, or another has it.
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
         held: Why a vehicle that was handed over hovers where no leg of this mission may begin, and
@@ -199,6 +200,7 @@ class MissionContext:
     handed_over: bool = False
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
+    stopped_why: str | None = None
     held: str | None = None
     giving_up: str | None = None
     compares: str | None = None

@@ -142,6 +142,28 @@ def test_another_plan_before_take_off_ends_it(pretend):
     assert flight.finished.why == "another plan is on board (8 items), before take-off"
 
 
+@pytest.mark.parametrize("hops", [False, True])
+@pytest.mark.parametrize("compared", [False, True])
+def test_a_plan_that_is_replaced_as_it_takes_off_refuses_the_flight(pretend, hops, compared):
+    flight = pretend()
+    flight.armed, flight.mode = True, FlightMode.MISSION
+    flight.step()
+    flight.give(PlanReplaced(flight.now_s))
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.in_air, flight.altitude_m = hops, 0.5 * hops
+    flight.step()
+    flight.in_air = False
+    flight.step()
+    if compared:
+        flight.give(PlanCompared(flight.now_s))
+    flight.armed = False
+    flight.step()
+    assert flight.finished.refused
+    assert flight.finished.why == (
+        "the plan on board was replaced as it took off; it is on the ground: start the mission anew"
+    )
+
+
 @pytest.mark.parametrize("difference", [None, "8 items"])
 @pytest.mark.parametrize("again", [False, True])
 def test_a_plan_that_was_replaced_before_the_hand_over_is_compared_first(

@@ -4,6 +4,7 @@ import pytest
 from air_router.controller.model.actions import Finish, RenewPlan, StateChanged
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.states import Signal, State
+from air_router.errors import ExitCode
 from air_router.flight.flight_stats import FlightStats, ending_of
 from air_router.gossip.mapper import Mapper
 from air_router.report.flight_table import table
@@ -143,6 +144,11 @@ def test_a_flight_that_comes_home_before_it_is_off_the_ground_is_not_done(stats)
     fly(stats, (0.0, 0.0))
     assert stats.flew
     assert ending_of(landed)[0] == "done"
+
+
+def test_a_flight_that_was_stopped_as_it_took_off_is_refused():
+    stopped = Finish(landed_by_us=False, why="the plan was replaced", refused=True)
+    assert ending_of(stopped) == ("refused: the plan was replaced", ExitCode.REFUSED)
 
 
 def test_ages_and_the_table(stats):
