@@ -3,16 +3,18 @@
 What counts changes at once. Then, in this order: a leg that is not clear any more is held for; a
 vehicle that is in a new zone leaves it; the autopilot gets its new fence, which would act at once
 on a vehicle inside; and only when that is read back the mission goes on, by ways planned anew.
+
+With its altitude in doubt the vehicle holds until there are ways that are clear at both altitudes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.model.actions import HoldHere, RenewPlan
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.actions import HoldHere, RenewPlan, WidenRoutes
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
 from air_router.controller.model.mission_context import (
     Goal,
     MissionContext,
@@ -34,6 +36,9 @@ from geo.airspace.airspace import FENCE, Airspace
 STUCK_S: Final = 3.0
 """How long after no way led out of a new zone it is looked for again."""
 
+NEWS_M: Final = 0.5
+"""An altitude in doubt that is off by so much more may be another zone's."""
+
 _OVERSHOOT: Final = 1.5
 """A vehicle that brakes may come so much farther than is reckoned with."""
 
@@ -49,7 +54,7 @@ class AirspaceUpdate:
         exploration: Waypoints in a zone, or behind one, are left out of it.
 
     Attributes:
-        prepared: The router among changed zones, if it was made elsewhere.
+        prepared: The router among other zones, if it was made elsewhere.
     """
 
     _context: MissionContext
@@ -61,12 +66,15 @@ class AirspaceUpdate:
     _way_out: Goal | None = None  # where it leaves a zone drawn over it
     _what: str = ""  # what is being uploaded, in announcements
     _stuck_until_s: float = -math.inf  # no way out is looked for before
+    _off_m: float = 0.0  # how far off the altitude may be, as far as that counts
+    _looked: Router | None = None  # plans among what applies there, or is replaced by one that does
 
     # Other zones.
 
     def airspace_changed(self, event: AirspaceChanged) -> None:
         """Heed other zones and fences at once."""
         context = self._context
+        router, self.prepared = self.prepared, None
         if context.state is State.DONE:
             context.say("zones not changed: the flight is over")
             return
@@ -74,13 +82,11 @@ class AirspaceUpdate:
             context.say("zones not changed: others are being put on board just now; ask again")
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
-        router, self.prepared = self.prepared, None
-        made = None if router is None else router.graph.mission
-        same = made and (made.fences, made.zones) == (mission.fences, mission.zones)
-        if router is None or not same:
+        if router is None or not _among(router, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.mission, context.router = mission, router
+        context.by_one_altitude = None
         self._begin_clearing()
         self._what = "the changed fence"
         when = "; they go on board when the mission is resumed" if self._put_off else ""
@@ -177,7 +183,7 @@ class AirspaceUpdate:
         if not stopping and (self._context.has_to_stop or (taken_back and moves)):
             gate.hold("it did not stop")  # it flies on to where zones are now
             return
-        if self._context.zones is ZoneChange.UPLOADING:
+        if self._context.zones in {ZoneChange.UPLOADING, ZoneChange.PLANNING}:
             if self._navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return
@@ -256,8 +262,59 @@ class AirspaceUpdate:
             if self._context.knows(Signal.COME_HOME):
                 self._context.come_home(f"{self._what} is not on board")
                 return
-        if self._context.in_air:
+        if self._context.in_air and not self._widen():
             self._context.handler.replan()
+
+    # The altitude in doubt.
+
+    def altitude_doubted(self, off_m: float) -> None:
+        """Keep clear of what applies up, or down, to an altitude so far off the autopilot's."""
+        if self._looked is not self._context.router or abs(off_m - self._off_m) >= NEWS_M:
+            self._off_m = off_m
+            self._widen()
+
+    def _widen(self) -> bool:
+        """Hold, and have ways planned, where they are not clear there yet; whether that is so."""
+        context, router, off_m = self._context, self._context.router, self._off_m
+        self._looked, kept = router, len(router.graph.mission.planning_airspace.zones)
+        doubted = off_m != 0.0 and not context.trusts_altitude
+        if not doubted or len(_at_both(context.mission, off_m).zones) <= kept:
+            return False
+        context.zones = ZoneChange.PLANNING
+        context.actions.append(WidenRoutes(off_m))
+        self._stop("ways are planned that are clear at both altitudes")
+        return True
+
+    def routes_widened(self, event: RoutesWidened) -> None:
+        """Go on by ways that are clear at both altitudes."""
+        context = self._context
+        router, self.prepared = self.prepared, None
+        if context.zones is not ZoneChange.PLANNING or event.off_m != self._off_m:
+            self._looked = None  # the zones have changed since, or another had the vehicle
+            return
+        if router is None or not _among(router, context.mission):
+            router = widened_router(context.mission, event.off_m)
+        context.by_one_altitude = context.by_one_altitude or context.router
+        context.router = router
+        context.zones, context.has_to_stop = None, False
+        context.handler.replan()
+
+
+def widened_router(mission: Mission, off_m: float) -> Router:
+    """Plans among what applies from the cruise altitudes to so far above or below them."""
+    planning = _at_both(mission, off_m).with_margin(mission.planner.tracking_margin_m)
+    return Router(WaypointGraph(replace(mission, planning_airspace=planning)))
+
+
+def _at_both(mission: Mission, off_m: float) -> Airspace:
+    edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
+    return mission.airspace_at(edge_m + off_m)
+
+
+def _among(router: Router, mission: Mission) -> bool:
+    """Whether a router plans among the fences and zones of a mission."""
+    made = router.graph.mission
+    return (made.fences, made.zones) == (mission.fences, mission.zones)
 
 
 def _names_of_new(before: Mission, now: Mission) -> frozenset[str]:

@@ -91,7 +91,9 @@ class CommandHandler:
         moves = SeekNow | ExploreNow | ComeHome | GoTo | ChangeAltitude
         sets_out = isinstance(request, moves) or (isinstance(request, GoOn) and not request.upload)
         if sets_out and context.zones is not None and context.in_air:
-            what = f"{what}; it sets out once the changed zones are on board"
+            plans = context.zones is ZoneChange.PLANNING
+            once = "ways are planned anew" if plans else "the changed zones are on board"
+            what = f"{what}; it sets out once {once}"
         context.actions.append(CommandAck(number, by, True, what, None, points))
 
     # What may stand against it: each raises RequestRefusedError.
@@ -249,6 +251,8 @@ class CommandHandler:
     def _asked_to_come_home(self, request: ComeHome) -> Accepted:
         context, state = self._context, self._context.state
         self._check_kept()
+        if state is State.HOME and self._states.home.go_by_one_altitude(request.by):
+            return Accepted("it comes home by a way that is clear at the autopilot's altitude")
         if state in {State.HOME, State.LAND}:
             return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
         not_ours = context.held is not None or not context.in_charge

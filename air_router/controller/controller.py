@@ -40,6 +40,7 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
     RobotSought,
+    RoutesWidened,
 )
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import MissionContext, Progress
@@ -118,6 +119,7 @@ class Controller:
         self._missing = MissingInputs(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
+        self._home.doubted = self.airspace_update.altitude_doubted
         commands = self._commands = CommandHandler(
             context,
             self.returns,
@@ -142,6 +144,7 @@ class Controller:
             SyncEnded: states.comm.sync_ended,
             AirspaceChanged: self.airspace_update.airspace_changed,
             PlanRenewed: self.airspace_update.plan_renewed,
+            RoutesWidened: self.airspace_update.routes_widened,
             FlownBefore: self._flown_before,
             PeerFault: lambda event: context.say(event.words),
             PlanReplaced: authority.plan_replaced,

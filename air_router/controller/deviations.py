@@ -18,6 +18,9 @@ flies, zones are being changed, or the vehicle lands.
 | one of these, a third time within 3 minutes | at once | home |
 | the battery at its reserve, or little above what the way home takes | at once | home |
 | the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
+
+Where no way home is clear at both altitudes it hovers; asked for `home` once more, or with the
+battery at its reserve, it comes home by a way that is clear at the autopilot's.
 """
 
 from __future__ import annotations

@@ -317,7 +317,7 @@ class ReturnMonitor:
         if context.state is not State.LAND and (
             telemetry.time_s >= reachability.look_at_s
             or reachability.walls is not None
-            or reachability.among is not context.mission
+            or reachability.among is not context.router
         ):
             news = reachability.look(telemetry, due=context.state is State.HOME)
             if news is not None:

@@ -6,8 +6,8 @@ Pure; each sentence that comes back is for the pilot and the operator.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
 from enum import Enum
 from statistics import median
 from typing import Final, NamedTuple
@@ -17,8 +17,6 @@ from air_router.controller.model.mission_context import MissionContext, OnBoard
 from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
-from air_router.routing.graph import WaypointGraph
-from air_router.routing.router import Router
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
@@ -41,6 +39,10 @@ DOUBT_HOME_M: Final = 6.0
 """The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
 
 _AVERAGE_S: Final = 4.0
+_SAMPLE_M: Final = 7.0
+_SAMPLE_S: Final = 0.5
+"""So far off the average, and for so long, one altitude counts at most. It may be a very wrong
+one: that raises the average by less than `DOUBT_M` in the 1.5 s that it is believed."""
 
 FOREIGN_ORDER_S: Final = 1.5
 """How long an order that is not ours has to show: our own shows late on a slow link."""
@@ -151,11 +153,11 @@ class FlightPhase:
             return self.killed
         if landed_by_us:
             return f"landed {context.ending.place if context.ending else 'at home'}"
-        if self._flew:
-            return "landed, but not by our command"
         if context.stopped_why is not None:
             why = context.stopped_why
             return f"{why} as it took off; it is on the ground: start the mission anew"
+        if self._flew:
+            return "landed, but not by our command"
         return f"{context.stayed_why}, before take-off"
 
 
@@ -184,10 +186,12 @@ class HomeWatch:
     Attributes:
         receiver_off_m: How far the altitude of the satellite receiver has drifted from the
             autopilot's since the take-off, smoothed.
+        doubted: Told how far off the altitude may be, while it is not known which is right.
     """
 
     _context: MissionContext
     receiver_off_m: float = 0.0
+    doubted: Callable[[float], None] = lambda _off_m: None
     _first: list[float] = field(default_factory=list)  # how far off in the first seconds
     _first_at_s: float = math.inf
     _receiver_at_s: float = 0.0  # of the telemetry before
@@ -203,9 +207,10 @@ class HomeWatch:
             if now_s < self._first_at_s + _AVERAGE_S:
                 self._first.append(off_m)
             else:
-                share = 1.0 - math.exp(-max(now_s - self._receiver_at_s, 0.0) / _AVERAGE_S)
-                drift_m = off_m - median(self._first)
-                self.receiver_off_m += share * (drift_m - self.receiver_off_m)
+                passed_s = min(max(now_s - self._receiver_at_s, 0.0), _SAMPLE_S)
+                news_m = off_m - median(self._first) - self.receiver_off_m
+                share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
+                self.receiver_off_m += share * max(-_SAMPLE_M, min(news_m, _SAMPLE_M))
             self._receiver_at_s = now_s
         moved, told, say = telemetry.home_moved, self._told, self._context.say
         if moved is None:
@@ -232,7 +237,7 @@ class HomeWatch:
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the satellites' altitude has left the autopilot's, by more than was told."""
         if abs(self.receiver_off_m) >= DOUBT_HOME_M:
-            self._keep_clear_at_both()
+            self.doubted(self.receiver_off_m)
         for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
             if abs(self.receiver_off_m) >= limit_m > self._receiver_told_m:
                 self._receiver_told_m = limit_m
@@ -242,15 +247,6 @@ class HomeWatch:
                 )
                 return Deviation(response, words)
         return None
-
-    def _keep_clear_at_both(self) -> None:
-        """From now on legs are clear of what applies from one of the altitudes to the other."""
-        context, mission, off_m = self._context, self._context.mission, self.receiver_off_m
-        edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
-        airspace = mission.airspace_at(edge_m + off_m)
-        if len(airspace.zones) > len(context.router.graph.mission.planning_airspace.zones):
-            planning = airspace.with_margin(mission.planner.tracking_margin_m)
-            context.router = Router(WaypointGraph(replace(mission, planning_airspace=planning)))
 
 
 @dataclass(slots=True, eq=False)

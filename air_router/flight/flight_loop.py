@@ -28,6 +28,7 @@ from air_router.controller.model.actions import (
     RenewPlan,
     Seeking,
     StateChanged,
+    WidenRoutes,
 )
 from air_router.controller.model.events import Event
 from air_router.controller.model.requests import OPERATOR, AnyRequest
@@ -230,7 +231,7 @@ class FlightLoop:
                 self._gossip.exchange()
             case Seeking(robot=robot):
                 self._gossip.tell_sought(robot, now_s)
-            case ReadAgain() | RenewPlan():
+            case ReadAgain() | RenewPlan() | WidenRoutes():
                 self.start(self.reloader.work(action))
             case Announce(text=text):
                 self._tell(text, now_s)

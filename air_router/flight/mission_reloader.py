@@ -13,9 +13,10 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Final
 
+from air_router.controller.airspace_update import widened_router
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import ReadAgain, RenewPlan
-from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
+from air_router.controller.model.actions import ReadAgain, RenewPlan, WidenRoutes
+from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed, RoutesWidened
 from air_router.errors import (
     AirRouterError,
     ExitCode,
@@ -116,7 +117,7 @@ class ReloadReport:
 
 
 class MissionReloader:
-    """Carries out what the controller wants done when zones change.
+    """Carries out what the controller wants done when zones change, or count at other altitudes.
 
     Before the plan itself is on board nothing else is put there: what changes meanwhile waits.
 
@@ -157,13 +158,15 @@ class MissionReloader:
         """Wait until nothing is being read or put on board."""
         await self._idle.wait()
 
-    def work(self, action: ReadAgain | RenewPlan) -> Coroutine[Any, Any, None]:
+    def work(self, action: ReadAgain | RenewPlan | WidenRoutes) -> Coroutine[Any, Any, None]:
         """What the controller wants done, to be awaited."""
         self._at_work += 1
         self._idle.clear()
         if isinstance(action, ReadAgain):
             self.latest = ReloadReport()
             return self._done_when(self.read())
+        if isinstance(action, WidenRoutes):
+            return self._done_when(self.widen(action.off_m))
         return self._done_when(self.board())
 
     async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
@@ -223,6 +226,12 @@ class MissionReloader:
         else:
             why_not += "; and the one before is not back"
         self._deliver(PlanRenewed(why_not))
+
+    async def widen(self, off_m: float) -> None:
+        """Make the router among the zones of two altitudes, beside the flight."""
+        mission, update = self._controller.context.mission, self._controller.airspace_update
+        update.prepared = await asyncio.to_thread(widened_router, mission, off_m)
+        self._deliver(RoutesWidened(off_m))
 
     async def _renew(self, plan: FlightPlan) -> str | None:
         """Put a plan on board; returns why that failed, if it did."""

@@ -24,6 +24,7 @@ from air_router.controller.model.actions import (
     RenewPlan,
     Seeking,
     StateChanged,
+    WidenRoutes,
 )
 from air_router.controller.model.events import (
     CommandConfirmed,
@@ -235,6 +236,8 @@ class PretendFlight(Airframe):
     def _act(self, action):
         match action:
             case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
+                return
+            case WidenRoutes():
                 return
             case Finish():
                 self.finished = action

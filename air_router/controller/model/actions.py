@@ -63,6 +63,13 @@ class RenewPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class WidenRoutes:
+    """Plan among the zones of two altitudes, and tell when the ways are there."""
+
+    off_m: float  # how far above the cruise altitudes, or below, the other one is
+
+
+@dataclass(frozen=True, slots=True)
 class Announce:
     """Say something to the pilot and the operator."""
 
@@ -146,6 +153,7 @@ Action = (
     | Seeking
     | ReadAgain
     | RenewPlan
+    | WidenRoutes
     | Announce
     | StateChanged
     | CommandAck

@@ -103,6 +103,13 @@ class PlanRenewed:
 
 
 @dataclass(frozen=True, slots=True)
+class RoutesWidened:
+    """The ways among the zones of two altitudes are there."""
+
+    off_m: float  # as it was asked for
+
+
+@dataclass(frozen=True, slots=True)
 class FlownBefore:
     """The flight was begun by another companion; this is what is known of it.
 
@@ -127,6 +134,7 @@ Event = (
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed
+    | RoutesWidened
     | FlownBefore
     | CommandConfirmed
     | CommandFailed

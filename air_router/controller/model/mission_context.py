@@ -52,6 +52,7 @@ class ZoneChange(Enum):
     CLEARING = "the vehicle stops where it may not go on any more"
     LEAVING = "the vehicle flies out of what was drawn over it"
     UPLOADING = "the new fence is being put on board"
+    PLANNING = "the vehicle holds while ways are planned among the zones of two altitudes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +140,9 @@ class MissionContext:
 
     Attributes:
         mission: With the zones and fences of now.
-        router: Plans among these.
+        router: Plans among these; with the altitude in doubt, among those of the other one too.
+        by_one_altitude: Plans by the autopilot's altitude alone while `router` does not.
+        trusts_altitude: The autopilot's altitude counts, whatever the satellites say.
         signal: Tells the state machine that something has happened to the mission.
         state: What the mission is doing; the state machine enters it.
         spec: The row of the table of states for it.
@@ -155,10 +158,10 @@ class MissionContext:
         robot: Who is sought or hovered over; None while no robot is.
         ending: Why the vehicle comes home or lands; None while it does not.
         stayed_why: Why the mission ended before take-off, if it does.
+        stopped_why: Why it was stopped as it took off; None once it flies, or another has it.
         airborne_s: When the mission began in the air.
         leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
         handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
-        stopped_why: Why it was stopped as it took off; None once it flies, or another has it.
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
         held: Why a vehicle that was handed over hovers where no leg of this mission may begin, and
@@ -181,6 +184,8 @@ class MissionContext:
     mission: Mission
     router: Router
     signal: Callable[[Signal], None] = _no_machine
+    by_one_altitude: Router | None = None
+    trusts_altitude: bool = False
     state: State = State.READY
     spec: Spec = field(default_factory=Spec)
     handler: StateHandler = field(default_factory=StateHandler)
@@ -195,12 +200,12 @@ class MissionContext:
     robot: str | None = None
     ending: Ending | None = None
     stayed_why: str = "disarmed"
+    stopped_why: str | None = None
     airborne_s: float | None = None
     leaving: frozenset[str] = frozenset()
     handed_over: bool = False
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
-    stopped_why: str | None = None
     held: str | None = None
     giving_up: str | None = None
     compares: str | None = None
@@ -271,6 +276,14 @@ class MissionContext:
         else:
             self.stayed_why = why
             self.signal(Signal.GROUNDED)
+
+    def trust_altitude(self) -> bool:
+        """Where no way is clear at both altitudes, plan by the autopilot's; whether that is new."""
+        if self.by_one_altitude is None or self.way.progress is not Progress.NO_ROUTE:
+            return False
+        self.router, self.by_one_altitude = self.by_one_altitude, None
+        self.trusts_altitude = True
+        return True
 
     def say(self, text: str) -> None:
         """Tell the pilot and the operator."""

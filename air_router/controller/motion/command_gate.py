@@ -11,6 +11,7 @@ keeps a leg, or a landing, from leaving, in the order in which it is looked at:
 | hands will be off | it holds, or was told to six times: hands off |
 | what was replaced on board is compared | it flies the same: planned anew; or not: hands off |
 | zones are changed; only the way out of one leaves | they are on board: planned anew |
+| ways are planned that are clear at two altitudes | they are there: planned anew |
 | a jump would not show which order is followed | the hold that leaves instead: planned anew |
 | it was taken over, or stopped, below its altitude | the climb that leaves instead: planned anew |
 

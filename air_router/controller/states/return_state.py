@@ -19,7 +19,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
-from air_router.routing.router import Route
+from air_router.routing.router import Route, Router
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from geo.paths.separators import separators
@@ -54,13 +54,13 @@ class HomeReachability:
 
     Attributes:
         walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
-        among: The mission among whose zones it was looked.
+        among: The router among whose zones it was looked.
         look_at_s: When it is looked again.
     """
 
     _context: MissionContext
     walls: tuple[str, ...] | None = None
-    among: Mission | None = None
+    among: Router | None = None
     look_at_s: float = -math.inf
     _tell_at_s: float = -math.inf  # when it is announced again
     _due: bool = False  # it should be on its way home, as announced
@@ -77,8 +77,8 @@ class HomeReachability:
             telemetry: where the vehicle is, in the air.
             due: it should be on its way home.
         """
-        if self.among is not self._context.mission:
-            self.among = self._context.mission
+        if self.among is not self._context.router:
+            self.among = self._context.router
             self.look_at_s = self._tell_at_s = -math.inf
         if telemetry.time_s >= self.look_at_s:
             before = self.walls
@@ -108,7 +108,7 @@ class HomeReachability:
         elif place is None:
             self.walls = ()
         else:
-            airspace = mission.planning_airspace
+            airspace = router.graph.mission.planning_airspace
             walls = separators(airspace, place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 
@@ -117,6 +117,12 @@ class HomeReachability:
         named = names_of(walls[::-1][:_NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - _NAMED} more" if len(walls) > _NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
+        if due and self._context.by_one_altitude is not None:
+            return (
+                f"no way home is clear at both altitudes{charge}, for {named}{more}: 'home' once "
+                "more comes home clear at the autopilot's, as it does by itself at the battery's "
+                "reserve; or fly it out by hand"
+            )
         if not due:
             return (
                 f"no way home{charge}: {named}{more} cut it off; take a zone away and "
@@ -160,10 +166,30 @@ class ReturnState(StateHandler):
         self._gate.wait_for_way(refusal)
 
     def retry(self) -> None:
-        """By another way, perhaps."""
+        """By another way, perhaps; at its reserve by one that is clear at the autopilot's altitude.
+
+        It hovers as long as none is clear at the other one, too, but the autopilot's own return
+        would be clear of nothing.
+        """
+        charge = self._context.heard.battery
+        if charge is not None and charge <= self._context.mission.battery_reserve:
+            self._trust_altitude("the battery is at its reserve")
         self._go()
 
     replan = retry
+
+    def go_by_one_altitude(self, by: str) -> bool:
+        """Come home though no way is clear at both altitudes, as `by` asked; whether that is so."""
+        trusts = self._trust_altitude(f"{by} asked")
+        if trusts:
+            self._go()
+        return trusts
+
+    def _trust_altitude(self, why: str) -> bool:
+        trusts = self._context.trust_altitude()
+        if trusts:
+            self._context.say(f"coming home clear at the autopilot's altitude alone: {why}")
+        return trusts
 
     def _go(self) -> None:
         self._navigator.fly_to(Goal(self._context.mission.home, HOME_NODE))

@@ -101,7 +101,7 @@ class StateHandlers:
 
     Attributes:
         reachability: Whether zones leave a way home.
-        ready, search, comm, goto, hold, land: Those of one state that others ask, too.
+        ready, search, comm, goto, hold, home, land: Those of one state that others ask, too.
         of: All by their state.
     """
 
@@ -119,6 +119,7 @@ class StateHandlers:
         self.comm = CommState(context, gate, self.search)
         self.goto = GotoState(context, navigator)
         self.hold = HoldState(context, gate, self.goto, self.search)
+        self.home = ReturnState(context, gate, navigator)
         self.land = LandState(context, gate)
         handlers: tuple[StateHandler, ...] = (
             self.ready,
@@ -127,7 +128,7 @@ class StateHandlers:
             self.comm,
             self.goto,
             self.hold,
-            ReturnState(context, gate, navigator),
+            self.home,
             self.land,
             HandsOffState(let_go),
         )

@@ -12,8 +12,15 @@ from air_router.controller.envelope import (
     ClearanceWatch,
     ReturnMonitor,
 )
-from air_router.controller.model.actions import CommandAck, FlyToNode, FlyToPoint, HoldHere, Refusal
-from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.actions import (
+    CommandAck,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    Refusal,
+    WidenRoutes,
+)
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, HoldNow
 from air_router.controller.model.states import State
@@ -22,7 +29,7 @@ from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Band, Circle, Zone
+from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
 from tests.air_router.conftest import Airframe
 
@@ -232,30 +239,119 @@ def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_hom
     assert flight.controller.state in {State.HOME, State.LAND}
 
 
-def test_one_bad_altitude_of_the_satellites_at_first_raises_no_doubt(off_by):
+@pytest.mark.parametrize("later_s", [0.0, 60.0])
+@pytest.mark.parametrize("silent_s", [0.0, 10.0])
+def test_one_bad_altitude_of_the_satellites_raises_no_doubt(off_by, later_s, silent_s):
+    """It is believed for 1.5 s at most, and may be the first after the receiver had no fix."""
     flight, off_m = off_by
-    off_m.append(60.0)
     flight.take_off()
+    fly(flight, later_s)
+    flight.now_s += silent_s
+    off_m.append(4000.0)
+    fly(flight, 1.5)
     off_m.append(0.0)
     fly(flight, 30.0)
     assert not told(flight, "in doubt")
 
 
-@pytest.mark.parametrize(("off", "band"), [(8.0, Band(48.0, 70.0)), (-8.0, Band(20.0, 32.0))])
-def test_with_its_altitude_in_doubt_the_way_home_is_clear_at_both(off_by, off, band):
+@pytest.mark.parametrize(("off", "soon_s"), [(8.0, 6.0), (60.0, 4.0)])
+def test_an_altitude_that_is_off_for_good_is_told_within_seconds(off_by, off, soon_s):
+    flight, off_m = off_by
+    flight.take_off()
+    flight.fly_away()
+    off_m.append(off)
+    fly(flight, soon_s)
+    assert told(flight, "coming home: the altitude is in doubt")
+
+
+ABOVE, BELOW = Band(48.0, 70.0), Band(20.0, 32.0)
+
+
+def in_doubt(off_by, off, zone_between):
+    """A vehicle that holds away from home, its altitude in doubt; and that zone on its way home."""
     flight, off_m = off_by
     flight.hold_away()
-    mission, here = flight.mission, flight.position
-    middle = Point(*((a + b) / 2 for a, b in zip(here, mission.home, strict=True)))
-    zone = Zone("doubtful", Circle(middle, 8.0), band=band)
+    mission = flight.mission
+    zone = zone_between(flight.position, mission.home)
     flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
     fly(flight, 1.0)
     flight.give(PlanRenewed())
-    since = len(flight.track)
     off_m.append(off)
+    flight.fly_until(lambda: told(flight, "coming home: the altitude is in doubt"), 10.0)
+    return flight, zone
+
+
+def beside(band):
+    """What a vehicle can fly around that comes home."""
+
+    def between(here, home):
+        middle = Point(*((a + b) / 2 for a, b in zip(here, home, strict=True)))
+        return Zone("doubtful", Circle(middle, 8.0), band=band)
+
+    return between
+
+
+def around(_here, home):
+    """What leaves no way home above it."""
+    ring, hole = (Circle(home, radius_m).corners for radius_m in (30.0, 20.0))
+    return Zone("ring", Outline(ring, (hole,)), band=ABOVE)
+
+
+def widens(flight):
+    return [action for action in flight.actions if isinstance(action, WidenRoutes)]
+
+
+@pytest.mark.parametrize(("off", "band"), [(8.0, ABOVE), (-8.0, BELOW)])
+def test_with_its_altitude_in_doubt_the_way_home_is_clear_at_both(off_by, off, band):
+    flight, zone = in_doubt(off_by, off, beside(band))
+    since, router = len(flight.track), flight.controller.context.router
+    fly(flight, 3.0)
+    assert flight.controller.context.router is router  # it is replaced by one made elsewhere
+    assert isinstance(flight.motions[-1], HoldHere)
+    (widen,) = widens(flight)
+    flight.give(RoutesWidened(widen.off_m - 1.0))  # of zones that were others
+    assert flight.controller.context.router is router
+    flight.give(RoutesWidened(widen.off_m))
     flight.fly_until(lambda: flight.finished is not None)
-    assert told(flight, "coming home: the altitude is in doubt")
+    assert flight.finished.landed_by_us
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+    assert len(widens(flight)) == 1
+
+
+def test_zones_that_change_while_its_altitude_is_in_doubt_count_at_both_too(off_by):
+    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
+    since = len(flight.track)
+    mission = flight.mission
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    fly(flight, 1.0)
+    flight.give(RoutesWidened(widens(flight)[0].off_m))  # of before: void
+    flight.give(PlanRenewed())
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    flight.fly_until(lambda: flight.finished is not None)
+    assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_where_no_way_home_is_clear_at_both_altitudes_the_operator_or_the_reserve_decides(
+    off_by, asked
+):
+    flight, _ = in_doubt(off_by, 8.0, around)
+    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    fly(flight, 1.0)
+    (words,) = told(flight, "no way home is clear at both altitudes")
+    assert "no-fly zone 'ring': 'home' once more" in words
+    fly(flight, 25.0)
+    assert isinstance(flight.motions[-1], HoldHere)
+    if asked:
+        flight.give(ComeHome())
+        (answer,) = (a for a in flight.actions if isinstance(a, CommandAck) and "clear at" in a.why)
+        assert answer.accepted
+    else:
+        flight.battery = flight.mission.battery_reserve
+    flight.fly_until(lambda: flight.finished is not None, 200.0)
+    assert flight.finished.landed_by_us
+    assert told(flight, "coming home clear at the autopilot's altitude alone")
 
 
 def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off(off_by):

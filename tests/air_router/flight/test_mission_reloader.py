@@ -1,6 +1,8 @@
 """The mission file read again in flight."""
 
 import asyncio
+import dataclasses
+import math
 import shutil
 import threading
 from pathlib import Path
@@ -16,6 +18,11 @@ from air_router.flight import mission_reloader as rereading
 from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
+from air_router.record.log import Log
+from air_router.record.replay import replay
+from air_router.routing.router import Router
+from geo.airspace.zone import Band, Circle, Zone
+from geo.frame import Point
 from tests.air_router.flight.whole_flight import WholeFlight
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
@@ -123,6 +130,35 @@ def test_a_fence_that_does_not_fit_on_board_is_not_taken(file):
     add_zone(file, f"\n  - name: third\n    polygon: {corners}\n")
     with pytest.raises(NotReloadedError, match="would have 66 points, PX4"):
         changed_areas(mission)
+
+
+def test_ways_that_are_clear_at_two_altitudes_are_planned_beside_the_flight(
+    file, pretend_vehicle, tmp_path, monkeypatch
+):
+    mission = load_mission(file, duration_s=90.0)
+    high = Zone("high", Circle(Point(300.0, 300.0), 8.0), band=Band(48.0, 90.0))
+    mission = mission.with_areas(mission.fences, (*mission.zones, high))
+    flight = WholeFlight(mission, pretend_vehicle, tmp_path / "log")
+    airframe, made = flight.vehicle.airframe, []
+    telemetry, make = airframe.telemetry, Router.__init__
+
+    def reads():
+        far = math.dist(airframe.position, mission.home) > 30.0
+        amsl_m = 489.0 + airframe.altitude_m
+        gps_m = amsl_m + (20.0 if far or made else 0.0)
+        return dataclasses.replace(telemetry(), altitude_amsl_m=amsl_m, gps_amsl_m=gps_m)
+
+    def makes(*arguments):
+        made.append(threading.current_thread())
+        make(*arguments)
+
+    airframe.telemetry = reads
+    monkeypatch.setattr(Router, "__init__", makes)
+    flight.run()
+    assert "the altitude is in doubt" in flight.out.getvalue()
+    assert made
+    assert threading.main_thread() not in made
+    assert replay([*Log(flight.recorder.path)]).difference is None
 
 
 class Field(WholeFlight):
