@@ -14,8 +14,7 @@ from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
-from air_router.report.labels import Labels
-from air_router.report.svg import colours
+from air_router.report.svg import Labels, colours
 from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import Point
 from mocha_link.errors import needs_extra

@@ -7,8 +7,7 @@ from typing import Final
 from air_router.mission.mission import Mission
 from air_router.report.charts import Figure, robot_css
 from air_router.report.flight_summary import FlightSummary
-from air_router.report.labels import Labels
-from air_router.report.svg import NARROW, clock, element, in_both_widths, picture
+from air_router.report.svg import NARROW, Labels, clock, element, in_both_widths, picture
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
 

@@ -18,7 +18,7 @@ from air_router.messages import (
     SeekMessage,
     SightingsMessage,
 )
-from air_router.start.texts import ROVERS
+from air_router.start.new import ROVERS
 from tests.docs.blocks import ROOT, blocks
 
 SCHEMAS = ROOT / "docs" / "schemas"
