@@ -32,12 +32,12 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.flight.flight_loop import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.joint import JointPage
-from air_router.live.page_address import PageAddress
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.web.serving import PageAddress
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from mocha_link.links.reading import Reading, Unit
@@ -85,7 +85,6 @@ class _Flight:
         signals = [Reading(-60.0 - n % 20, Unit.DBM, "radio") for n in range(robots)]
         links = {n: LinkMetrics(n, signal=s) for n, s in zip(names, signals, strict=True)}
         self.page = LivePage(
-            self.mission,
             self._controller,
             CommandService(mission.frame, self._controller, lambda _: ()),
             lambda: links,

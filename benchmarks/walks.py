@@ -82,7 +82,6 @@ class AskingScenario(SimulatedFlight):
         flight = self.companion.flight
         if self._page is None:
             self._page = flight.page = LivePage(
-                self.mission,
                 flight.controller,
                 flight.commands,
                 dict,

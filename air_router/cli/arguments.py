@@ -1,13 +1,27 @@
-"""Arguments that several commands take, and how they are read."""
+"""What several commands have in common: arguments, how they are read, and how they answer."""
 
 import argparse
+import json
 import math
 import sys
 from collections.abc import Callable
 from datetime import datetime
+from typing import Any
 
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import moment_of
+
+
+def print_json(facts: Any) -> None:
+    """What `--json` prints: one object on a line of its own, at once."""
+    json.dump(facts, sys.stdout)
+    sys.stdout.write("\n")
+    sys.stdout.flush()
+
+
+def say(text: str) -> None:
+    """Tell the operator something, on stderr and at once."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def add_start(parser: argparse.ArgumentParser) -> None:

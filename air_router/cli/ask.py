@@ -5,8 +5,7 @@ import dataclasses
 import json
 import sys
 
-from air_router.cli.arguments import MORE_THAN_0, number
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import MORE_THAN_0, number, print_json
 from air_router.control.command_request import MODELS, parse_command
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of

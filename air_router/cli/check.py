@@ -4,8 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from air_router.cli.arguments import add_start, add_uav
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import add_start, add_uav, print_json
 from air_router.errors import ExitCode, MissionFileError
 from air_router.files.mission_document import MissionDocument
 from air_router.mission.loading import choose, read_draft, validate

@@ -7,8 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.files.json_document import JsonDocument, json_text

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place, print_json
 from air_router.coverage.camera import CAMERAS, SurveyCamera, camera_of
 from air_router.coverage.cover_area import CoverOptions, read_field
 from air_router.coverage.cover_output import (

@@ -7,7 +7,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from air_router.cli.arguments import home
+from air_router.cli.arguments import home, say
 from air_router.editor.session import EditSession, MissionFile, write_starter
 from air_router.errors import ExitCode
 from air_router.web.serving import add_page_options, page_port, show, web_of
@@ -57,21 +57,17 @@ def run(arguments: argparse.Namespace) -> int:
 
     def ready(address: str) -> None:
         print(address, flush=True)
-        _say(f"editing {arguments.mission}; Ctrl-C ends")
+        say(f"editing {arguments.mission}; Ctrl-C ends")
         if not arguments.no_open and _has_screen():
             webbrowser.open(address)
 
     show(EditorServer(session, web), ready)
     if session.dirty:
         kept = file.keep_aside(session.editable.text)
-        _say(f"what was not saved is in {kept}")
+        say(f"what was not saved is in {kept}")
     return ExitCode.DONE
 
 
 def _has_screen() -> bool:
     """Whether a browser would open in a window, not in this terminal."""
     return sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, number
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, number, print_json
 from air_router.control.control import CONTROL_NAME
 from air_router.control.control_server import endpoint_of
 from air_router.errors import RefusedError
@@ -137,7 +136,6 @@ def _fly(
         )
         flight.loop.page = page_of(
             web_of(arguments),
-            mission,
             flight.controller,
             flight.commands,
             gossip=gossip,

@@ -7,8 +7,7 @@ from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_start, add_uav, place
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import add_start, add_uav, place, print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import add_uav
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import add_uav, print_json
 from air_router.cli.fly import add_vehicle_arguments
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan

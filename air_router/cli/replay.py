@@ -1,10 +1,8 @@
 """`air-router replay`: does the program decide today as it did in a recorded flight?"""
 
 import argparse
-import sys
 
-from air_router.cli.arguments import speed_factor
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import print_json, say, speed_factor
 from air_router.errors import ExitCode
 from air_router.live.page import add_web, show_record
 from air_router.record.log import Log
@@ -35,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay, and print what came of it."""
-    web = web_of(arguments)
+    web, path = web_of(arguments), record_of(arguments)
     if web is not None:
-        show_record(record_of(arguments), web, arguments.speed, _say)
+        show_record(path, web, arguments.speed, lambda where: say(f"{where}; Ctrl-C ends"))
         return ExitCode.DONE
-    log = Log(record_of(arguments))
+    log = Log(path)
     result = replay(log)
     found = result.difference
     if arguments.json:
@@ -59,7 +57,3 @@ def run(arguments: argparse.Namespace) -> int:
     if found is not None:
         return ExitCode.ENDED_OTHERWISE
     return ExitCode.INVALID_FILE if log.damaged else ExitCode.DONE
-
-
-def _say(text: str) -> None:
-    print(f"{text}; Ctrl-C ends", file=sys.stderr, flush=True)

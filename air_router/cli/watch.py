@@ -1,12 +1,11 @@
 """`air-router watch`: several flights on one map page."""
 
 import argparse
-import sys
 
+from air_router.cli.arguments import say
 from air_router.errors import ExitCode, UsageError
 from air_router.live.page import add_web, joint_page
-from air_router.live.page_address import PageAddress
-from air_router.web.serving import show, web_of
+from air_router.web.serving import PageAddress, show, web_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,9 +41,5 @@ def run(arguments: argparse.Namespace) -> int:
     page = joint_page(places, web)
     for flight in flights:
         page.found(flight.place, flight)
-    show(page, _say)
+    show(page, lambda where: say(f"{where}; Ctrl-C ends"))
     return ExitCode.DONE
-
-
-def _say(text: str) -> None:
-    print(f"{text}; Ctrl-C ends", file=sys.stderr, flush=True)

@@ -18,9 +18,8 @@ import aiohttp
 from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 
 from air_router.errors import AirRouterError
-from air_router.live.page_address import PageAddress
 from air_router.web.guard import cookie_of
-from air_router.web.serving import HERE, Say, Web
+from air_router.web.serving import HERE, PageAddress, Say, Web
 from air_router.web.site import Site
 
 MOST_BYTES: Final = 16 * 1024 * 1024

@@ -12,10 +12,10 @@ from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.live.page_address import DEFAULT_PORT, PageAddress
-from air_router.mission.mission import Mission
 from air_router.record.log import Log
 from air_router.web.serving import (
+    DEFAULT_PORT,
+    PageAddress,
     Say,
     Served,
     Web,
@@ -66,9 +66,8 @@ def add_web(parser: argparse.ArgumentParser, *, always: bool = False) -> None:
     add_page_options(parser, "web-")
 
 
-def page_of(  # noqa: PLR0913 - what a page shows comes from many places
+def page_of(
     web: Web | None,
-    mission: Mission,
     controller: Controller,
     commands: RequestHandler,
     *,
@@ -84,7 +83,7 @@ def page_of(  # noqa: PLR0913 - what a page shows comes from many places
         return NoPage()
     with needs_extra("the page", "web", "air-router"):
         from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
-    return LivePage(mission, controller, commands, gossip.links, mapper=mapper, web=web)
+    return LivePage(controller, commands, gossip.links, mapper=mapper, web=web)
 
 
 def show_record(path: Path, web: Web, speed: float, say: Say) -> None:

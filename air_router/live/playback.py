@@ -5,7 +5,6 @@ decides is shown, and whatever it says of itself (states, times left, routes) is
 """
 
 import asyncio
-import dataclasses
 import math
 from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
@@ -134,16 +133,13 @@ class Playback:
         self._paused = False  # a viewer has paused it
         self._wanted_s: float | None = None  # where a viewer wants to go
         record = recorded.plotted()
-        mission = dataclasses.replace(
-            recorded.controller.context.mission, uav=recorded.name or None
-        )
         self._page = LivePage(
-            mission,
             recorded.controller,
             _FinishedFlight(),
             lambda: recorded.links,
             mapper=recorded.mapper,
             web=web,
+            name=recorded.name or "UAV",
         )
         self._page.steer = self._steer
         self._page.record = record

@@ -1,12 +1,15 @@
-"""Serves the live page of a flight: browsers see the scene, and hand in requests."""
+"""Serves the live page of a flight: browsers see the scene and the map, and hand in requests."""
 
 import asyncio
+import base64
 import json
-import logging
+import math
 import time
 from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager
 from typing import Any, Final
+
+import numpy as np
 
 from air_router.control.command_request import (
     COSTLY_AT_ONCE,
@@ -21,14 +24,14 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.gossip.mapper import Mapper
-from air_router.live.map_feed import MapFeed
-from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import LiveScene, scenery
-from air_router.mission.mission import Mission
-from air_router.web.browsers import Browsers, PageOutbox
-from air_router.web.serving import HERE, Say, Web
-from air_router.web.site import Site, as_json
-from mocha_link.links.metrics import LinkMetrics
+from air_router.web.outlines import degrees
+from air_router.web.serving import HERE, SHOWN_AT, Say, Web
+from air_router.web.site import Browsers, PageOutbox, Site, as_json
+from geo.frame import LocalFrame, Point
+from geo.grid import Cells
+from mocha_link.errors import Guard
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
@@ -39,18 +42,85 @@ REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 READ_EVERY_S: Final = 0.05
 """A page's requests are read one by one: a flood of them waits where it came from."""
 
-_LOG = logging.getLogger(__name__)
-
-_MOST_FAULTS: Final = 3
-"""So many of them are logged."""
-
 _HISTORIES: Final = {"rows": "rows", "track": "points", "news": "lines"}
 """What grows in the scene, and what a message calls its parts."""
+
+_MOST_CELLS: Final = 600_000
+"""A page draws no more; of a larger map every second, third ... row and column is shown."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
 """Takes what a page asks of a recorded flight; raises CommandRequestError."""
 
 Links = Callable[[], "Mapping[str, LinkMetrics]"]
+
+
+class MapFeed:
+    """The map that the UAV paints, as pages receive it; it is only read."""
+
+    def __init__(self, mapper: Mapper, frame: LocalFrame) -> None:
+        self._mapper = mapper
+        self._frame = frame
+        # only each so many'th cell is shown
+        self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
+        self._sent: Cells = np.zeros_like(self._shown())  # as the pages have it
+        self._sent_cells = -1  # number of known cells in `_sent`
+        self._began_s: dict[str, float] = {}  # when each peer's pull began
+        self._held: dict[str, int] = {}  # cells known in the map that each peer has
+
+    def event(self, event: Event, now_s: float) -> None:
+        """Take in what robots have fetched: a map that was there when they began."""
+        match event:
+            case SyncStarted(peer=peer, direction=Direction.OUT):
+                self._began_s[peer] = now_s
+            case SyncEnded(peer=peer, direction=Direction.OUT) if peer in self._began_s:
+                self._held[peer] = self._mapper.published_before(self._began_s[peer])
+
+    def share(self, robot: str) -> float | None:
+        """The share of the cells known now that a robot holds; None if it has fetched none."""
+        held, known = self._held.get(robot), self._mapper.known_cells
+        return None if not held or not known else round(min(held / known, 1.0), 3)
+
+    def whole(self) -> dict[str, Any]:
+        """Where the map lies, and all of it that pages received."""
+        grid = self._mapper.grid
+        rows, columns = self._sent.shape
+        size_m = self._step * grid.resolution_m
+        south_west = Point(grid.west_m, grid.south_m)
+        north_east = Point(grid.west_m + columns * size_m, grid.south_m + rows * size_m)
+        return {
+            "bounds": [degrees(self._frame, south_west), degrees(self._frame, north_east)],
+            "rows": rows,
+            "columns": columns,
+            "piece": self._piece(np.nonzero(self._sent)),
+        }
+
+    def news(self) -> dict[str, Any] | None:
+        """The piece of the map that has changed since this was asked last; None: nothing."""
+        if self._mapper.known_cells == self._sent_cells:
+            return None
+        self._sent_cells = self._mapper.known_cells
+        changed = np.nonzero(self._shown() != self._sent)
+        self._sent = self._shown().copy()
+        return self._piece(changed)
+
+    def _shown(self) -> Cells:
+        return self._mapper.grid.cells[:: self._step, :: self._step]
+
+    def _piece(self, where: tuple[Any, ...]) -> dict[str, Any] | None:
+        """The rectangle around some cells: first row (from the south) and column, and the cells."""
+        rows, columns = where
+        if not len(rows):
+            return None
+        south, north = int(rows.min()), int(rows.max()) + 1
+        west, east = int(columns.min()), int(columns.max()) + 1
+        cells = np.ascontiguousarray(self._sent[south:north, west:east])
+        return {
+            "row": south,
+            "column": west,
+            "rows": north - south,
+            "columns": east - west,
+            "cells": base64.b64encode(cells.tobytes()).decode("ascii"),
+        }
 
 
 class LivePage:
@@ -61,30 +131,31 @@ class LivePage:
         record: What is plotted of a recorded flight, from its beginning to its end.
 
     Args:
-        mission: What is flown.
-        controller: Read for what the mission does now.
+        controller: Read for the mission, and what it does now.
         command_service: Takes what the page asks for.
         links: What the gossip node measures now.
         mapper: The map that the UAV paints; it is only read.
         web: Where the page is served.
+        name: The UAV's, where its mission does not say it.
     """
 
     def __init__(  # noqa: PLR0913 - what a page shows comes from many places
         self,
-        mission: Mission,
         controller: Controller,
         command_service: RequestHandler,
         links: Links,
         *,
         mapper: Mapper,
         web: Web = HERE,
+        name: str = "UAV",
     ) -> None:
-        self._name = mission.uav or "UAV"  # the UAV's, in the team
+        self._name = controller.context.mission.uav or name  # the UAV's, in the team
         self._commands = command_service
         self._links = links
         self._web = web
         self._sent: dict[str, str] = {}  # the newest text of each kind
-        self._ticks = self._faults = 0  # refreshes; those that failed
+        self._ticks = 0  # refreshes
+        self._harmless = Guard("the page could not be updated")
         self._begin(controller, mapper)
         self.steer: Steer | None = None
         self.record: dict[str, Any] = {}
@@ -95,16 +166,6 @@ class LivePage:
         self._site = Site(web, "air_router.live", "live")
         self._site.add_socket("/socket", self._browsers.converse)
         self._site.add_values("/flights", self._flights)
-
-    @contextmanager
-    def _harmless(self) -> Iterator[None]:
-        """What cannot be shown must not cost the flight anything."""
-        try:
-            yield
-        except Exception:  # noqa: BLE001 - of whatever kind
-            self._faults += 1
-            if self._faults <= _MOST_FAULTS:
-                _LOG.exception("the page could not be updated")
 
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
         mission = controller.context.mission
@@ -123,7 +184,7 @@ class LivePage:
 
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
         """Take in what happened, and what was decided on it."""
-        with self._harmless():
+        with self._harmless:
             self.scene.step(event, actions, now_s)
             self._map_feed.event(event, now_s)
 
@@ -146,13 +207,13 @@ class LivePage:
             finally:
                 ticking.cancel()
                 await asyncio.gather(ticking, return_exceptions=True)
-                with self._harmless():
+                with self._harmless:
                     self._tick()  # the last word: how it ended
                 await asyncio.sleep(TICK_S)
 
     async def _run(self) -> None:
         while True:
-            with self._harmless():
+            with self._harmless:
                 self._tick()
             await asyncio.sleep(TICK_S)
 

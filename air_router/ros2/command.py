@@ -3,6 +3,7 @@
 import argparse
 import sys
 
+from air_router.cli.arguments import say
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
 from air_router.errors import ExitCode
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     with until_terminated(), ControlClient(arguments.endpoint, by=BY) as client:
         graph = RosGraph(arguments.domain)
         try:
-            Ros2Bridge(client, graph, requests=arguments.requests, say=_say).run()
+            Ros2Bridge(client, graph, requests=arguments.requests, say=say).run()
         finally:
             graph.close()
     return ExitCode.DONE
@@ -71,8 +72,3 @@ class _Package(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         sys.stdout.write(f"{FOLDER}\n")
         parser.exit()
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
-    sys.stderr.flush()

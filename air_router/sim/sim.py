@@ -13,11 +13,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_rover, add_start, speed_factor
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import add_rover, add_start, print_json, say, speed_factor
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
 from air_router.live.page import joint_page
-from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.record.record_file import no_folder
@@ -25,7 +23,7 @@ from air_router.record.recording import ViewerAddress
 from air_router.report.flight_table import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
-from air_router.web.serving import shown_beside, web_of
+from air_router.web.serving import PageAddress, shown_beside, web_of
 from mocha_link.errors import MissingExtraError
 
 
@@ -103,7 +101,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
 
     with (
         _folder(arguments.log_dir) as folder,
-        contextlib.nullcontext() if page is None else shown_beside(page, _say),
+        contextlib.nullcontext() if page is None else shown_beside(page, say),
         SimWorld(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
@@ -160,10 +158,6 @@ def _nth(endpoint: str | None, index: int) -> str | None:
 
 def _viewer(address: ViewerAddress | None, index: int) -> ViewerAddress | None:
     return address and address._replace(port=_port(address.port, index) or 0)
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
 
 
 def _port(port: int | None, index: int) -> int | None:

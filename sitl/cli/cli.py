@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from air_router.cli.command_line import program_of
+from air_router.cli.cli import program_of
 from mocha_link.cli.program import Command
 
 COMMANDS = (

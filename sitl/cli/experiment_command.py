@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import print_json
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.terminal import StatusLine

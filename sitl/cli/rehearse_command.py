@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import print_json
 from air_router.errors import ExitCode
 from air_router.report.flight_table import went_on_without
 from sitl.rehearsal.faults import Fault, Scene, scenes

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import add_rover
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import add_rover, print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission

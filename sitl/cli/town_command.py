@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.command_line import print_json
+from air_router.cli.arguments import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.whole_file import write_whole

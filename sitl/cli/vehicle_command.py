@@ -12,9 +12,9 @@ from air_router.cli.arguments import (
     MORE_THAN_0,
     add_uav,
     number,
+    print_json,
     speed_factor,
 )
-from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource

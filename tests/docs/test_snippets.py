@@ -19,7 +19,7 @@ import yaml
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from air_router.cli.command_line import _with_places
+from air_router.cli.arguments import _with_places
 from air_router.control.command_request import command_request_of, parse
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission

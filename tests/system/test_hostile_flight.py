@@ -13,8 +13,8 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.control.control import ControlClient
-from air_router.live.page_address import SHOWN_AT, PageAddress
 from air_router.sim.ports import free_port
+from air_router.web.serving import SHOWN_AT, PageAddress
 from mocha_link import ManualRadio, Node, Team
 from mocha_link.links.link_events import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post

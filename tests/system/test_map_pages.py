@@ -10,13 +10,12 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession, MissionFile, write_starter
 from air_router.live.joint import JointPage
-from air_router.live.page_address import PageAddress
 from air_router.live.playback import Playback, RecordedFlight
 from air_router.live.server import LivePage
 from air_router.mission.loading import load_mission
 from air_router.record.log import RecordEntry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
-from air_router.web.serving import Web
+from air_router.web.serving import PageAddress, Web
 from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
@@ -116,8 +115,7 @@ def go(looker, to_s):
 def flight(record):
     """The page of a flight that is going on, at the end of the record."""
     film = RecordedFlight(record)
-    told = film.controller.context.mission, film.controller, Refusing(), lambda: film.links
-    page = LivePage(*told, mapper=film.mapper)
+    page = LivePage(film.controller, Refusing(), lambda: film.links, mapper=film.mapper)
     film.go_on(END_S, page, 10_000)
     return page
 
@@ -241,9 +239,7 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
     film = RecordedFlight(record)
-    page = LivePage(
-        film.controller.context.mission, film.controller, Refusing(), dict, mapper=film.mapper
-    )
+    page = LivePage(film.controller, Refusing(), dict, mapper=film.mapper)
     told = page.scene.vehicle
     page.scene.vehicle = lambda: {**told(), "state": "HOLD", "altitude_m": 40.2}
     with served(page) as (address, end):

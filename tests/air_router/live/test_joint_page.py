@@ -15,10 +15,8 @@ from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
 from air_router.live.joint import MOST_BYTES, JointPage
 from air_router.live.page import joint_page
-from air_router.live.page_address import PageAddress
-from air_router.web.browsers import Browsers
-from air_router.web.serving import ServeError, Web, shown_beside
-from air_router.web.site import Site
+from air_router.web.serving import PageAddress, ServeError, Web, shown_beside
+from air_router.web.site import Browsers, Site
 
 LIMIT_S = 60
 
@@ -289,7 +287,7 @@ def test_watch_serves_until_it_is_interrupted(monkeypatch):
         said.append(text)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(watch_command, "_say", say)
+    monkeypatch.setattr(watch_command, "say", say)
     assert main(["watch", "titan.local", "atlas.local", "--web", "0"]) == ExitCode.DONE
     assert said[0].startswith("the flights are shown at http://127.0.0.1:")
 
