@@ -6,7 +6,6 @@ in the record. Needs the extra `foxglove`.
 
 import base64
 import io
-import logging
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
@@ -19,12 +18,14 @@ from google.protobuf.descriptor import FieldDescriptor
 from air_router.errors import UsageError
 from air_router.record.log import Log
 from air_router.record.serialization import RecordChannel, json_of
-
-_log = logging.getLogger(__name__)
+from mocha_link.errors import Guard
 
 _PREFIX: Final = "foxglove."
 _RENAMED: Final = {"GeoJSON": "GeoJson"}
 _TIMES: Final = frozenset({"google.protobuf.Timestamp", "google.protobuf.Duration"})
+
+Encoder = Callable[[dict[str, Any]], bytes]
+"""Writes a message as a channel has it."""
 
 
 class FoxgloveChannels:
@@ -32,8 +33,7 @@ class FoxgloveChannels:
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
-        # open, by topic
-        self._channels: dict[str, tuple[foxglove.Channel, Callable[[dict[str, Any]], bytes]]] = {}
+        self._channels: dict[str, tuple[foxglove.Channel, Encoder]] = {}  # open, by topic
 
     def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
         """Send a message, if it is listened to."""
@@ -43,13 +43,11 @@ class FoxgloveChannels:
         if opened.has_sinks():
             opened.log(encode(message), log_time=time_ns)
 
-    def _opened(
-        self, channel: RecordChannel
-    ) -> tuple[foxglove.Channel, Callable[[dict[str, Any]], bytes]]:
-        name = channel.schema_name.removeprefix(_PREFIX)
-        if name != channel.schema_name:
-            schema = _schema(channel.schema_name)
-            encode, encoding = _protobuf(channel.schema_name), "protobuf"
+    def _opened(self, channel: RecordChannel) -> tuple[foxglove.Channel, Encoder]:
+        name = channel.schema_name
+        encode: Encoder
+        if name.startswith(_PREFIX):
+            schema, encode, encoding = _schema(name), _protobuf(name), "protobuf"
         else:
             schema = foxglove.Schema(name=name, encoding="jsonschema", data=channel.schema.encode())
             encode, encoding = lambda message: json_of(message).encode(), "json"
@@ -73,7 +71,7 @@ def foxglove_mcap(log: Log) -> bytes:
     return file.getvalue()
 
 
-class FoxgloveSocket:
+class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
     """Serves a flight to Foxglove while it lasts. Nothing can be asked of it.
 
     Args:
@@ -92,49 +90,34 @@ class FoxgloveSocket:
         context = foxglove.Context()
         self._channels = FoxgloveChannels(context)
         self._newest: dict[str, tuple[RecordChannel, int, dict[str, Any]]] = {}  # by topic
-        self._broken = False
-        listener = _Listener(self._again)
+        self._harmless = Guard("something is not shown in Foxglove")
         try:
             self._server = foxglove.start_server(
-                name=name, host=host, port=port, context=context, server_listener=listener
+                name=name, host=host, port=port, context=context, server_listener=self
             )
         except RuntimeError as error:
             raise UsageError(f"--foxglove {host}:{port}: {error}; choose another port") from None
         self.address = f"ws://{host}:{self._server.port}"
 
     def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
-        """Send a message; what fails is told once, and the flight goes on."""
+        """Send a message; what fails is told now and then, and the flight goes on."""
         self._newest[channel.topic] = (channel, time_ns, message)
-        try:
+        with self._harmless:
             self._channels.send(channel, time_ns, message)
-        except Exception:  # noqa: BLE001 - no fault of a display may end a flight
-            if not self._broken:
-                self._broken = True
-                _log.exception("%s is not shown in Foxglove", channel.topic)
 
     def close(self) -> None:
         """End the server."""
         self._server.stop()
 
-    def _again(self, topic: str) -> None:
-        """Send the newest message of a topic to those who have just come."""
-        if topic in self._newest:
-            self.send(*self._newest[topic])
-
-
-class _Listener(foxglove.ServerListener):  # type: ignore[misc]
-    """Told on a thread of the SDK's who looks at what."""
-
-    def __init__(self, subscribed: Callable[[str], None]) -> None:
-        self._subscribed = subscribed
-
     def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Send the newest message of a topic to those who have just come, on the SDK's thread."""
         del client
-        self._subscribed(channel.topic)
+        if channel.topic in self._newest:
+            self.send(*self._newest[channel.topic])
 
 
 @cache
-def _protobuf(schema_name: str) -> Callable[[dict[str, Any]], bytes]:
+def _protobuf(schema_name: str) -> Encoder:
     """What writes a message of one of Foxglove's schemas in protobuf."""
     files = descriptor_pb2.FileDescriptorSet.FromString(_schema(schema_name).data)
     pool = descriptor_pool.DescriptorPool()

@@ -281,14 +281,11 @@ class RecordFile:
             self._fail("the disk takes nothing")
 
     def _flush(self) -> None:
-        self._close_chunk()
+        self._writer.flush()  # type: ignore[no-untyped-call]
         self._sync()
 
-    def _close_chunk(self) -> None:
-        self._writer.flush()  # type: ignore[no-untyped-call]
-
     def _write_attachment(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
-        self._close_chunk()  # in the order in which things happened
+        self._flush()  # in the order in which things happened
         self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
 
     def _write_message(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:

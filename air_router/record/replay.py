@@ -76,8 +76,11 @@ class ReplayDifference:
             "t": self.t,
             "state": self.state,
             "event": serialization.encode(self.event),
-            "recorded": [_plain(action) for action in self.recorded],
-            "replayed": [_plain(action) for action in self.replayed],
+            "recorded": [*map(serialization.encode, self.recorded)],
+            "replayed": [
+                action if isinstance(action, str) else serialization.encode(action)
+                for action in self.replayed
+            ],
         }
 
 
@@ -192,8 +195,14 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
         result.events += 1
         result.actions += len(step.actions)
         result.until_s = step.t
-        decided = _decided(replayer, step)
-        if [*map(_comparable, decided)] != [*map(_comparable, step.actions)]:
+        try:
+            decided = replayer.decide(step)
+        except ReplayError:
+            raise
+        except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
+            decided = [f"{type(error).__name__}: {error}"]
+        # Numbers are the same when every bit is; NaN is NaN.
+        if [*map(repr, decided)] != [*map(repr, step.actions)]:
             assert replayer.controller is not None  # noqa: S101 - it has decided
             state = replayer.controller.state.name
             result.difference = ReplayDifference(
@@ -208,21 +217,3 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
         why = f": {cut}" if cut else ""
         raise ReplayError(f"no decision was recorded, so there is nothing to compare{why}")
     return result
-
-
-def _decided(replayer: Replayer, step: RecordedStep) -> list[Any]:
-    try:
-        return replayer.decide(step)
-    except ReplayError:
-        raise
-    except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
-        return [f"{type(error).__name__}: {error}"]
-
-
-def _comparable(action: Any) -> str:
-    """Numbers are the same when every bit is; NaN is NaN."""
-    return repr(action)
-
-
-def _plain(action: Any) -> Any:
-    return action if isinstance(action, str) else serialization.encode(action)

@@ -145,9 +145,8 @@ def link_channel() -> RecordChannel:
 def note_channel(name: str) -> RecordChannel:
     """The channel of a note of the shell's."""
     parts = {part: schema_of(of) for part, of in NOTES.get(name, {}).items()}
-    properties = {"t": _NUMBER, TYPE_KEY: {**_TEXT, "const": name}, **parts}
-    text = json.dumps({"title": name, "type": "object", "properties": properties})
-    return RecordChannel(f"/flight/{name}", f"air_router.flight.flight.{name}", text)
+    made = _channel(f"/flight/{name}", name, {TYPE_KEY: {**_TEXT, "const": name}, **parts})
+    return made._replace(schema_name=f"air_router.flight.flight.{name}")
 
 
 def _timed(topic: str, of: Any) -> RecordChannel:

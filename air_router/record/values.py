@@ -113,13 +113,17 @@ def shown(plain: Plain) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _exactly(kind: type) -> Decoder:
-    """Take plain data of this type as they are (True is no number)."""
+def _exactly(kind: type, what: str = "", read: Callable[[Any], Any] | None = None) -> Decoder:
+    """Take plain data of this type (True is no number) as they are, or as `read` makes them."""
+    what = what or kind.__name__
 
     def decode(plain: Plain) -> Any:
         if type(plain) is not kind:
-            raise CodecError(f"{shown(plain)} is not {kind.__name__}")
-        return plain
+            raise CodecError(f"{shown(plain)} is not {what}")
+        try:
+            return plain if read is None else read(plain)
+        except ValueError as error:
+            raise CodecError(f"{shown(plain)} is not {what}: {error}") from None
 
     return decode
 
@@ -136,18 +140,6 @@ def _read_float(plain: Plain) -> float:
     if isinstance(plain, str) and plain in _NOT_NUMBERS:
         return _NOT_NUMBERS[plain]
     raise CodecError(f"{shown(plain)} is not a number")
-
-
-def _from_text(read: Callable[[str], Any], what: str) -> Decoder:
-    def decode(plain: Plain) -> Any:
-        if type(plain) is not str:
-            raise CodecError(f"{shown(plain)} is not {what}")
-        try:
-            return read(plain)
-        except ValueError as error:
-            raise CodecError(f"{shown(plain)} is not {what}: {error}") from None
-
-    return decode
 
 
 def _one_word(words: Mapping[Any, Any], what: str) -> Decoder:
@@ -167,9 +159,9 @@ _READERS: Final[dict[Any, Decoder]] = {
     float: _read_float,
     str: _exactly(str),
     NoneType: _exactly(NoneType),
-    datetime: _from_text(datetime.fromisoformat, "a time"),
-    time: _from_text(time.fromisoformat, "a time of day"),
-    Path: _from_text(Path, "a path"),
+    datetime: _exactly(str, "a time", datetime.fromisoformat),
+    time: _exactly(str, "a time of day", time.fromisoformat),
+    Path: _exactly(str, "a path", Path),
 }
 
 _WRITERS: Final[dict[type, Callable[[Any], Plain]]] = {  # the first that fits

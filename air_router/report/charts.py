@@ -74,7 +74,7 @@ def figures(summary: FlightSummary) -> list[Figure]:
 
 def robot_css(summary: FlightSummary, robot: str) -> str:
     """The colour of a robot."""
-    return f"r{summary.exchanges.names().index(robot) % COLOURS}"
+    return f"r{summary.exchanges.names.index(robot) % COLOURS}"
 
 
 def _figure(summary: FlightSummary, graph: Graph) -> Figure:
@@ -91,7 +91,7 @@ def _figure(summary: FlightSummary, graph: Graph) -> Figure:
 
 
 def _ages(summary: FlightSummary) -> Graph | None:
-    ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names()}
+    ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names}
     highest_s = max((age for series in ages.values() for _, age in series), default=0.0)
     if highest_s <= 0:
         return None
@@ -115,7 +115,7 @@ def _map(summary: FlightSummary) -> Graph | None:
     most = max(cells for _, cells in summary.painted)
     lines = [Line([(t, 100 * n / most) for t, n in summary.painted], "own", "the UAV's map")]
     legend = [("own", "the UAV")]
-    for name in summary.exchanges.names():
+    for name in summary.exchanges.names:
         shares = summary.exchanges.shares(name, summary.painted)
         if any(share for _, share in shares):
             held = zip(shares, summary.painted, strict=True)
@@ -138,7 +138,7 @@ def _map(summary: FlightSummary) -> Graph | None:
 
 
 def _distance(summary: FlightSummary) -> Graph | None:
-    if not summary.distances or summary.setup is None:
+    if not summary.distances:
         return None
     clearance_m = summary.setup.mission.planner.clearance_m
     label = "distance to the nearest zone or fence"
@@ -160,10 +160,7 @@ def _battery(summary: FlightSummary) -> Graph | None:
         return None
     end = (summary.to_s, summary.battery[-1][1])
     charges = [(t, 100 * charge) for t, charge in (*summary.battery, end)]
-    limit = None
-    if summary.setup is not None:
-        reserve = 100 * summary.setup.mission.battery_reserve
-        limit = (reserve, f"reserve {reserve:g} %")
+    reserve = 100 * summary.setup.mission.battery_reserve
     return Graph(
         "battery",
         "Battery, %",
@@ -174,12 +171,12 @@ def _battery(summary: FlightSummary) -> Graph | None:
         [Line(charges, "own", "battery", steps=True)],
         [],
         _QUARTERS,
-        limit,
+        (reserve, f"reserve {reserve:g} %"),
     )
 
 
 def _timeline(summary: FlightSummary) -> Figure:
-    names = summary.exchanges.names()
+    names = summary.exchanges.names
 
     def draw(width: int) -> str:
         height = TOP + (_LANE + 6) * (len(names) + 1) + BOTTOM

@@ -24,18 +24,19 @@ class Exchanges:
         own: The UAV's own name: how old its own news are is no question.
         sought: Robots that the mission seeks, though nothing may be heard of them.
         links: Contacts and syncs.
+        names: Every robot that was sought or heard of; known at the end.
         published: (t, known cells) of the versions of the map that were given out.
     """
 
     own: str = ""
     sought: tuple[str, ...] = ()
     links: Interactions = field(default_factory=Interactions)
+    names: list[str] = field(default_factory=list)
     published: list[tuple[float, int]] = field(default_factory=list)
     # t, value and unit, by peer; no value: it was not heard
     signal: dict[str, list[tuple[float, float | None, str]]] = field(default_factory=dict)
     _newest_s: dict[str, float] = field(default_factory=dict)  # stamp, by robot
     _maps: list[float] = field(default_factory=list)  # stamps of our own maps
-    _names: list[str] | None = None  # made once, at the end
     _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, its stamp
     _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # when, age in s
     _end: tuple[float, float] | None = None  # time, Unix time of the last event
@@ -66,17 +67,9 @@ class Exchanges:
             told_s, unix_s = self._end
             for robot, newest_s in self._newest_s.items():
                 self._ages[robot].append((t, max(0.0, unix_s + t - told_s - newest_s)))
-
-    def names(self) -> list[str]:
-        """Every robot that was sought or heard of; call it when there is no more."""
-        if self._names is None:
-            self._names = self._heard()
-        return self._names
-
-    def _heard(self) -> list[str]:
-        heard = {contact.robot for contact in self.links.contacts}
-        heard |= {sync.robot for sync in self.links.syncs}
-        return sorted(heard | self._ages.keys() | self.signal.keys() | {*self.sought})
+        met = {contact.robot for contact in self.links.contacts}
+        met |= {sync.robot for sync in self.links.syncs}
+        self.names = sorted(met | self._ages.keys() | self.signal.keys() | {*self.sought})
 
     def interactions(self) -> dict[str, Any]:
         """How many syncs, and the share of them that was completed (null without any)."""

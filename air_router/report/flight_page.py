@@ -18,13 +18,11 @@ def page_of(summary: FlightSummary, source: str) -> str:
     """The page; `source` is the name of the record."""
     facts = summary.as_json()
     title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
-    track = track_figure(summary)
-    shown = [*([track] if track is not None else []), *figures(summary)]
     sheet = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     body = [
         _head(facts, title),
         _tiles(facts),
-        *map(_section, shown),
+        *map(_section, (track_figure(summary), *figures(summary))),
         _robots(summary, facts),
         *(_table(*part) for part in _what_was_said(summary)),
         _foot(facts, source),

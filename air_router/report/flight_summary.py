@@ -27,6 +27,7 @@ TRACK_S: Final = 0.5
 
 BATTERY_STEP: Final = 0.005
 
+_NOTHING: Final = "nothing was recorded that could be shown"
 _ABOUT_ROBOTS: Final = frozenset({State.SEARCH, State.COMM})
 
 
@@ -64,8 +65,8 @@ class FlightSummary:
 
     Attributes:
         setup: What was flown.
-        flown: Where, how far and how near to what; with the mission's zones at the end.
         about: Versions and the like.
+        flown: Where, how far and how near to what; with the mission's zones at the end.
         ending: What is wrong with the end of the record; None if it is whole.
         track: (t, east_m, north_m, altitude_m) while it was armed.
         distances: (t, metres to the nearest zone or fence) in the air, while it was ours.
@@ -80,9 +81,9 @@ class FlightSummary:
         report: The report at the end; empty if there is none.
     """
 
-    setup: FlightSetup | None = None
-    flown: FlownTrack | None = None
-    about: dict[str, str] = field(default_factory=dict)
+    setup: FlightSetup
+    about: dict[str, str]
+    flown: FlownTrack = field(init=False)
     ending: str | None = None
     vehicle: dict[str, Any] = field(default_factory=dict)  # who answered: a note of the record
     track: list[tuple[float, float, float, float]] = field(default_factory=list)
@@ -104,26 +105,21 @@ class FlightSummary:
     unix_offset_s: float | None = None  # Unix time at 0
     _open: dict[tuple[str, str], RequestRecord] = field(default_factory=dict)  # not answered yet
 
+    def __post_init__(self) -> None:
+        self.flown = FlownTrack(self.setup.mission)
+        self.exchanges.own, self.exchanges.sought = self.setup.name, self.setup.seek
+
     def take(self, entry: RecordEntry) -> None:
         """Take in what is recorded next."""
         match entry.kind:
-            case "about":
-                self.about = entry.value
-            case "setup":
-                self.setup = entry.value
-                self.flown = FlownTrack(entry.value.mission)
-                self.exchanges.own = entry.value.name
-                self.exchanges.sought = entry.value.seek
             case "note":
                 self._note(entry.t, entry.value)
             case "event":
                 self._seen(entry.t)
-                if self.flown is not None:
-                    self.flown.event(entry.value, entry.t)
+                self.flown.event(entry.value, entry.t)
                 self._event(entry.t, entry.value)
             case "action":
-                if self.flown is not None:
-                    self.flown.action(entry.value)
+                self.flown.action(entry.value)
                 self._action(entry.t, entry.value)
 
     def end(self, ending: str | None) -> None:
@@ -132,12 +128,12 @@ class FlightSummary:
         Raises:
             NothingFlownError: there was nothing.
         """
-        if self.setup is None or math.isnan(self.to_s):
-            raise NothingFlownError("nothing was recorded that could be shown")
+        if math.isnan(self.to_s):
+            raise NothingFlownError(_NOTHING)
         self.ending = ending
         self.states[-1].to_s = self.to_s
         self.exchanges.end(self.to_s)
-        self.closest = None if self.flown is None else self.flown.closest_approach()
+        self.closest = self.flown.closest_approach()
 
     def _seen(self, t: float) -> None:
         if math.isnan(self.from_s):
@@ -189,7 +185,7 @@ class FlightSummary:
         if self.track and t - self.track[-1][0] < TRACK_S:
             return
         self.track.append((t, *place, telemetry.altitude_m))
-        if telemetry.in_air and self.flown is not None and self.flown.ours:
+        if telemetry.in_air and self.flown.ours:
             away_m, what = self.flown.mission.airspace.nearest(place)
             if what:
                 self.distances.append((t, away_m))
@@ -220,9 +216,9 @@ class FlightSummary:
         request.accepted, request.why = answer.accepted, answer.why
 
     @property
-    def mission(self) -> Mission | None:
+    def mission(self) -> Mission:
         """With the zones and fences that it had at the end."""
-        return None if self.flown is None else self.flown.mission
+        return self.flown.mission
 
     def found(self, robot: str) -> int:
         """How often a search for a robot ended with its being heard."""
@@ -230,9 +226,7 @@ class FlightSummary:
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain data."""
-        flown = self.flown
-        assert self.setup is not None and flown is not None  # noqa: S101, PT018 - `end` has looked
-        mission = self.setup.mission
+        flown, mission = self.flown, self.setup.mission
         return {
             "mission": mission.name,
             "uav": self.setup.name,
@@ -257,7 +251,7 @@ class FlightSummary:
                     "found": self.found(name),
                     **self.exchanges.of(name, self.painted),
                 }
-                for name in self.exchanges.names()
+                for name in self.exchanges.names
             },
             "requests": [asdict(request) for request in self.requests],
             "announcements": [{"t": t, "text": text} for t, text in self.announcements],
@@ -271,10 +265,22 @@ class FlightSummary:
 
 
 def summary_of(entries: Iterable[RecordEntry]) -> FlightSummary:
-    """The summary of a record; say `end` on it afterwards."""
-    summary = FlightSummary()
+    """The summary of a record; say `end` on it afterwards.
+
+    Raises:
+        NothingFlownError: there is no setup in it.
+    """
+    summary: FlightSummary | None = None
+    about: dict[str, str] = {}
     for entry in entries:
-        summary.take(entry)
+        if entry.kind == "about":
+            about = entry.value
+        elif entry.kind == "setup":
+            summary = FlightSummary(entry.value, about)
+        elif summary is not None:
+            summary.take(entry)
+    if summary is None:
+        raise NothingFlownError(_NOTHING)
     return summary
 
 

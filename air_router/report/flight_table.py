@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Any, Final
 
 from air_router.errors import PictureError
 from air_router.flight.flight_stats import FlightResult
@@ -11,12 +11,8 @@ from air_router.mission.mission import Mission
 from mocha_link.errors import MissingExtraError
 
 COLUMNS: Final = (
-    ("robot", "{}"),
-    ("found when sought", "{}"),
-    ("syncs in/out", "{}"),
-    ("bytes in/out", "{}"),
-    ("newest data", "{}"),
-    ("map at last meeting", "{}"),
+    *("robot", "found when sought", "syncs in/out", "bytes in/out", "newest data"),
+    "map at last meeting",
 )
 
 KEPT_SHARE: Final = 0.95
@@ -27,12 +23,11 @@ def write_report(
     mission: Mission,
     result: FlightResult,
     picture: Path | None,
-    out: TextIO | None = None,
     *,
     with_table: bool = True,
 ) -> None:
     """Print the table on stderr, and draw the track into `picture` if one is wanted."""
-    out = out if out is not None else sys.stderr
+    out = sys.stderr
     if with_table:
         out.write(table(result.report))
         if "record" in result.report:
@@ -54,7 +49,7 @@ def write_report(
 
 def table(report: dict[str, Any]) -> str:
     """A flight's report as lines of text."""
-    rows = [[name for name, _ in COLUMNS]]
+    rows = [[*COLUMNS]]
     for name, robot in report["robots"].items():
         rows.append(
             [

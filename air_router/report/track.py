@@ -70,11 +70,9 @@ class _Canvas:
         return element("text", css, "", words, x=x, y=y, text_anchor=anchor)
 
 
-def track_figure(summary: FlightSummary) -> Figure | None:
-    """Zones, fence, waypoints, the track and where it came closest; None without a mission."""
+def track_figure(summary: FlightSummary) -> Figure:
+    """Zones, fence, waypoints, the track and where it came closest."""
     mission = summary.mission
-    if mission is None:
-        return None
     track = [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
     places: list[Sequence[float]] = [mission.home, *(w.position for w in mission.waypoints)]
     places += [corner for fence in mission.fences for corner in fence.corners]
@@ -89,7 +87,7 @@ def track_figure(summary: FlightSummary) -> Figure | None:
         return picture(canvas.width, round(canvas.height), "the flown track", parts)
 
     legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
-    named = [name for name in summary.exchanges.names() if summary.robots.get(name)]
+    named = [name for name in summary.exchanges.names if summary.robots.get(name)]
     legend += [(robot_css(summary, name), name) for name in named]
     words = "Robots are drawn at their reported positions."
     if summary.closest is not None:
@@ -114,7 +112,6 @@ def _mission(mission: Mission, canvas: _Canvas) -> list[str]:
 
 def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
     """Home, the closest approach, and how long some metres are."""
-    assert summary.mission is not None  # noqa: S101 - the caller has looked
     x, y = canvas.at(summary.mission.home)
     parts = [element("path", "home", d=f"M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12")]
     parts.append(canvas.text(x + 8, y - 6, "home"))
@@ -134,7 +131,7 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
     dots, names, words = [], [], Labels()
     ends: dict[str, tuple[float, float]] = {}
     for name, heard in sorted(summary.robots.items()):
-        if name not in summary.exchanges.names():
+        if name not in summary.exchanges.names:
             continue
         css = f"robot {robot_css(summary, name)}"
         spots: dict[tuple[int, int], tuple[float, Sequence[float]]] = {}

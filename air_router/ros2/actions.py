@@ -203,27 +203,17 @@ class ActionServer:
         self.goals = Goals(spec)
         self._graph, self._kind = graph, kind
         self._ask, self._hold, self._newest, self._unix_s = ask, hold, newest, unix_s
-        self._inside = f"{name}/_action"  # prefix of its services and topics
+        inside = f"{name}/_action"  # prefix of its services and topics
+        self._feedback, self._statuses = f"{inside}/feedback", f"{inside}/status"
+        self._results = f"{inside}/get_result"
         self._waiting: list[tuple[GoalId, Values]] = []  # for their results
         self._told: list[Values] | None = None  # statuses published last
         graph.advertise(self._feedback, f"{kind}_FeedbackMessage", 10, lasting=False)
         graph.advertise(self._statuses, STATUS_LIST)
-        serve(f"{self._inside}/send_goal", f"{kind}_SendGoal", self._send_goal)
-        serve(f"{self._inside}/cancel_goal", CANCEL, self._cancel)
+        serve(f"{inside}/send_goal", f"{kind}_SendGoal", self._send_goal)
+        serve(f"{inside}/cancel_goal", CANCEL, self._cancel)
         serve(self._results, f"{kind}_GetResult", self._get_result)
         self.tell()
-
-    @property
-    def _feedback(self) -> str:
-        return f"{self._inside}/feedback"
-
-    @property
-    def _statuses(self) -> str:
-        return f"{self._inside}/status"
-
-    @property
-    def _results(self) -> str:
-        return f"{self._inside}/get_result"
 
     def feed(self, feedback: Values) -> None:
         """Tell how far a goal that is under way has come."""

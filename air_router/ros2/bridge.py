@@ -102,7 +102,7 @@ class Ros2Bridge:
             view = self._newest_view()
             now_s = self._unix_s()
             for out in (*self._scene.vehicle(view, now_s), *self._slow(view, now_s)):
-                self._publish(out)
+                self._publish(*out)
         except (ControlUnreachableError, ControlError) as error:
             self._is_silent(str(error))
 
@@ -151,7 +151,7 @@ class Ros2Bridge:
             self._say(f"waiting for the flight: {why}")
         self._silent = True
         if self._name:
-            self._publish(self._scene.silent(why, self._unix_s()))
+            self._publish(*self._scene.silent(why, self._unix_s()))
 
     def _begin(self, view: dict[str, Any]) -> None:
         """The flight answers: for the first time, again, or another one does."""
@@ -234,7 +234,7 @@ class Ros2Bridge:
             answer = self._client.request({**request, "by": BY})
         except (CommandRequestError, ControlUnreachableError, ControlError) as error:
             answer = {"accepted": False, "why": str(error)}
-        self._publish(OutgoingMessage(ANSWERS, TEXT, {"data": json.dumps(answer)}))
+        self._graph.publish(self._topic(ANSWERS), TEXT, {"data": json.dumps(answer)})
 
     def _trigger(self, verb: str, _: Values) -> Values:
         answer = self._asked(getattr(self._client, verb))
@@ -262,8 +262,8 @@ class Ros2Bridge:
         except (ControlUnreachableError, ControlError) as error:
             return _refused(str(error))
 
-    def _publish(self, out: OutgoingMessage) -> None:
-        self._graph.publish(self._topic(out.topic), out.kind, out.values)
+    def _publish(self, topic: str, values: Values) -> None:
+        self._graph.publish(self._topic(topic), TOPICS[topic], values)
 
     def _topic(self, topic: str) -> str:
         return topic.replace("~", f"/{self._name}", 1)

@@ -12,7 +12,6 @@ import base64
 import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -42,7 +41,7 @@ _GOAL_ID: Final = "unique_identifier_msgs/UUID goal_id\n"
 
 _OK, _WARN, _ERROR, _STALE = range(4)
 _SPHERES, _LINES, _STRIP, _TEXT, _SPHERE, _ARROW = 7, 5, 4, 9, 2, 0
-_DELETE_ALL: Final = 3
+_CLEAR: Final[Values] = {"action": 3}  # DELETEALL
 _FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
     (0.1, 0.4, 0.9),
     (0.85, 0.1, 0.1),
@@ -53,14 +52,8 @@ _FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class OutgoingMessage:
-    """A message to publish; a topic that begins with ``~/`` belongs to the vehicle."""
-
-    topic: str
-    kind: str  # package/Type
-    values: Values
-
+OutgoingMessage = tuple[str, Values]
+"""The topic that a message is published on, and the message."""
 
 TOPICS: Final[Mapping[str, str]] = {
     "~/state": "std_msgs/String",
@@ -73,6 +66,7 @@ TOPICS: Final[Mapping[str, str]] = {
     "/tf": "tf2_msgs/TFMessage",
     "/diagnostics": "diagnostic_msgs/DiagnosticArray",
 }
+"""What is published, and as which type; a topic that begins with ``~/`` belongs to the vehicle."""
 
 
 class Scene:
@@ -93,7 +87,7 @@ class Scene:
 
     def vehicle(self, view: Mapping[str, Any], unix_s: float) -> Iterator[OutgoingMessage]:
         """Where the vehicle is, and its battery; nothing before its first telemetry."""
-        yield self._out("~/state", {"data": view["state"]})
+        yield "~/state", {"data": view["state"]}
         if view["position"] is None:
             return
         header = {"stamp": stamp(unix_s), "frame_id": MAP_FRAME}
@@ -102,31 +96,21 @@ class Scene:
         heading_deg = view["heading_deg"]  # without one it looks east, as what has none in ROS
         turned = math.radians((90.0 - (90.0 if heading_deg is None else heading_deg)) / 2)
         rotation = {"z": math.sin(turned), "w": math.cos(turned)}
-        yield self._out(
-            "~/pose", {"header": header, "pose": {"position": at, "orientation": rotation}}
-        )
+        yield "~/pose", {"header": header, "pose": {"position": at, "orientation": rotation}}
         transform = {"translation": at, "rotation": rotation}
-        yield self._out(
-            "/tf",
-            {"transforms": [{"header": header, "child_frame_id": body, "transform": transform}]},
-        )
+        moved = {"header": header, "child_frame_id": body, "transform": transform}
+        yield "/tf", {"transforms": [moved]}
         latitude_deg, longitude_deg = view["position"]
-        yield self._out(
-            "~/fix",
-            {
-                "header": {**header, "frame_id": body},
-                "status": {"service": 1},
-                "latitude": latitude_deg,
-                "longitude": longitude_deg,
-                "altitude": math.nan,  # above the ellipsoid: not known here
-            },
-        )
+        own = {**header, "frame_id": body}
+        place = {"latitude": latitude_deg, "longitude": longitude_deg}
+        unknown_m = {"altitude": math.nan}  # above the ellipsoid: not known here
+        yield "~/fix", {"header": own, "status": {"service": 1}, **place, **unknown_m}
         battery = view["battery"]
         unknown = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity")
-        yield self._out(
+        yield (
             "~/battery",
             {
-                "header": {**header, "frame_id": body},
+                "header": own,
                 **dict.fromkeys(unknown, math.nan),
                 "percentage": math.nan if battery is None else battery,
                 "present": battery is not None,
@@ -152,11 +136,11 @@ class Scene:
             if view["goal"] is not None:
                 ends = [here, self._xyz(view["goal"], view["altitude_m"])]
                 markers.append(_marker("goal", 0, _LINES, _FENCE, ends))
-        return self._out("~/team", {"markers": [_clear(), *markers]})
+        return "~/team", {"markers": [_CLEAR, *markers]}
 
     def areas(self, areas: Mapping[str, Any]) -> OutgoingMessage:
         """Fences, zones, and the graph of waypoints."""
-        markers = [_clear()]
+        markers = [_CLEAR]
         for area in areas["areas"]:
             rings = [ring for polygon in area["outline"] for ring in polygon]
             colour = _FENCE if area["fence"] else _ZONE
@@ -176,13 +160,13 @@ class Scene:
         places = [self._xyz(place["at"]) for place in areas["places"]]
         markers.append(_marker("graph", 0, _LINES, _GRAPH, ways, size_m=0.3))
         markers.append(_marker("waypoints", 0, _SPHERES, _PLACE, places, size_m=3.0))
-        return self._out("~/areas", {"markers": markers})
+        return "~/areas", {"markers": markers}
 
     def map(self, packed: str, unix_s: float) -> OutgoingMessage:
         """The map that the vehicle has painted."""
         grid = SemanticGrid.decode(zlib.decompress(base64.b64decode(packed)))
         values, cells = occupancy_of(grid, unix_s)
-        return self._out("~/map", {**values, "data": cells})
+        return "~/map", {**values, "data": cells}
 
     def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> OutgoingMessage:
         """Mission and links, as rqt_robot_monitor and Foxglove show them."""
@@ -208,9 +192,7 @@ class Scene:
         return self._diagnostics([self._status("mission", _STALE, why, {})], unix_s)
 
     def _diagnostics(self, statuses: Sequence[Values], unix_s: float) -> OutgoingMessage:
-        return self._out(
-            "/diagnostics", {"header": {"stamp": stamp(unix_s)}, "status": list(statuses)}
-        )
+        return "/diagnostics", {"header": {"stamp": stamp(unix_s)}, "status": list(statuses)}
 
     def _status(self, what: str, level: int, message: str, told: Mapping[str, Any]) -> Values:
         return {
@@ -224,14 +206,6 @@ class Scene:
     def _xyz(self, pair: Sequence[float], up_m: float = 0.0) -> Values:
         place = self.place(pair)
         return {"x": place.east_m, "y": place.north_m, "z": up_m}
-
-    @staticmethod
-    def _out(topic: str, values: Values) -> OutgoingMessage:
-        return OutgoingMessage(topic, TOPICS[topic], values)
-
-
-def _clear() -> Values:
-    return {"action": _DELETE_ALL}
 
 
 def _marker(  # noqa: PLR0913 - a marker has many sides

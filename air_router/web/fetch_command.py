@@ -26,6 +26,7 @@ from air_router.web.tile_file import (
     Bounds,
     picture_kind,
     read_bounds,
+    tiles_within,
 )
 
 MOST_TILES: Final = 5_000
@@ -33,7 +34,6 @@ MOST_TILES: Final = 5_000
 
 _FASTEST: Final = 10.0  # tiles per second
 _EVERY: Final = 50  # tiles, so often it is told how far it is
-_MERCATOR_DEG: Final = 85.0511
 _TIMEOUT_S: Final = 20.0
 _TRIES: Final = 3
 _LONGEST_WAIT_S: Final = 60.0
@@ -78,11 +78,8 @@ class TileArea:
             yield from (TileKey(zoom, column, row) for column in columns for row in rows)
 
     def _levels(self) -> Iterator[tuple[int, range, range]]:
-        south, west, north, east = self.bounds
         for zoom in self.zooms:
-            first = _tile_at(zoom, north, west)
-            last = _tile_at(zoom, south, east)
-            yield zoom, range(first[0], last[0] + 1), range(first[1], last[1] + 1)
+            yield zoom, *tiles_within(zoom, self.bounds)
 
 
 @dataclass(slots=True)
@@ -254,14 +251,6 @@ def zooms_of(text: str) -> range:
     if not zooms or zooms[-1] > HIGHEST_ZOOM:
         raise UsageError(f"'{text}' is not zoom levels of 0 to {HIGHEST_ZOOM}; write 15-19, say")
     return zooms
-
-
-def _tile_at(zoom: int, latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
-    side = 1 << zoom
-    latitude = math.radians(min(max(latitude_deg, -_MERCATOR_DEG), _MERCATOR_DEG))
-    x = (longitude_deg + 180) / 360
-    y = (1 - math.asinh(math.tan(latitude)) / math.pi) / 2
-    return min(int(x * side), side - 1), min(max(int(y * side), 0), side - 1)
 
 
 def _wait_s(told: str | None) -> float:

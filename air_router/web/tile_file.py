@@ -24,6 +24,7 @@ from air_router.errors import AirRouterError, UsageError
 
 MOST_TILE_BYTES = 1024 * 1024  # 512 by 512 pixels that nothing can compress
 HIGHEST_ZOOM = 24
+_MERCATOR_DEG = 85.0511
 _MOST_BYTES = 32 * 1024**3
 _MOST_ROW_BYTES = MOST_TILE_BYTES + 64 * 1024
 _STEPS = 1000
@@ -62,7 +63,6 @@ class TileFile:
 
     Attributes:
         path: The file.
-        kind: The media type of its tiles, or of most of them.
         lowest: The coarsest zoom level that has tiles.
         highest: The finest one.
         bounds: Where there are tiles; None where the file does not say so, or wrongly.
@@ -71,7 +71,6 @@ class TileFile:
     """
 
     path: Path
-    kind: str
     lowest: int
     highest: int
     bounds: Bounds | None
@@ -90,7 +89,7 @@ class TileFile:
             uri, tag = _address(path)
             with _opened(uri) as file:
                 facts = _metadata(file)
-                kind = _kind(path, file, facts)
+                _check_pictures(path, file, facts)
                 lowest, highest = _zooms(path, file)
                 bounds = _checked(path, file, highest, read_bounds(facts.get("bounds", "")))
         except OSError as error:
@@ -98,7 +97,7 @@ class TileFile:
         except sqlite3.Error as error:
             raise UsageError(_why(path, error)) from None
         attribution = plain(facts.get("attribution", ""))
-        return cls(path, kind, lowest, highest, bounds, attribution, tag, uri)
+        return cls(path, lowest, highest, bounds, attribution, tag, uri)
 
     def view(self) -> dict[str, Any]:
         """For the page: where it finds a tile, which there are, and whom to name."""
@@ -211,8 +210,8 @@ def picture_kind(data: Any) -> str | None:
     return "image/webp" if data[:4] == b"RIFF" and data[8:12] == b"WEBP" else None
 
 
-def _kind(path: Path, file: sqlite3.Connection, facts: dict[str, str]) -> str:
-    """The media type of some tile. Raises UsageError if the tiles are no pictures."""
+def _check_pictures(path: Path, file: sqlite3.Connection, facts: dict[str, str]) -> None:
+    """Raises UsageError: the tiles are no pictures."""
     heads = [
         head
         for (head,) in file.execute(
@@ -230,12 +229,10 @@ def _kind(path: Path, file: sqlite3.Connection, facts: dict[str, str]) -> str:
         )
     if not heads:
         raise UsageError(f"{path} has no tiles; {_HOW}")
-    kind = next(filter(None, map(picture_kind, heads)), None)
-    if kind is None:
+    if not any(map(picture_kind, heads)):
         raise UsageError(
             f"the tiles of {path} are neither PNG nor JPEG nor WebP of at most 1 MiB; {_HOW}"
         )
-    return kind
 
 
 def _zooms(path: Path, file: sqlite3.Connection) -> tuple[int, int]:
@@ -261,10 +258,10 @@ def _checked(
     if bounds is None or not found or not all(isinstance(number, int) for number in found):
         return None
     row, column = found
-    north_row = (1 << zoom) - 1 - row
-    if _overlap(bounds, _square(zoom, column, north_row)):
+    columns, rows = tiles_within(zoom, bounds)
+    if column in columns and (1 << zoom) - 1 - row in rows:
         return bounds
-    if _overlap(bounds, _square(zoom, column, row)):
+    if column in columns and row in rows:
         raise UsageError(
             f"{path} counts rows of tiles from the north, MBTiles counts them from the south; "
             "make it anew with another tool"
@@ -272,18 +269,19 @@ def _checked(
     return None
 
 
-def _square(zoom: int, column: int, row: int) -> Bounds:
-    """Where a tile lies, in Web Mercator; its row is counted from the north."""
+def tiles_within(zoom: int, bounds: Bounds) -> tuple[range, range]:
+    """Columns and rows, from the north, of the tiles that touch an area, in Web Mercator."""
+    south, west, north, east = bounds
+    columns, rows = zip(_tile_at(zoom, north, west), _tile_at(zoom, south, east), strict=True)
+    return range(columns[0], columns[1] + 1), range(rows[0], rows[1] + 1)
+
+
+def _tile_at(zoom: int, latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
     side = 1 << zoom
-    north, south = (
-        math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * min(max(y, 0), side) / side))))
-        for y in (row, row + 1)
-    )
-    return south, column / side * 360 - 180, north, (column + 1) / side * 360 - 180
-
-
-def _overlap(one: Bounds, other: Bounds) -> bool:
-    return all(one[low] < other[high] and other[low] < one[high] for low, high in ((0, 2), (1, 3)))
+    latitude = math.radians(min(max(latitude_deg, -_MERCATOR_DEG), _MERCATOR_DEG))
+    x = (longitude_deg + 180) / 360
+    y = (1 - math.asinh(math.tan(latitude)) / math.pi) / 2
+    return min(int(x * side), side - 1), min(max(int(y * side), 0), side - 1)
 
 
 def _why(path: Path, error: sqlite3.Error) -> str:

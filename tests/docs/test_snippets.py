@@ -19,7 +19,7 @@ import yaml
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from air_router.cli.arguments import _with_places
+from air_router.cli.cli import _with_places
 from air_router.control.command_request import command_request_of, parse
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
@@ -370,7 +370,7 @@ def test_what_check_prints_of_the_way_home(folder, capsys):
 def test_the_columns_at_the_end():
     """docs/terminal.md shows the table that a flight ends with."""
     heads = ALL["terminal.md 2"].text.splitlines()[0]
-    assert re.split(r"  +", heads.strip()) == [head for head, _ in COLUMNS]
+    assert re.split(r"  +", heads.strip()) == [*COLUMNS]
 
 
 def test_printed_problems_have_codes():

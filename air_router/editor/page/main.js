@@ -3,10 +3,10 @@
 import { AirspaceLayer } from "/page/airspace.js";
 import { Layout } from "/page/layout.js";
 import { byId, element } from "/page/element.js";
-import { AIRSPACE, addLegend } from "/page/legend.js";
+import { MISSION, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
 import { question } from "/page/question.js";
-import { startTheme, switchTheme } from "/page/theme.js";
+import { startTheme } from "/page/theme.js";
 import { Corners } from "./corners.js";
 import { help } from "./dialogs.js";
 import { Inspector } from "./inspector.js";
@@ -23,11 +23,7 @@ const TOAST_MS = 6000;
 
 /** @type {import("/page/legend.js").Sign[]} */
 const SIGNS = [
-  ...AIRSPACE,
-  ["line", "edge", "clear connection"],
-  ["spot", "spot", "waypoint"],
-  ["spot", "spot home", "home"],
-  ["spot", "spot rally", "rally point"],
+  ...MISSION,
   ["line", "leg", "leg, flown straight"],
   ["line", "leg around", "leg around what is in the way"],
   ["line", "leg blocked", "leg that cannot be flown"],
@@ -232,12 +228,8 @@ store.addEventListener("connected", (event) => {
 tools.addEventListener("hint", (event) => say(/** @type {any} */ (event).detail));
 tools.addEventListener("chosen", () => places.mark());
 selection.addEventListener("change", markAreas);
-map.on("mousemove", ({ latlng }) => {
-  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
-});
 byId("undo").addEventListener("click", () => store.ask("undo"));
 byId("redo").addEventListener("click", () => store.ask("redo"));
-byId("theme").addEventListener("click", switchTheme);
 byId("help").addEventListener("click", help);
 byId("fit").addEventListener("click", fit);
 byId("save").addEventListener("click", () => save());

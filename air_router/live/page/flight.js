@@ -2,7 +2,6 @@
 
 import { Link, NO_ANSWER } from "/page/socket.js";
 import { GLOW_MS, Links } from "./links.js";
-import { checkPlace, checkPlaces } from "./places.js";
 import { boundsOf } from "./scenery.js";
 import { Vehicle } from "./vehicle.js";
 
@@ -178,4 +177,17 @@ export class Flight {
     this.why = why;
     this.watcher.connected(this);
   }
+}
+
+// Whether what a flight tells can be drawn: on one map, an invalid position would stop all others.
+
+/** @param {any} at a place in degrees @throws {TypeError} it is none */
+function checkPlace(at) {
+  if (!Array.isArray(at) || at.length !== 2 || !at.every(Number.isFinite)) throw new TypeError("not a position");
+}
+
+/** @param {any} nested lists of lists, in the end of places @throws {TypeError} it is something else */
+function checkPlaces(nested) {
+  if (Array.isArray(nested) && !nested.some(Number.isFinite)) nested.forEach(checkPlaces);
+  else checkPlace(nested);
 }

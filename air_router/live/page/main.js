@@ -2,9 +2,9 @@
 
 import { Layout } from "/page/layout.js";
 import { byId } from "/page/element.js";
-import { AIRSPACE, addLegend } from "/page/legend.js";
+import { MISSION, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
-import { startTheme, switchTheme } from "/page/theme.js";
+import { startTheme } from "/page/theme.js";
 import { Flight } from "./flight.js";
 import { Grounds } from "./ground.js";
 import { News } from "./news.js";
@@ -21,11 +21,7 @@ const RETRY_MS = 2000;
 
 /** @type {import("/page/legend.js").Sign[]} */
 const SIGNS = [
-  ...AIRSPACE,
-  ["line", "edge", "clear connection"],
-  ["spot", "spot", "waypoint"],
-  ["spot", "spot home", "home"],
-  ["spot", "spot rally", "rally point"],
+  ...MISSION,
   ["arrow", "sign", "UAV"],
   ["line", "track", "flown"],
   ["line", "route", "to be flown"],
@@ -171,10 +167,6 @@ function say(text, stays = false) {
 }
 
 map.on("dragstart", () => follow(false));
-map.on("mousemove", ({ latlng }) => {
-  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
-});
-byId("theme").addEventListener("click", switchTheme);
 byId("fit").addEventListener("click", () => {
   layout.touched = false;
   fit();

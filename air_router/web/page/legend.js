@@ -13,12 +13,16 @@ const SHAPES = {
 /** @typedef {[keyof typeof SHAPES, string, string]} Sign shape, classes and words */
 
 /** What both pages draw. @type {Sign[]} */
-export const AIRSPACE = [
+export const MISSION = [
   ["line", "area fence", "fence"],
   ["area", "area zone", "no-fly zone"],
   ["area", "area zone idle", "zone that does not apply now"],
   ["line", "buffer zone", "clearance, always kept"],
   ["line", "buffer zone margin", "what routes keep besides"],
+  ["line", "edge", "clear connection"],
+  ["spot", "spot", "waypoint"],
+  ["spot", "spot home", "home"],
+  ["spot", "spot rally", "rally point"],
 ];
 
 /** Filled when it is opened. @param {any} details with a list @param {Sign[]} signs */

@@ -1,14 +1,67 @@
 // A calm map: paper, a grid of round metres, a scale, perhaps a picture below.
 
-import { element } from "./element.js";
-import { Grid } from "./grid.js";
+import { byId, element } from "./element.js";
+import { colour } from "./theme.js";
 
 const L = globalThis.L;
 
 /** Panes from below to above, with their height. */
 const PANES = { backdrop: 150, grid: 160, buffers: 360, graph: 380, areas: 400, legs: 420, route: 440 };
 
-/** @param {HTMLElement} element @returns {any} a Leaflet map */
+/** Of the grid: its lines are at least so far apart, and one of these. */
+const LEAST_PIXELS = 70;
+const STEPS_M = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 50000, 100000];
+
+/** Lines every 10, 50, 100 ... metres, counted from a fixed place, drawn on one canvas. */
+const Grid = L.Layer.extend({
+  onAdd(map) {
+    this._map = map;
+    this._canvas = L.DomUtil.create("canvas", "leaflet-layer", map.getPane("grid"));
+    map.on("moveend zoomend resize viewreset", () => this.draw());
+    document.addEventListener("theme", () => this.draw());
+  },
+
+  /** The lines cover more than the view, so that a drag does not show their ends. */
+  draw() {
+    const map = this._map;
+    const size = map.getSize();
+    const pad = size.multiplyBy(0.5).round();
+    const whole = size.add(pad.multiplyBy(2));
+    const ratio = globalThis.devicePixelRatio || 1;
+    const canvas = this._canvas;
+    canvas.width = whole.x * ratio;
+    canvas.height = whole.y * ratio;
+    canvas.style.width = `${whole.x}px`;
+    canvas.style.height = `${whole.y}px`;
+    const corner = map.containerPointToLayerPoint(pad.multiplyBy(-1));
+    L.DomUtil.setPosition(canvas, corner);
+    const centre = map.getCenter();
+    const here = [centre.lat, centre.lng];
+    const metre = map.latLngToLayerPoint(offset(here, 1000, 0)).x - map.latLngToLayerPoint(here).x;
+    const pixelsPerM = metre / 1000;
+    const stepM = STEPS_M.find((step) => step * pixelsPerM >= LEAST_PIXELS);
+    if (!stepM || !Number.isFinite(pixelsPerM)) return;
+    const origin = map.options.gridOrigin ?? here;
+    const start = map.latLngToLayerPoint(origin).subtract(corner);
+    const step = stepM * pixelsPerM;
+    const context = canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    context.strokeStyle = colour("grid");
+    context.lineWidth = 1;
+    context.beginPath();
+    for (let x = start.x % step; x < whole.x; x += step) {
+      context.moveTo(Math.round(x) + 0.5, 0);
+      context.lineTo(Math.round(x) + 0.5, whole.y);
+    }
+    for (let y = start.y % step; y < whole.y; y += step) {
+      context.moveTo(0, Math.round(y) + 0.5);
+      context.lineTo(whole.x, Math.round(y) + 0.5);
+    }
+    context.stroke();
+  },
+});
+
+/** @param {HTMLElement} element @returns {any} a Leaflet map; where the pointer is stands in the page's "pointer" */
 export function createMap(element) {
   L.Projection.SphericalMercator.MAX_LATITUDE = 89.99; // missions lie beyond the square world of tiles
   const map = L.map(element, {
@@ -30,6 +83,9 @@ export function createMap(element) {
   L.control.zoom({ position: "bottomright" }).addTo(map);
   L.control.scale({ position: "bottomright", imperial: false, maxWidth: 140 }).addTo(map);
   new Grid({ pane: "grid" }).addTo(map);
+  map.on("mousemove", ({ latlng }) => {
+    byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
+  });
   return map;
 }
 

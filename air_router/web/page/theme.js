@@ -1,5 +1,7 @@
 // Light or dark: as the system says, until the user chooses.
 
+import { byId } from "./element.js";
+
 const KEY = "air-router theme";
 
 /** @returns {string | null} what was chosen before, if the browser remembers */
@@ -11,16 +13,17 @@ function chosen() {
   }
 }
 
-/** Follow the system's colours, or those that were chosen. */
+/** Follow the system's colours, or those that are chosen with the page's button "theme". */
 export function startTheme() {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const follow = () => apply(chosen() ?? (dark.matches ? "dark" : "light"));
   dark.addEventListener("change", follow);
+  byId("theme").addEventListener("click", switchTheme);
   follow();
 }
 
 /** Choose the other one. */
-export function switchTheme() {
+function switchTheme() {
   const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
   try {
     localStorage.setItem(KEY, next);

@@ -249,8 +249,7 @@ def test_where_it_looks(client, heading_deg, yaw_deg):
     client.flight.take_off()
     view = client.request({"request": "view"}) | {"heading_deg": heading_deg}
     scene = Scene("titan", view["origin"])
-    (pose,) = (out.values for out in scene.vehicle(view, 0.0) if out.topic == "~/pose")
-    turn = pose["pose"]["orientation"]
+    turn = dict(scene.vehicle(view, 0.0))["~/pose"]["pose"]["orientation"]
     assert math.degrees(2 * math.atan2(turn["z"], turn["w"])) == pytest.approx(yaw_deg)
 
 
