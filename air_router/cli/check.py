@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from air_router.cli.arguments import add_start, add_uav, print_json
@@ -42,16 +43,13 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         draft = read_draft(arguments.mission)
     except DocumentError as error:
-        refusal = MissionFileError(error.problems)
-        _print_problems(refusal.problems, (), as_json=arguments.json)
-        raise refusal from None
+        raise _refusal(error.problems, (), arguments) from None
     draft.start = arguments.at
     if arguments.uav is not None:
         choose(draft, arguments.uav)
     mission = validate(draft)
     if draft.problems or mission is None:
-        refusal = MissionFileError(draft.problems)
-        _print_problems(refusal.problems, draft.notes, as_json=arguments.json)
+        refusal = _refusal(draft.problems, draft.notes, arguments)
         if arguments.png is not None and mission is not None:
             _draw_wrong(draft, mission, arguments.png)
         raise refusal
@@ -83,14 +81,13 @@ def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
     sys.stderr.write(f"drawn: {path}\n")
 
 
-def _print_problems(
-    problems: tuple[Problem, ...], notes: tuple[Problem, ...] | list[Problem], *, as_json: bool
-) -> None:
-    if as_json:
-        print_json(
-            {
-                "valid": False,
-                "problems": [problem.as_json() for problem in problems],
-                "notes": [note.as_json() for note in notes],
-            }
-        )
+def _refusal(
+    problems: Sequence[Problem], notes: Sequence[Problem], arguments: argparse.Namespace
+) -> MissionFileError:
+    """Why it cannot be flown; scripts are told it here."""
+    refusal = MissionFileError(problems)
+    if arguments.json:
+        told = {"problems": refusal.problems, "notes": notes}
+        facts = {key: [each.as_json() for each in of] for key, of in told.items()}
+        print_json({"valid": False, **facts})
+    return refusal

@@ -33,7 +33,7 @@ from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
 from air_router.mission.loading import foreign_draft, read_draft, validate
 from air_router.record.log import Log
-from air_router.record.recording import viewer_file
+from mocha_link.errors import needs_extra
 from mocha_link.team.document import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
@@ -178,7 +178,12 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
             "nothing else does"
         )
     log = Log(arguments.source)
-    written = viewer_file(log, foxglove=kind == _FOXGLOVE)
+    with needs_extra(f"a file for {kind}", kind.lower(), "air-router"):
+        if kind == _FOXGLOVE:
+            from air_router.record.foxglove_sdk import foxglove_mcap as made  # noqa: PLC0415
+        else:
+            from air_router.record.rerun_file import rerun_file as made  # noqa: PLC0415
+    written = made(log)
     if log.ending is not None:
         report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")
     report.counts = {"bytes": len(written)}

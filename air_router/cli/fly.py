@@ -5,7 +5,7 @@ import asyncio
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,7 @@ from air_router.flight.flight_stats import FlightResult
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.live.page import add_web, page_of
+from air_router.live.page import add_web
 from air_router.mission.loading import load_flown
 from air_router.mission.mission import Mission
 from air_router.mission.team import sought, team_of
@@ -37,6 +37,7 @@ from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.web.serving import ServeError, web_of
 from mocha_link import ListenError, PortInUseError, RadioError, Team
+from mocha_link.errors import needs_extra
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
@@ -134,13 +135,12 @@ def _fly(
                 clock=clock,
             ),
         )
-        flight.loop.page = page_of(
-            web_of(arguments),
-            flight.controller,
-            flight.commands,
-            gossip=gossip,
-            mapper=mapper,
-        )
+        web = web_of(arguments)
+        if web is not None:
+            with needs_extra("the page", "web", "air-router"):
+                from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
+            told = flight.controller, flight.commands, gossip.links
+            flight.loop.page = LivePage(*told, mapper=mapper, web=web)
         result = asyncio.run(flight.run())
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)
@@ -266,13 +266,13 @@ def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace
     return result.exit_code
 
 
-def _confirmed(mission: Mission, ask: Callable[[], str] = input) -> bool:
+def _confirmed(mission: Mission) -> bool:
     sys.stderr.write(
         f"The vehicle will arm, take off and fly {mission.name} by itself. Propellers clear?\n"
     )
     try:
         sys.stderr.write("type 'fly' to go: ")
-        return ask().strip().lower() == "fly"
+        return input().strip().lower() == "fly"
     except EOFError:
         return False
 

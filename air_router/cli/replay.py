@@ -4,11 +4,12 @@ import argparse
 
 from air_router.cli.arguments import print_json, say, speed_factor
 from air_router.errors import ExitCode
-from air_router.live.page import add_web, show_record
+from air_router.live.page import add_web
 from air_router.record.log import Log
 from air_router.record.recording import add_record, record_of
 from air_router.record.replay import replay
-from air_router.web.serving import web_of
+from air_router.web.serving import show, web_of
+from mocha_link.errors import needs_extra
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay, and print what came of it."""
     web, path = web_of(arguments), record_of(arguments)
     if web is not None:
-        show_record(path, web, arguments.speed, lambda where: say(f"{where}; Ctrl-C ends"))
+        with needs_extra("the page", "web", "air-router"):
+            from air_router.live.playback import Playback, RecordedFlight  # noqa: PLC0415
+        page = Playback(RecordedFlight(Log(path)), web, speed=arguments.speed)
+        show(page, lambda where: say(f"{where}; Ctrl-C ends"))
         return ExitCode.DONE
     log = Log(path)
     result = replay(log)

@@ -3,16 +3,10 @@
 import argparse
 from collections.abc import Collection, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
-from pathlib import Path
 from typing import Any, Protocol
 
-from air_router.control.command_request import RequestHandler
-from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
-from air_router.gossip.gossip import Gossip
-from air_router.gossip.mapper import Mapper
-from air_router.record.log import Log
 from air_router.web.serving import (
     DEFAULT_PORT,
     PageAddress,
@@ -21,7 +15,6 @@ from air_router.web.serving import (
     Web,
     add_page_options,
     page_port,
-    show,
 )
 from mocha_link.errors import needs_extra
 
@@ -64,38 +57,6 @@ def add_web(parser: argparse.ArgumentParser, *, always: bool = False) -> None:
         **({"default": DEFAULT_PORT} if always else asked),
     )
     add_page_options(parser, "web-")
-
-
-def page_of(
-    web: Web | None,
-    controller: Controller,
-    commands: RequestHandler,
-    *,
-    gossip: Gossip,
-    mapper: Mapper,
-) -> Page:
-    """The page of a flight.
-
-    Raises:
-        UsageError: what serves pages is not installed.
-    """
-    if web is None:
-        return NoPage()
-    with needs_extra("the page", "web", "air-router"):
-        from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
-    return LivePage(controller, commands, gossip.links, mapper=mapper, web=web)
-
-
-def show_record(path: Path, web: Web, speed: float, say: Say) -> None:
-    """Show a recorded flight until Ctrl-C.
-
-    Raises:
-        UsageError: what serves pages is not installed.
-        RefusedError, LogError, ServeError: there is nothing to show, or nowhere.
-    """
-    with needs_extra("the page", "web", "air-router"):
-        from air_router.live.playback import Playback, RecordedFlight  # noqa: PLC0415 - an extra
-    show(Playback(RecordedFlight(Log(path)), web, speed=speed), say)
 
 
 def joint_page(names: Iterable[str], web: Web) -> SharedPage:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from air_router.errors import UsageError
-from air_router.record.log import Log
 from air_router.record.recorder import RecordViewer
 from mocha_link.errors import needs_extra
 
@@ -114,23 +113,6 @@ def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer |
         from air_router.record.foxglove_sdk import FoxgloveSocket  # noqa: PLC0415 - an extra
     with closing(FoxgloveSocket(*address, name)) as viewer:
         yield viewer
-
-
-def viewer_file(log: Log, *, foxglove: bool) -> bytes:
-    """A record as a file for Foxglove, or for Rerun.
-
-    Raises:
-        MissingExtraError: their SDK is not installed.
-        LogError: it is no record of a flight.
-    """
-    next(iter(log))  # it is one, before anything is made of it
-    if foxglove:
-        with needs_extra("a file for Foxglove", "foxglove", "air-router"):
-            from air_router.record.foxglove_sdk import foxglove_mcap  # noqa: PLC0415 - an extra
-        return foxglove_mcap(log)
-    with needs_extra("a file for Rerun", "rerun", "air-router"):
-        from air_router.record.rerun_file import rerun_file  # noqa: PLC0415 - an extra
-    return rerun_file(log)
 
 
 def folder_of(arguments: argparse.Namespace) -> Path | None:

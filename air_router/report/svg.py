@@ -152,13 +152,13 @@ def _extremes(part: Series) -> Iterator[tuple[float, float]]:
     yield from (part[i] for i in sorted({0, least, most, len(part) - 1}))
 
 
-def nice(low: float, high: float, most: int = 5) -> list[float]:
-    """Round numbers between two values."""
+def nice(low: float, high: float) -> list[float]:
+    """Round numbers between two values, five steps at most."""
     span = high - low
     if not 0 < span < math.inf:
         return [low]
-    step = 10.0 ** math.floor(math.log10(span / most))
-    step *= next(factor for factor in (1, 2, 5, 10) if span / (step * factor) <= most)
+    step = 10.0 ** math.floor(math.log10(span / 5))
+    step *= next(factor for factor in (1, 2, 5, 10) if span / (step * factor) <= 5)
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return [i * step for i in range(first, last + 1)]

@@ -13,9 +13,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import termios
 import tty
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from types import FrameType
@@ -50,32 +51,26 @@ class FlightProcess:
 
     Attributes:
         uav: Whose flight.
-        process: The process; its stdout is the report.
+        process: The process.
         screen: Where it prints to and reads from: our end of its terminal, or a pipe.
+        out: The file that its stdout goes to.
         said: The bytes of a line that has not ended yet.
-        out: What came on stdout.
+        report: What it reported on stdout, known at its end; empty if it did not fly.
     """
 
     uav: str
     process: subprocess.Popen[bytes]
     screen: int
+    out: IO[bytes]
     said: bytes = b""
-    out: bytearray = field(default_factory=bytearray)
+    report: dict[str, Any] = field(default_factory=dict)
 
     def close(self) -> None:
-        """Listen no more."""
+        """It has ended: listen no more, and read its report."""
         os.close(self.screen)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-
-    @property
-    def report(self) -> dict[str, Any]:
-        """What it reported; empty if it did not fly."""
-        try:
-            report: dict[str, Any] = json.loads(self.out)
-        except ValueError:
-            return {}
-        return report
+        with self.out, contextlib.suppress(ValueError):
+            self.out.seek(0)
+            self.report = json.load(self.out)
 
     @property
     def exit_code(self) -> ExitCode:
@@ -179,12 +174,9 @@ class Flights:
         with contextlib.ExitStack() as stack:
             stack.callback(self._selector.close)
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
-                stack.enter_context(_handled(number, self._on_signal))
+                stack.callback(signal.signal, number, signal.signal(number, self._on_signal))
             for flight in self.flights:
-                stdout = flight.process.stdout
-                assert stdout is not None  # noqa: S101 - it was asked for
                 self._listen(flight.screen, partial(self._take_said, flight))
-                self._listen(stdout, partial(_take_out, flight, stdout))
             if self._block.live and self._keyboard.isatty():
                 self._listen(self._keyboard, self._take_words)
             while self._more():
@@ -195,9 +187,9 @@ class Flights:
                 if not ready and all(flight.process.poll() is not None for flight in self.flights):
                     break  # a process that one of them has left behind holds its terminal open
             self._block.end()
+            codes = {flight.exit_code for flight in self.flights}
             for flight in self.flights:
                 flight.close()
-            codes = {flight.exit_code for flight in self.flights}
         return next(code for code in _GRAVITY if code in codes)
 
     def _more(self) -> bool:
@@ -264,33 +256,17 @@ def _start(uav: str, command: Sequence[str], block: StatusBlock) -> FlightProces
     else:
         ours, theirs = os.pipe()
         stdin = subprocess.DEVNULL
+    out = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed when the flight has ended
     try:
         process = subprocess.Popen(  # noqa: S603 - our own program and arguments
             # It ends with us, also if we are killed; the vehicle then holds where its leg ends.
             [sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid()), *command],
             stdin=stdin,
-            stdout=subprocess.PIPE,
+            stdout=out,
             stderr=theirs,
             env={**os.environ, "COLUMNS": str(block.columns)},
             start_new_session=True,  # Ctrl-C comes through us
         )
     finally:
         os.close(theirs)
-    return FlightProcess(uav, process, ours)
-
-
-def _take_out(flight: FlightProcess, stdout: IO[bytes]) -> bool:
-    chunk = os.read(stdout.fileno(), _CHUNK)
-    flight.out += chunk
-    return bool(chunk)
-
-
-@contextlib.contextmanager
-def _handled(
-    number: signal.Signals, handler: Callable[[int, FrameType | None], None]
-) -> Iterator[None]:
-    before = signal.signal(number, handler)
-    try:
-        yield
-    finally:
-        signal.signal(number, before)
+    return FlightProcess(uav, process, ours, out)

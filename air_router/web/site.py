@@ -20,7 +20,7 @@ from aiohttp import ClientConnectionResetError, WSMsgType, web
 
 from air_router.web.guard import BACKLOG, TOKEN, ConnectionLimit, Guard, Handler, add_headers
 from air_router.web.serving import ServeError, Web
-from air_router.web.tile_file import TileError, TileFile
+from air_router.web.tile_file import Tile, TileError, TileFile
 
 _LOG = logging.getLogger(__name__)
 
@@ -33,8 +33,12 @@ _NUMBER: Final = "[0-9]{1,9}"
 _KEPT: Final = {"Cache-Control": "private, max-age=3600"}
 _NOT_KEPT: Final = {"Cache-Control": "no-store"}
 # One pixel that is not seen: for a browser, a tile that is not found is an error to be told.
-_NOTHING: Final = base64.b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNgYAAAAAMAASsJTYQAAAAASUVORK5CYII="
+_NOTHING: Final = Tile(
+    "image/png",
+    base64.b64decode(
+        "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNgYAAAAAMAASsJTYQAAAAASUVORK5C"
+        "YII="
+    ),
 )
 _EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
 _SOMEWHERE: Final = "192.0.2.1"  # kept free for documentation
@@ -86,31 +90,22 @@ class _Tiles:
 
     async def _answer(self, request: web.Request) -> web.Response:
         asked = request.match_info
-        if asked["tag"] != self._tiles.tag:  # a page from before, of another file
-            return _nothing(_NOT_KEPT)
-        place = int(asked["zoom"]), int(asked["column"]), int(asked["row"])
-        loop = asyncio.get_running_loop()
-        try:
-            tile = await loop.run_in_executor(self._worker, self._tiles.tile, *place)
-        except TileError as error:
-            self._tell(error)
-            return _nothing(_NOT_KEPT)
-        if tile is None:
-            return _nothing(_KEPT)
-        return web.Response(body=tile.data, content_type=tile.kind, headers=_KEPT)
-
-    def _tell(self, error: TileError) -> None:
-        if not self._told:
-            _LOG.warning("the map stays empty in places: %s", error)
-        self._told = True
+        tile, headers = _NOTHING, _NOT_KEPT
+        if asked["tag"] == self._tiles.tag:  # else of a page from before, of another file
+            place = int(asked["zoom"]), int(asked["column"]), int(asked["row"])
+            loop = asyncio.get_running_loop()
+            try:
+                found = await loop.run_in_executor(self._worker, self._tiles.tile, *place)
+                tile, headers = found or _NOTHING, _KEPT
+            except TileError as error:
+                if not self._told:
+                    _LOG.warning("the map stays empty in places: %s", error)
+                self._told = True
+        return web.Response(body=tile.data, content_type=tile.kind, headers=headers)
 
     async def _end(self, app: web.Application) -> None:
         del app
         self._worker.shutdown(wait=False, cancel_futures=True)
-
-
-def _nothing(headers: dict[str, str]) -> web.Response:
-    return web.Response(body=_NOTHING, content_type="image/png", headers=headers)
 
 
 class Site:

@@ -76,12 +76,11 @@ export class Flight {
     }
   }
 
-  /** Take what came since the last frame. @returns {string[]} of which kinds it was */
+  /** Take what came since the last frame. */
   catchUp() {
     const messages = [...this.newest.values()];
     this.newest.clear();
     messages.forEach((message) => this.understand(message));
-    return messages.map((message) => message.type);
   }
 
   /** Nonsense must not cost the other flights anything. @param {any} message */

@@ -15,6 +15,17 @@ from air_router.routing.router import Router
 from geo.frame import Point
 
 
+@pytest.fixture(scope="module")
+def map_sheet():
+    """With matplotlib, which the workers that only collect these tests do without."""
+    return importlib.import_module("air_router.report.map_sheet")
+
+
+@pytest.fixture(scope="module")
+def draw_mission():
+    return importlib.import_module("air_router.report.picture").draw_mission
+
+
 def size(path):
     """Width and height of a PNG in pixels."""
     data = path.read_bytes()
