@@ -9,17 +9,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, number, print_json
+from air_router.cli.arguments import (
+    ANY_FINITE,
+    MORE_THAN_0,
+    add_uav,
+    moment,
+    number,
+    print_json,
+    say,
+)
 from air_router.control.control import CONTROL_NAME
 from air_router.control.control_server import endpoint_of
-from air_router.errors import RefusedError
+from air_router.errors import PictureError, RefusedError
 from air_router.files.settings import SEEK_POLICIES
 from air_router.flight.flight import Flight
 from air_router.flight.flight_stats import FlightResult
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.live.page import add_web
 from air_router.mission.loading import load_flown
 from air_router.mission.mission import Mission
 from air_router.mission.team import sought, team_of
@@ -31,13 +38,13 @@ from air_router.record.recording import (
     folder_of,
     viewing,
 )
-from air_router.report.flight_table import write_report
+from air_router.report.flight_table import table
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
-from air_router.web.serving import ServeError, web_of
-from mocha_link import ListenError, PortInUseError, RadioError, Team
-from mocha_link.errors import needs_extra
+from air_router.web.serving import ServeError, add_web, web_of
+from mocha_link import ListenError, PortInUseError, RadioError
+from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
@@ -52,6 +59,16 @@ _UNUSABLE = (  # the gossip node or the page cannot begin, so the flight does no
 )
 
 
+@contextlib.contextmanager
+def refusing() -> Iterator[None]:
+    """What the flight needs of this machine, and cannot have, refuses it."""
+    try:
+        yield
+    except _UNUSABLE as error:
+        raise RefusedError(str(error)) from None
+
+
+@refusing()
 def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightResult:
     """Fly a mission to its end; the exceptions say why one did not start.
 
@@ -64,22 +81,6 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
         mission = dataclasses.replace(mission, duration_s=arguments.duration)
     team, uav = team_of(mission, arguments.team)
     mission = dataclasses.replace(mission, uav=uav)
-    with refusing():
-        return _fly(mission, team, uav, arguments, stem)
-
-
-@contextlib.contextmanager
-def refusing() -> Iterator[None]:
-    """What the flight needs of this machine, and cannot have, refuses it."""
-    try:
-        yield
-    except _UNUSABLE as error:
-        raise RefusedError(str(error)) from None
-
-
-def _fly(
-    mission: Mission, team: Team, uav: str, arguments: argparse.Namespace, stem: str
-) -> FlightResult:
     folder, source = folder_of(arguments), arguments.pace_from
     clock = VehicleClock(ceiling=None if source is None else source.speed)
     mapper = Mapper(mission)
@@ -262,7 +263,21 @@ def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace
         picture = None
     if arguments.json:
         print_json(result.report)
-    write_report(mission, result, picture, with_table=not part)
+    if not part:
+        sys.stderr.write(table(result.report))
+        if "record" in result.report:
+            record = result.report["record"]
+            say(f"the record of the flight: {record} (air-router report, air-router replay)")
+    if picture is None or not result.track:
+        return result.exit_code
+    try:
+        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+
+        draw_mission(mission, picture, track=result.track, meetings=result.meetings)
+    except (PictureError, MissingExtraError) as error:
+        say(f"no picture of the track: {error}")
+    else:
+        say(f"the track over the mission: {picture}")
     return result.exit_code
 
 

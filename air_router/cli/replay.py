@@ -4,11 +4,10 @@ import argparse
 
 from air_router.cli.arguments import print_json, say, speed_factor
 from air_router.errors import ExitCode
-from air_router.live.page import add_web
 from air_router.record.log import Log
 from air_router.record.recording import add_record, record_of
 from air_router.record.replay import replay
-from air_router.web.serving import show, web_of
+from air_router.web.serving import add_web, show, web_of
 from mocha_link.errors import needs_extra
 
 

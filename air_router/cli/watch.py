@@ -4,8 +4,8 @@ import argparse
 
 from air_router.cli.arguments import say
 from air_router.errors import ExitCode, UsageError
-from air_router.live.page import add_web, joint_page
-from air_router.web.serving import PageAddress, show, web_of
+from air_router.web.serving import PageAddress, add_web, show, web_of
+from mocha_link.errors import needs_extra
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
     twice = next((place for place in places if places.count(place) > 1), None)
     if twice is not None:
         raise UsageError(f"{twice} is given twice; leave one out")
-    page = joint_page(places, web)
+    with needs_extra("the page", "web", "air-router"):
+        from air_router.live.joint import JointPage  # noqa: PLC0415 - an extra
+    page = JointPage(places, web)
     for flight in flights:
         page.found(flight.place, flight)
     show(page, lambda where: say(f"{where}; Ctrl-C ends"))

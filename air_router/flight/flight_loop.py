@@ -10,8 +10,9 @@ import asyncio
 import dataclasses
 import json
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable
-from typing import Any, Final
+from collections.abc import Callable, Collection, Coroutine, Iterable
+from contextlib import AbstractAsyncContextManager, nullcontext
+from typing import Any, Final, Protocol
 
 from air_router.control.command_request import CommandRequest, CommandRequestError, View
 from air_router.controller.command_handler import NOT_HEARD_S
@@ -41,11 +42,11 @@ from air_router.flight.mission_reloader import MissionReloader, ReloadReport
 from air_router.flight.motions import MotionSender
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
-from air_router.live.page import NoPage, Page
 from air_router.mission.flight_plan import FlightPlan
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import FlightMode, Vehicle
+from air_router.web.serving import Say, Served
 from geo.frame import LocalFrame
 
 COMMAND_S: Final = 0.12
@@ -53,6 +54,25 @@ COMMAND_S: Final = 0.12
 
 _STARTING: Final = (FlightMode.HOLD, FlightMode.MISSION)
 """Modes of a vehicle that was told to take off, if no pilot has chosen another."""
+
+
+class Page(Served, Protocol):
+    """Shows a flight while it lasts."""
+
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """Take in what happened, and what was decided on it."""
+
+
+class NoPage:
+    """The page of a flight that is not shown."""
+
+    def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
+        """No page is open."""
+
+    def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
+        """Nothing is served."""
+        del say
+        return nullcontext()
 
 
 class CommandService:

@@ -17,7 +17,6 @@ from urllib.parse import quote
 import aiohttp
 from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 
-from air_router.errors import AirRouterError
 from air_router.web.guard import cookie_of
 from air_router.web.serving import HERE, PageAddress, Say, Web
 from air_router.web.site import Site
@@ -31,16 +30,13 @@ ANSWER_S: Final = 5.0
 _HEARTBEAT_S: Final = 10.0
 _CLOSE_S: Final = 1.0
 
+# Why a flight's page cannot be reached, as the page says it behind the flight's name.
 _NO_ANSWER: Final = "does not answer"
 _NO_FLIGHT: Final = "is no flight's page"
 _NO_TOKEN: Final = "asks for another token"  # noqa: S105 - what is said
 _TOO_LONG: Final = "says too much"
 
 _Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse
-
-
-class GoneError(AirRouterError):
-    """The flight's page cannot be reached; the page says the message behind the flight's name."""
 
 
 class JointPage:
@@ -99,30 +95,26 @@ class JointPage:
             if address is not None:
                 async with await self._reach(address) as flight:
                     why = await _carry(browser, flight)
-        except GoneError as error:
-            why = str(error)
+        except aiohttp.ClientResponseError as error:
+            why = _NO_TOKEN if error.status == HTTPStatus.UNAUTHORIZED else _NO_FLIGHT
+        except (aiohttp.ClientError, OSError, TimeoutError):
+            pass  # it does not answer
+        except ValueError:  # an address or a token that no request can have
+            why = _NO_FLIGHT
         await browser.close(code=WSCloseCode.TRY_AGAIN_LATER, message=why.encode())
 
     async def _reach(self, address: PageAddress) -> aiohttp.ClientWebSocketResponse:
         headers = {}
         if address.token is not None:
             headers["Cookie"] = f"{cookie_of(address.port)}={address.token}"
-        try:
-            async with asyncio.timeout(ANSWER_S):
-                return await self._session.ws_connect(
-                    address.socket,
-                    headers=headers,
-                    heartbeat=_HEARTBEAT_S,
-                    max_msg_size=MOST_BYTES,
-                    timeout=ClientWSTimeout(ws_close=_CLOSE_S),
-                )
-        except aiohttp.ClientResponseError as error:
-            unknown = error.status == HTTPStatus.UNAUTHORIZED
-            raise GoneError(_NO_TOKEN if unknown else _NO_FLIGHT) from None
-        except (aiohttp.ClientError, OSError, TimeoutError):
-            raise GoneError(_NO_ANSWER) from None
-        except ValueError:  # an address or a token that no request can have
-            raise GoneError(_NO_FLIGHT) from None
+        async with asyncio.timeout(ANSWER_S):
+            return await self._session.ws_connect(
+                address.socket,
+                headers=headers,
+                heartbeat=_HEARTBEAT_S,
+                max_msg_size=MOST_BYTES,
+                timeout=ClientWSTimeout(ws_close=_CLOSE_S),
+            )
 
 
 async def _carry(browser: web.WebSocketResponse, flight: aiohttp.ClientWebSocketResponse) -> str:

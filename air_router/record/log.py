@@ -54,13 +54,6 @@ class Note(NamedTuple):
     fields: dict[str, Any]
 
 
-class StoredFile(NamedTuple):
-    """A file that was put into the record."""
-
-    name: str  # within the record
-    data: bytes
-
-
 class RecordEntry(NamedTuple):
     """One thing in a record.
 
@@ -68,7 +61,7 @@ class RecordEntry(NamedTuple):
         t: Seconds on the vehicle's clock.
         kind: "about" (texts on the whole record), "setup" (`FlightSetup`), "event", "action",
             "note" (`Note`), "link" (`LinkMetrics`), "patch" (bytes of a `GridPatch`) or "file"
-            (`StoredFile`).
+            (the name within the record, and the bytes, of one that was put into it).
         value: What it is.
     """
 
@@ -147,7 +140,7 @@ class Log:
                         yield self._entry(root, _object(record.data))
                 case Attachment():
                     count[1] += 1
-                    yield RecordEntry(0.0, "file", StoredFile(record.name, record.data))
+                    yield RecordEntry(0.0, "file", (record.name, record.data))
                 case Statistics() if count != [record.message_count, record.attachment_count]:
                     self.damaged = True
                     self.ending = "it is damaged: something of it cannot be found"

@@ -1,14 +1,7 @@
-"""What a person reads when the flight is over: a table, and a picture of the track."""
+"""What a person reads when the flight is over: a table."""
 
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
-
-from air_router.errors import PictureError
-from air_router.flight.flight_stats import FlightResult
-from air_router.mission.mission import Mission
-from mocha_link.errors import MissingExtraError
 
 COLUMNS: Final = (
     *("robot", "found when sought", "syncs in/out", "bytes in/out", "newest data"),
@@ -17,34 +10,6 @@ COLUMNS: Final = (
 
 KEPT_SHARE: Final = 0.95
 """Share of the requested speed; below it the report names the process that was too slow."""
-
-
-def write_report(
-    mission: Mission,
-    result: FlightResult,
-    picture: Path | None,
-    *,
-    with_table: bool = True,
-) -> None:
-    """Print the table on stderr, and draw the track into `picture` if one is wanted."""
-    out = sys.stderr
-    if with_table:
-        out.write(table(result.report))
-        if "record" in result.report:
-            record = result.report["record"]
-            out.write(
-                f"the record of the flight: {record} (air-router report, air-router replay)\n"
-            )
-    if picture is None or not result.track:
-        return
-    try:
-        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
-
-        draw_mission(mission, picture, track=result.track, meetings=result.meetings)
-    except (PictureError, MissingExtraError) as error:
-        out.write(f"no picture of the track: {error}\n")
-    else:
-        out.write(f"the track over the mission: {picture}\n")
 
 
 def table(report: dict[str, Any]) -> str:

@@ -35,6 +35,11 @@ def element(
     return f"<{tag}{told}>{inner}{escape(words)}</{tag}>"
 
 
+def text(x: float, y: float, words: str, anchor: str = "", css: str = "") -> str:
+    """Words at a place in pixels."""
+    return element("text", css, "", words, x=x, y=y, text_anchor=anchor)
+
+
 def picture(width: float, height: float, label: str, parts: Iterable[str]) -> str:
     """An SVG of parts."""
     which = "wide" if width > NARROW else "narrow"
@@ -127,7 +132,7 @@ class Plot:
     def text(self, x: float, y: float, words: str, anchor: str, css: str = "") -> None:
         """Words at a place."""
         if words:
-            self._parts.append(element("text", css, "", words, x=x, y=y, text_anchor=anchor))
+            self._parts.append(text(x, y, words, anchor, css))
 
     def svg(self, label: str) -> str:
         """The picture; `label` says what it shows to those who do not see it."""

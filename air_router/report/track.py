@@ -7,7 +7,7 @@ from typing import Final
 from air_router.mission.mission import Mission
 from air_router.report.charts import Figure, robot_css
 from air_router.report.flight_summary import FlightSummary
-from air_router.report.svg import NARROW, Labels, clock, element, in_both_widths, picture
+from air_router.report.svg import NARROW, Labels, clock, element, in_both_widths, picture, text
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Circle, Shape
 
@@ -65,10 +65,6 @@ class _Canvas:
                 kept.append(place)
         return element("path", f"line {css}", d=self.path(kept)) if len(kept) > 1 else ""
 
-    def text(self, x: float, y: float, words: str, css: str = "", anchor: str = "") -> str:
-        """Words beside a place in pixels."""
-        return element("text", css, "", words, x=x, y=y, text_anchor=anchor)
-
 
 def track_figure(summary: FlightSummary) -> Figure:
     """Zones, fence, waypoints, the track and where it came closest."""
@@ -114,7 +110,7 @@ def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
     """Home, the closest approach, and how long some metres are."""
     x, y = canvas.at(summary.mission.home)
     parts = [element("path", "home", d=f"M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12")]
-    parts.append(canvas.text(x + 8, y - 6, "home"))
+    parts.append(text(x + 8, y - 6, "home"))
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at
         parts.append(
@@ -123,7 +119,7 @@ def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
     fitting = (m for m in _SCALES_M if m * canvas.scale <= canvas.width / 4)
     length_m, bottom = max(fitting, default=_SCALES_M[0]), canvas.height - 12
     bar = f"M12 {bottom - 5:.1f}v5h{length_m * canvas.scale:.1f}v-5"
-    return [*parts, element("path", "scale", d=bar), canvas.text(18, bottom - 6, f"{length_m} m")]
+    return [*parts, element("path", "scale", d=bar), text(18, bottom - 6, f"{length_m} m")]
 
 
 def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[str]]:
@@ -149,5 +145,5 @@ def _robots(summary: FlightSummary, canvas: _Canvas) -> tuple[list[str], list[st
         aside = 6 + width / 2
         offs = [(aside, 0.0), (-aside, 0.0), (0.0, -14.0), (0.0, 14.0)]
         dx, dy = words.place(name, (x, y), (width, _LINE_PX), offs) or offs[0]
-        names.append(canvas.text(x + dx, y + dy + 4, name, "name", "middle"))
+        names.append(text(x + dx, y + dy + 4, name, "middle", "name"))
     return dots, names

@@ -15,7 +15,6 @@ from typing import Any
 
 from air_router.cli.arguments import add_rover, add_start, print_json, say, speed_factor
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, refusing
-from air_router.live.page import joint_page
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.record.record_file import no_folder
@@ -24,7 +23,7 @@ from air_router.report.flight_table import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.web.serving import PageAddress, shown_beside, web_of
-from mocha_link.errors import MissingExtraError
+from mocha_link.errors import MissingExtraError, needs_extra
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,8 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     options = SimOptions(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover))
     if len(mission.layers) > 1:
-        with refusing():
-            return _fly_several(mission, options, arguments)
+        return _fly_several(mission, options, arguments)
     # The simulated vehicle's clock is today's, whenever the flight is meant to be.
     mission = dataclasses.replace(
         mission,
@@ -86,10 +84,15 @@ def run(arguments: argparse.Namespace) -> int:
     return finish(mission, result, arguments)
 
 
+@refusing()
 def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Namespace) -> int:
     """Each UAV in a process of its own; one report, and the worst exit code."""
     web = web_of(arguments)
-    page = None if web is None else joint_page((layer.uav for layer in mission.layers), web)
+    page = None
+    if web is not None:
+        with needs_extra("the page", "web", "air-router"):
+            from air_router.live.joint import JointPage  # noqa: PLC0415 - an extra
+        page = JointPage((layer.uav for layer in mission.layers), web)
 
     def overhear(uav: str, line: str) -> bool:
         """Their own pages are for the joint page only."""

@@ -87,6 +87,20 @@ def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
     )
 
 
+def add_web(parser: argparse.ArgumentParser, *, always: bool = False) -> None:
+    """Add `--web` and what belongs to it; `always`: a page is what the command is for."""
+    asked: dict[str, Any] = {"nargs": "?", "const": DEFAULT_PORT}
+    parser.add_argument(
+        "--web",
+        type=page_port,
+        metavar="PORT",
+        help=f"{'serve the page' if always else 'show the flight on a map page'} there "
+        f"(default port {DEFAULT_PORT}, 0: any free one)",
+        **({"default": DEFAULT_PORT} if always else asked),
+    )
+    add_page_options(parser, "web-")
+
+
 def web_of(arguments: argparse.Namespace) -> Web | None:
     """Where the page is served; None without a port, `arguments.web`.
 

@@ -14,7 +14,6 @@ from air_router.cli import watch as watch_command
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
 from air_router.live.joint import MOST_BYTES, JointPage
-from air_router.live.page import joint_page
 from air_router.web.serving import PageAddress, ServeError, Web, shown_beside
 from air_router.web.site import Browsers, Site
 
@@ -294,11 +293,11 @@ def test_watch_serves_until_it_is_interrupted(monkeypatch):
 
 def test_beside_something_else_it_ends_with_it_and_a_port_that_is_taken_is_told():
     said = []
-    with shown_beside(joint_page(["titan"], Web()), said.append):
+    with shown_beside(JointPage(["titan"], Web()), said.append):
         port = PageAddress.of(said[0].removeprefix("the flights are shown at ")).port
-        taken = shown_beside(joint_page(["titan"], Web(port=port)), said.append)
+        taken = shown_beside(JointPage(["titan"], Web(port=port)), said.append)
         with pytest.raises(ServeError, match=f"127.0.0.1:{port}"), taken:
             pass
     assert [thread.name for thread in threading.enumerate()].count("page") == 0
-    with shown_beside(joint_page(["titan"], Web(port=port)), said.append):
+    with shown_beside(JointPage(["titan"], Web(port=port)), said.append):
         assert len(said) == 2

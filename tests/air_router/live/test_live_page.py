@@ -16,10 +16,9 @@ from air_router.controller.model.states import State
 from air_router.errors import UsageError
 from air_router.flight.flight_loop import CommandService
 from air_router.gossip.mapper import Mapper
-from air_router.live.page import add_web
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage, MapFeed
-from air_router.web.serving import HERE, web_of
+from air_router.web.serving import HERE, add_web, web_of
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
