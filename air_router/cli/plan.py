@@ -3,6 +3,7 @@
 import argparse
 import math
 import sys
+from collections.abc import Iterator
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in route.warnings:
         sys.stderr.write(f"{warning}\n")
     if arguments.json:
-        print_json(_facts(mission, arguments.start, arguments.end, route, start))
+        ends = {"from": arguments.start, "to": arguments.end}
+        print_json(ends | _facts(mission, begin, route))
     else:
         sys.stdout.write("\n".join(_lines(mission, begin, route)) + "\n")
     if arguments.png is not None:
@@ -121,20 +123,17 @@ def _words(stop: Stop) -> str:
 
 
 def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
-    start = begin.to
     names = ["start" if begin.node is None else _name(begin), *map(_name, route.legs)]
     if route.legs and route.legs[-1].node is None:
         names[-1] = "goal"
     lines = [f"{'from':>10}  {'to':>10}  {'length':>8}  {'east':>8}  {'north':>8}  closest"]
-    legs = zip(pairwise([begin, *route.legs]), pairwise(names), strict=True)
-    for ((before, leg), (here, there)), (near_m, what) in zip(
-        legs, _approaches(mission, start, route), strict=True
-    ):
+    legs = zip(pairwise(names), _legs(mission, begin, route), strict=True)
+    for (here, there), (before, leg, near_m, what) in legs:
         lines.append(
             f"{here:>10}  {there:>10}  {math.dist(before.to, leg.to):6.1f} m  "
             f"{leg.to.east_m:6.1f} m  {leg.to.north_m:6.1f} m  {_near(near_m, what, 'from')}"
         )
-    closest_m, closest_to = closest_approach(mission, start, route)
+    closest_m, closest_to = closest_approach(mission, begin.to, route)
     lines.append(
         f"{route.length_m:.1f} m, about {route_time_s(route, mission.speed_m_s):.0f} s; "
         f"closest approach {_near(closest_m, closest_to, 'to')}"
@@ -152,16 +151,16 @@ def _name(leg: Leg) -> str:
     return str(leg.node) if leg.node else "home"
 
 
-def _approaches(mission: Mission, start: Point, route: Route) -> list[tuple[float, str]]:
-    points = [start, *(leg.to for leg in route.legs)]
-    return [mission.airspace.track_distance_m(pair) for pair in pairwise(points)]
+def _legs(mission: Mission, begin: Leg, route: Route) -> Iterator[tuple[Leg, Leg, float, str]]:
+    """The legs: where from and where to, how near they come (metres), and to what."""
+    for before, leg in pairwise([begin, *route.legs]):
+        yield before, leg, *mission.airspace.track_distance_m([before.to, leg.to])
 
 
-def _facts(mission: Mission, begin: Stop, end: Stop, route: Route, start: Point) -> dict[str, Any]:
-    closest_m, closest_to = closest_approach(mission, start, route)
+def _facts(mission: Mission, begin: Leg, route: Route) -> dict[str, Any]:
+    closest_m, closest_to = closest_approach(mission, begin.to, route)
     legs = []
-    before = start
-    for leg, (near_m, what) in zip(route.legs, _approaches(mission, start, route), strict=True):
+    for before, leg, near_m, what in _legs(mission, begin, route):
         latitude_deg, longitude_deg = mission.frame.to_geodetic(leg.to)
         legs.append(
             {
@@ -170,15 +169,12 @@ def _facts(mission: Mission, begin: Stop, end: Stop, route: Route, start: Point)
                 "longitude_deg": round(longitude_deg, 7),
                 "east_m": round(leg.to.east_m, 3),
                 "north_m": round(leg.to.north_m, 3),
-                "length_m": round(math.dist(before, leg.to), 3),
+                "length_m": round(math.dist(before.to, leg.to), 3),
                 "closest_m": _finite(near_m),
                 "closest_to": what or None,
             }
         )
-        before = leg.to
     return {
-        "from": begin,
-        "to": end,
         "length_m": round(route.length_m, 3),
         "flight_time_s": round(route_time_s(route, mission.speed_m_s), 1),
         "clearance_m": mission.planner.clearance_m,

@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_right
 from dataclasses import asdict, dataclass, field
+from itertools import accumulate
 from typing import Any, Final
 
 from air_router.flight.interactions import Interactions
@@ -108,14 +109,12 @@ class Exchanges:
         ]
         fetches += [(t, self._version(stamp_s)) for t, stamp_s in self._held.get(robot, [])]
         fetches.sort()
-        shares = []
-        held, fetched = 0, 0
-        for t, cells in painted:
-            while fetched < len(fetches) and fetches[fetched][0] <= t:
-                held = max(held, fetches[fetched][1])
-                fetched += 1
-            shares.append((t, min(1.0, held / cells) if cells else 0.0))
-        return shares
+        times = [t for t, _ in fetches]
+        held = [0, *accumulate((cells for _, cells in fetches), max)]
+        return [
+            (t, min(1.0, held[bisect_right(times, t)] / cells) if cells else 0.0)
+            for t, cells in painted
+        ]
 
     def bandwidth(self, from_s: float, to_s: float) -> tuple[float, list[float], list[float]]:
         """Bytes per second over the flight: the length of a span, and per span in and out."""

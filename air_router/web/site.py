@@ -115,11 +115,11 @@ class Site:
 
     Args:
         where: The address to serve on, and the tiles under the map.
-        package: The package with the page in its folder `page`; None: there is no page.
+        package: The package with the page in its folder `page`.
         name: Under which the page's files are served.
     """
 
-    def __init__(self, where: Web, package: str | None = None, name: str = "") -> None:
+    def __init__(self, where: Web, package: str, name: str) -> None:
         self._where = where
         self._guard = Guard(where.host, where.token)
         self._sockets: dict[web.WebSocketResponse, str] = {}  # open, with their paths
@@ -130,8 +130,7 @@ class Site:
         )
         self._app.on_response_prepare.append(add_headers)
         self._app.on_shutdown.append(self._hang_up)
-        if package is not None:
-            self._add_page(package, name)
+        self._add_page(package, name)
         if where.tiles is not None:
             _Tiles(where.tiles).add_to(self._app)
 

@@ -38,7 +38,7 @@ class FlightPage:
 
     @contextlib.asynccontextmanager
     async def serving(self, port=0):
-        site = Site(Web(port=port, token=self._token))
+        site = Site(Web(port=port, token=self._token), "air_router.live", "live")
         site.add_socket("/socket", self.audience.converse)
         async with site.serving() as address:
             yield PageAddress.of(address)
