@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from sitl.conformance.line import Line, Link
-from sitl.mavlink.codec import Frame, MessagePacker
+from sitl.mavlink.codec import Frame, Sender, addressed
 from sitl.px4sim.state import FlightMode, Notice, Severity
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
@@ -103,7 +103,7 @@ class Session:
         self.vehicle_id = 1
         self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
         self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
-        self._speakers: dict[tuple[int, int], MessagePacker] = {}  # by sender: sequences go on
+        self._speakers: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
         self._beat_s = -math.inf  # vehicle's time of our last HEARTBEATs
 
     @property
@@ -120,8 +120,8 @@ class Session:
     def say(self, name: str, link: Link = Link.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
         _, *sender = self.beats.get(link, GROUND_STATION)
-        packer = self._speakers.setdefault((sender[0], sender[1]), MessagePacker(*sender))
-        self.line.send(link, packer.pack(name, packer.addressed(name, self.vehicle_id, fields)))
+        speaker = self._speakers.setdefault((sender[0], sender[1]), Sender(*sender))
+        self.line.send(link, speaker.pack_values(name, addressed(name, self.vehicle_id, fields)))
 
     # Hearing
 

@@ -142,52 +142,30 @@ def command_number(command: str | int) -> int:
 
 
 class Sender:
-    """Packs messages of one sender on one link, which has a sequence number of its own."""
-
-    def __init__(self, system_id: int, component_id: int = 1) -> None:
-        self._system_id = system_id
-        self._component_id = component_id
-        self._sequence = 0  # of the next frame, 0 to 255
-
-    def pack(self, message: Outgoing) -> bytes:
-        """The frame."""
-        definition = DEFINITIONS[message.name]
-        payload = definition.pack(message.fields)
-        sender = (self._sequence, self._system_id, self._component_id)
-        number = definition.id.to_bytes(3, "little")
-        body = bytes((len(payload), 0, 0, *sender)) + number + payload
-        self._sequence = (self._sequence + 1) & 0xFF
-        return b"\xfd" + body + definition.checksum(body)
-
-
-class MessagePacker:
-    """Packs messages of a ground station or a companion from whatever fields are given.
+    """Packs messages of one sender on one link, which has a sequence number of its own.
 
     Attributes:
         system_id: The sender's.
         component_id: The sender's.
     """
 
-    def __init__(self, system_id: int, component_id: int) -> None:
+    def __init__(self, system_id: int, component_id: int = 1) -> None:
         self.system_id = system_id
         self.component_id = component_id
-        self._sender = Sender(system_id, component_id)
+        self._sequence = 0  # of the next frame, 0 to 255
 
-    @staticmethod
-    def addressed(name: str, vehicle: int, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of a message to a vehicle's autopilot, unless they have another target.
+    def pack(self, message: Outgoing) -> bytes:
+        """The frame."""
+        definition = DEFINITIONS[message.name]
+        payload = definition.pack(message.fields)
+        sender = (self._sequence, self.system_id, self.component_id)
+        number = definition.id.to_bytes(3, "little")
+        body = bytes((len(payload), 0, 0, *sender)) + number + payload
+        self._sequence = (self._sequence + 1) & 0xFF
+        return b"\xfd" + body + definition.checksum(body)
 
-        Raises:
-            KeyError: the message has no such field.
-        """
-        known = DEFINITIONS[name].defaults
-        if unknown := fields.keys() - known.keys():
-            raise KeyError(f"{name} has no field {', '.join(unknown)}")
-        target = {"target": vehicle, "target_system": vehicle, "target_component": 1}
-        return {field: value for field, value in target.items() if field in known} | dict(fields)
-
-    def pack(self, name: str, fields: Mapping[str, Any]) -> bytes:
-        """A frame; fields that are not given are zero, a MAV_CMD may be given by its name."""
+    def pack_values(self, name: str, fields: Mapping[str, Any]) -> bytes:
+        """The frame, from whatever numbers are given; a MAV_CMD may be given by its name."""
         definition = DEFINITIONS[name]
         values: dict[str, Any] = {}
         for each, value in fields.items():
@@ -200,7 +178,20 @@ class MessagePacker:
                 values[each] = value
             else:
                 values[each] = float(value) if each in definition.real else int(value)
-        return self._sender.pack(Outgoing(name, values))
+        return self.pack(Outgoing(name, values))
+
+
+def addressed(name: str, vehicle: int, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a message to a vehicle's autopilot, unless they have another target.
+
+    Raises:
+        KeyError: the message has no such field.
+    """
+    known = DEFINITIONS[name].defaults
+    if unknown := fields.keys() - known.keys():
+        raise KeyError(f"{name} has no field {', '.join(unknown)}")
+    target = {"target": vehicle, "target_system": vehicle, "target_component": 1}
+    return {field: value for field, value in target.items() if field in known} | dict(fields)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,9 @@ from typing import Any, Final
 from sitl.mavlink.codec import Outgoing, Receiver, Sender, message_name
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
 from sitl.mavlink.reports import MissionReporter, TextChannel
-from sitl.mavlink.telemetry import StreamSchedule, Telemetry
+from sitl.mavlink.telemetry import StreamSchedule, knows
+from sitl.mavlink.telemetry import message as telemetry
+from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.commands import CommandRequest, CommandResult, Commands
 from sitl.px4sim.flight_modes import Sticks
 from sitl.px4sim.state import Notice
@@ -35,7 +37,7 @@ class MavlinkLink:
     """A link with its own streams, mission transfers and partner.
 
     Args:
-        telemetry: What can be streamed.
+        autopilot: Whose.
         rates_hz: What is streamed from the start.
         time_scale: Simulated seconds per wall-clock second. Time-outs that wait for a partner
             out there are kept on the wall's clock.
@@ -44,14 +46,13 @@ class MavlinkLink:
 
     def __init__(
         self,
-        telemetry: Telemetry,
+        autopilot: Autopilot,
         rates_hz: Mapping[str, float],
         *,
         time_scale: float = 1.0,
         reports_mission: bool = True,
     ) -> None:
-        autopilot = self._autopilot = telemetry.autopilot
-        self._telemetry = telemetry
+        self._autopilot = autopilot
         self._time_scale = time_scale
         self._system_id = int(autopilot.parameters["MAV_SYS_ID"])
         self._sender = Sender(self._system_id)
@@ -149,7 +150,7 @@ class MavlinkLink:
         """Commands about messages; None for all others."""
         number = _REQUESTS.get(command, _whole(params[0]))
         name = message_name(number) or ""
-        known = self._telemetry.knows(name)
+        known = knows(name)
         if command == _SET_MESSAGE_INTERVAL:
             if not known or not math.isfinite(params[1]):
                 return CommandResult.FAILED
@@ -157,7 +158,7 @@ class MavlinkLink:
             return CommandResult.ACCEPTED
         if command not in (_REQUEST_MESSAGE, *_REQUESTS):
             return None
-        message = self._telemetry.message(name) if known else None
+        message = telemetry(name, self._autopilot) if known else None
         if message is None:
             return CommandResult.DENIED
         self._queue.append(message)
@@ -234,7 +235,7 @@ class MavlinkLink:
             self._tell(values)
             self._listing = self._listing + len(values) if values else None
         for name in self._streams.due(now_s):
-            message = self._telemetry.message(name)
+            message = telemetry(name, self._autopilot)
             if message is not None:
                 self._queue.append(message)
 

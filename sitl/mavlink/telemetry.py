@@ -1,99 +1,217 @@
-"""The messages that the autopilot streams: which ones, how often, and what is in them.
+"""The messages that the autopilot streams, and how often; what is in those about its state.
 
 Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100). Those
 are left out that neither a companion nor a ground station flies by: raw sensors, odometry, servos,
 SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR, Remote ID and the like.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from sitl.mavlink import motion_messages as motion
-from sitl.mavlink import status_messages as status
 from sitl.mavlink.codec import Outgoing
-from sitl.mavlink.motion_messages import Fields, boot_ms, boot_us
+from sitl.mavlink.motion_messages import POSITION_AFTER_S, Fields, boot_ms, boot_us
 from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.state import FlightMode
+
+_QUADROTOR: Final = 2
+_PX4: Final = 12
+_ARMED: Final = 128
+_PRESENT: Final = 0x0300402F
+_ENABLED: Final = 0x0301402F
+_HEALTHY: Final = 0x0320C83F
+_XY_CONTROL: Final = 0x4000
+_PREARM_CHECK: Final = 0x10000000
+_CAPABILITIES: Final = 59647 & ~32  # PX4's, without MAVLink FTP, which is not offered here
+_VERSION: Final = 0x011100FF  # 1.17.0
+_STANDARD_MODES: Final = {
+    FlightMode.POSCTL: 1,
+    FlightMode.ALTCTL: 4,
+    FlightMode.AUTO_RTL: 5,
+    FlightMode.AUTO_MISSION: 6,
+    FlightMode.AUTO_LAND: 7,
+    FlightMode.AUTO_TAKEOFF: 8,
+}
 
 
-@dataclass(slots=True)
-class Telemetry:
-    """All messages that can be streamed or asked for.
+def heartbeat(autopilot: Autopilot) -> Fields:
+    """Its system_status: uninitialised, standby, active, critical in a failsafe, terminated."""
+    if autopilot.terminated:
+        status = 8
+    elif autopilot.failsafe.acting:
+        status = 5
+    elif autopilot.armed:
+        status = 4
+    else:
+        status = 3 if autopilot.can_arm else 0
+    return {
+        "type": _QUADROTOR,
+        "autopilot": _PX4,
+        "base_mode": autopilot.mode.base_mode | (_ARMED if autopilot.armed else 0),
+        "custom_mode": autopilot.mode.custom_mode,
+        "system_status": status,
+        "mavlink_version": 3,
+    }
 
-    Attributes:
-        autopilot: Whose.
-        start_unix_s: Unix time of the simulation's start; SYSTEM_TIME goes on from it.
-        events_sent: How many EVENTs there were, for their sequence numbers.
-    """
 
-    autopilot: Autopilot
-    start_unix_s: float
-    events_sent: int = 0
+def sys_status(autopilot: Autopilot) -> Fields:
+    """Health and battery."""
+    battery = autopilot.watchdog.battery
+    ready = autopilot.can_arm or autopilot.armed
+    health = _HEALTHY if autopilot.positioning.fused else _HEALTHY & ~_XY_CONTROL
+    return {
+        "onboard_control_sensors_present": _PRESENT,
+        "onboard_control_sensors_enabled": _ENABLED,
+        "onboard_control_sensors_health": health | (_PREARM_CHECK if ready else 0),
+        "load": 140,
+        "voltage_battery": int(battery.voltage_v * 1e3),
+        "current_battery": -100,
+        "battery_remaining": math.ceil(battery.remaining * 100),
+        "onboard_control_sensors_health_extended": 1,
+    }
 
-    @staticmethod
-    def knows(name: str) -> bool:
-        """Whether a message can be streamed or asked for."""
-        return name in _MESSAGES
 
-    def message(self, name: str) -> Outgoing | None:
-        """The message as it is now; None if there is nothing to say yet."""
-        fields = _MESSAGES[name].fields(self)
-        return None if fields is None else Outgoing(name, fields)
+def battery_status(autopilot: Autopilot) -> Fields:
+    """What is not measured is -1, or the largest number."""
+    battery = autopilot.watchdog.battery
+    return {
+        "battery_function": 1,
+        "type": 1,
+        "temperature": 32767,
+        "voltages": (int(battery.voltage_v * 1e3), *(65535,) * 9),
+        "current_battery": -100,
+        "current_consumed": -1,
+        "energy_consumed": -1,
+        "battery_remaining": math.ceil(battery.remaining * 100),
+        "charge_state": battery.warning + 1,
+    }
 
-    def system_time(self) -> Fields:
-        """Unix time of the simulation."""
-        unix_s = self.start_unix_s + self.autopilot.time_s
-        return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": boot_ms(self.autopilot)}
 
-    def timesync(self) -> Fields:
-        """A question for the time of the other side."""
-        return {"ts1": boot_us(self.autopilot) * 1000}
+def estimator_status(autopilot: Autopilot) -> Fields:
+    """The flags of PX4's estimator on the ground, in flight, and in flight without satellites."""
+    if autopilot.time_s < POSITION_AFTER_S:
+        flags = 229
+    elif autopilot.situation.landed:
+        flags = 831
+    else:
+        flags = 895 if autopilot.positioning.fused else 101
+    ratios = ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio", "hagl_ratio")
+    return {
+        "time_usec": boot_us(autopilot),
+        "flags": flags,
+        **dict.fromkeys(ratios, 0.1),
+        "tas_ratio": math.nan,
+        "pos_horiz_accuracy": autopilot.positioning.accuracy_m,
+        "pos_vert_accuracy": 0.3,
+    }
 
-    def current_event_sequence(self) -> Fields:
-        """The number of the last EVENT."""
-        return {"sequence": (self.events_sent - 1) & 0xFFFF, "flags": 0}
+
+def extended_sys_state(autopilot: Autopilot) -> Fields:
+    """Its landed_state: 1 on the ground, 2 in the air, 3 taking off, 4 landing."""
+    if autopilot.situation.landed:
+        state = 1
+    elif autopilot.landing:
+        state = 4
+    else:
+        state = 3 if autopilot.taking_off else 2
+    return {"vtol_state": 0, "landed_state": state}
+
+
+def current_mode(autopilot: Autopilot) -> Fields:
+    """The mode that is flown, and the one that was asked for."""
+    return {
+        "standard_mode": _STANDARD_MODES.get(autopilot.mode, 0),
+        "custom_mode": autopilot.mode.custom_mode,
+        "intended_custom_mode": autopilot.intended.custom_mode,
+    }
+
+
+def flight_information(autopilot: Autopilot) -> Fields:
+    """Since when it flies, in microseconds since the start; 0: it does not."""
+    took_off_s = autopilot.situation.took_off_s
+    return {
+        "time_boot_ms": boot_ms(autopilot),
+        "takeoff_time_utc": round((took_off_s or 0.0) * 1e6) if autopilot.armed else 0,
+    }
+
+
+def autopilot_version(autopilot: Autopilot) -> Fields:
+    """PX4 1.17.0."""
+    identifier = autopilot.parameters["MAV_SYS_ID"]
+    return {
+        "capabilities": _CAPABILITIES,
+        "flight_sw_version": _VERSION,
+        "middleware_sw_version": _VERSION,
+        "board_version": 1,
+        "uid": 0x5157000000000000 | int(identifier) & 0xFF,
+    }
+
+
+def system_time(autopilot: Autopilot) -> Fields:
+    """Unix time of the simulation."""
+    unix_s = autopilot.start_unix_s + autopilot.time_s
+    return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": boot_ms(autopilot)}
+
+
+def timesync(autopilot: Autopilot) -> Fields:
+    """A question for the time of the other side."""
+    return {"ts1": boot_us(autopilot) * 1000}
+
+
+def current_event_sequence(autopilot: Autopilot) -> Fields:
+    """The number of the last EVENT."""
+    return {"sequence": (autopilot.events_sent - 1) & 0xFFFF, "flags": 0}
 
 
 @dataclass(frozen=True, slots=True)
 class _Message:
     """A message: what is in it, and how often it comes on PX4's links, 0: only when asked for."""
 
-    fields: Callable[[Telemetry], Fields | None]
+    fields: Callable[[Autopilot], Fields | None]
     onboard_hz: float = 0.0
     ground_hz: float = 0.0
     truth_hz: float = 0.0
 
 
-def _of(build: Callable[[Autopilot], Fields | None]) -> Callable[[Telemetry], Fields | None]:
-    return lambda telemetry: build(telemetry.autopilot)
-
-
 _MESSAGES: Final[Mapping[str, _Message]] = {
-    "HEARTBEAT": _Message(_of(status.heartbeat), 1.0, 1.0, 1.0),
-    "SYS_STATUS": _Message(_of(status.sys_status), 5.0, 1.0),
-    "SYSTEM_TIME": _Message(Telemetry.system_time, 1.0),
-    "GPS_RAW_INT": _Message(_of(motion.gps_raw_int), 8.0, 5.0),
-    "ATTITUDE": _Message(_of(motion.attitude), 50.0, 50.0),
-    "LOCAL_POSITION_NED": _Message(_of(motion.local_position_ned), 30.0, 50.0),
-    "GLOBAL_POSITION_INT": _Message(_of(motion.global_position_int), 50.0, 50.0),
-    "VFR_HUD": _Message(_of(motion.vfr_hud), 10.0, 4.0),
-    "TIMESYNC": _Message(Telemetry.timesync, 10.0),
-    "ALTITUDE": _Message(_of(motion.altitude), 10.0, 1.0),
-    "BATTERY_STATUS": _Message(_of(status.battery_status), 0.5, 0.5),
-    "ESTIMATOR_STATUS": _Message(_of(status.estimator_status), 1.0, 1.0),
-    "HOME_POSITION": _Message(_of(motion.home_position), 0.5, 0.5),
-    "EXTENDED_SYS_STATE": _Message(_of(status.extended_sys_state), 5.0, 1.0),
-    "CURRENT_EVENT_SEQUENCE": _Message(Telemetry.current_event_sequence, 1.0 / 3.0, 1.0 / 3.0),
-    "CURRENT_MODE": _Message(_of(status.current_mode), 0.5, 0.5),
-    "POSITION_TARGET_GLOBAL_INT": _Message(_of(motion.position_target_global_int), 10.0, 10.0),
-    "WIND_COV": _Message(_of(motion.wind_cov), 10.0, 0.5),
-    "HIL_STATE_QUATERNION": _Message(_of(motion.hil_state_quaternion), truth_hz=25.0),
-    "FLIGHT_INFORMATION": _Message(_of(status.flight_information)),
-    "AUTOPILOT_VERSION": _Message(_of(status.autopilot_version)),
+    "HEARTBEAT": _Message(heartbeat, 1.0, 1.0, 1.0),
+    "SYS_STATUS": _Message(sys_status, 5.0, 1.0),
+    "SYSTEM_TIME": _Message(system_time, 1.0),
+    "GPS_RAW_INT": _Message(motion.gps_raw_int, 8.0, 5.0),
+    "ATTITUDE": _Message(motion.attitude, 50.0, 50.0),
+    "LOCAL_POSITION_NED": _Message(motion.local_position_ned, 30.0, 50.0),
+    "GLOBAL_POSITION_INT": _Message(motion.global_position_int, 50.0, 50.0),
+    "VFR_HUD": _Message(motion.vfr_hud, 10.0, 4.0),
+    "TIMESYNC": _Message(timesync, 10.0),
+    "ALTITUDE": _Message(motion.altitude, 10.0, 1.0),
+    "BATTERY_STATUS": _Message(battery_status, 0.5, 0.5),
+    "ESTIMATOR_STATUS": _Message(estimator_status, 1.0, 1.0),
+    "HOME_POSITION": _Message(motion.home_position, 0.5, 0.5),
+    "EXTENDED_SYS_STATE": _Message(extended_sys_state, 5.0, 1.0),
+    "CURRENT_EVENT_SEQUENCE": _Message(current_event_sequence, 1.0 / 3.0, 1.0 / 3.0),
+    "CURRENT_MODE": _Message(current_mode, 0.5, 0.5),
+    "POSITION_TARGET_GLOBAL_INT": _Message(motion.position_target_global_int, 10.0, 10.0),
+    "WIND_COV": _Message(motion.wind_cov, 10.0, 0.5),
+    "HIL_STATE_QUATERNION": _Message(motion.hil_state_quaternion, truth_hz=25.0),
+    "FLIGHT_INFORMATION": _Message(flight_information),
+    "AUTOPILOT_VERSION": _Message(autopilot_version),
 }
 ONBOARD_RATES_HZ: Final = {n: m.onboard_hz for n, m in _MESSAGES.items() if m.onboard_hz}
 GROUND_RATES_HZ: Final = {n: m.ground_hz for n, m in _MESSAGES.items() if m.ground_hz}
 TRUTH_RATES_HZ: Final = {n: m.truth_hz for n, m in _MESSAGES.items() if m.truth_hz}
+
+
+def knows(name: str) -> bool:
+    """Whether a message can be streamed or asked for."""
+    return name in _MESSAGES
+
+
+def message(name: str, autopilot: Autopilot) -> Outgoing | None:
+    """The message as it is now; None if there is nothing to say yet."""
+    fields = _MESSAGES[name].fields(autopilot)
+    return None if fields is None else Outgoing(name, fields)
 
 
 class StreamSchedule:

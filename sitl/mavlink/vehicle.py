@@ -9,7 +9,7 @@ from typing import Final
 from sitl.mavlink.codec import Outgoing
 from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.reports import HealthReport
-from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ, Telemetry
+from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS, Parameters
@@ -135,22 +135,22 @@ class MavlinkVehicle:
             | dict(settings.parameters)
         )
         scale, self._step_s = settings.speed, settings.step_s
-        self.autopilot = Autopilot(
+        autopilot = self.autopilot = Autopilot(
             place,
             parameters,
             seed=settings.seed,
             time_scale=scale,
             wind=settings.wind,
         )
-        self._own_commands = OwnCommands(self.autopilot)
-        self._health = HealthReport(self.autopilot)
-        telemetry = self._telemetry = Telemetry(self.autopilot, settings.start_unix_s)
-        self.onboard = MavlinkLink(telemetry, settings.onboard_rates_hz, time_scale=scale)
-        self.ground = MavlinkLink(telemetry, GROUND_RATES_HZ, time_scale=scale)
+        autopilot.start_unix_s = settings.start_unix_s
+        self._own_commands = OwnCommands(autopilot)
+        self._health = HealthReport(autopilot)
+        self.onboard = MavlinkLink(autopilot, settings.onboard_rates_hz, time_scale=scale)
+        self.ground = MavlinkLink(autopilot, GROUND_RATES_HZ, time_scale=scale)
         # What comes in on one of these goes out on the other; a truth link only sends.
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
         self._tells_truth = settings.truth_link  # else `truth` queues nothing
-        self.truth = MavlinkLink(telemetry, TRUTH_RATES_HZ, reports_mission=False)
+        self.truth = MavlinkLink(autopilot, TRUTH_RATES_HZ, reports_mission=False)
 
     def receive(self, link: MavlinkLink, datagram: bytes) -> None:
         """A datagram came in on one of the two links; what is not for us goes to the other."""
@@ -172,8 +172,8 @@ class MavlinkVehicle:
             self.truth.step([], [])
 
     def _event(self, notice: Notice) -> Outgoing:
-        sequence = self._telemetry.events_sent
-        self._telemetry.events_sent += 1
+        sequence = self.autopilot.events_sent
+        self.autopilot.events_sent += 1
         return Outgoing(
             "EVENT",
             {

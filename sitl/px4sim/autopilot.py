@@ -32,7 +32,7 @@ class Autopilot:
     """A multirotor and its autopilot.
 
     Its parts are public to be read; `situation` is what they share. `report_asked` is set by
-    RUN_PREARM_CHECKS, and taken back when the report is made.
+    RUN_PREARM_CHECKS, and taken back when the report is made; `events_sent` numbers its EVENTs.
 
     Args:
         place: Where it stands.
@@ -54,6 +54,7 @@ class Autopilot:
     ) -> None:
         self.place = place
         self.parameters = parameters
+        self.start_unix_s = 0.0  # Unix time of simulated time zero
         self.airframe = Multirotor()
         self.errors = EstimateErrors(seed)
         self.wind = Wind(wind or WindSettings(), seed)
@@ -77,6 +78,7 @@ class Autopilot:
         self.flying_mode: FlightMode | None = None  # in the last step; None: it was disarmed
         self.terminated = False  # for good: it never arms again (flight termination)
         self.report_asked = False
+        self.events_sent = 0
         self._intake = PlanIntake(self.plan, self.fence, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m  # home's AMSL before the wandering error is added
         self._ground = GroundContact()

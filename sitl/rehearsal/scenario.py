@@ -14,7 +14,7 @@ from typing import Any, Final
 from air_router.mission.mission import Mission
 from air_router.mission.team import sought, team_of
 from geo.frame import Point
-from sitl.mavlink.codec import MessagePacker
+from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
@@ -85,7 +85,7 @@ class Scenario:
         self.now_s = 0.0
         self.companion: Companion | None = None
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
-        self._speaker = MessagePacker(1, COMPANION)
+        self._speaker = Sender(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
         self._inbox: list[Callable[[], object]] = []  # for the companion's loop, as soon as it runs
@@ -236,7 +236,7 @@ class Scenario:
         vehicle, speaker = self.vehicle, self._speaker
 
         def arrive(arrived: Mapping[str, Any]) -> None:
-            vehicle.receive(vehicle.onboard, speaker.pack(name, arrived))
+            vehicle.receive(vehicle.onboard, speaker.pack_values(name, arrived))
 
         arrives = self.link.send(Way.UP, name, fields, self.now_s, arrive)
         self._record(speaker, name, fields, delivered=arrives)
@@ -333,7 +333,7 @@ class Scenario:
         self._seen.lines.append(Line(self.now_s, text))
 
     def _record(
-        self, sender: MessagePacker, name: str, fields: Mapping[str, Any], *, delivered: bool = True
+        self, sender: Sender, name: str, fields: Mapping[str, Any], *, delivered: bool = True
     ) -> None:
         target = int(fields.get("target_system", fields.get("target", 0)))
         self._seen.messages.append(

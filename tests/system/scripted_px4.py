@@ -7,7 +7,7 @@ import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.mavlink.codec import MessagePacker
+from sitl.mavlink.codec import Sender
 
 TURN_S = 0.05
 COPTER, PX4 = 2, 12
@@ -44,7 +44,7 @@ class ScriptedPx4:
         self.heartbeats = 0
         self._booted_s = time.monotonic()
         self._link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._packer = MessagePacker(1, 1)  # of what pymavlink knows without its extensions
+        self._packer = Sender(1)  # of what pymavlink knows without its extensions
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(TURN_S)
@@ -114,7 +114,7 @@ class ScriptedPx4:
         self.say("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
         plan = {"total": 12, "mission_state": 2, "mission_mode": 1, "mission_id": self.plan_id}
         self._socket.sendto(
-            self._packer.pack("MISSION_CURRENT", {"seq": self.item} | plan), self._to
+            self._packer.pack_values("MISSION_CURRENT", {"seq": self.item} | plan), self._to
         )
         if self.target is not None:
             latitude, longitude = (round(degrees * 1e7) for degrees in self.target)

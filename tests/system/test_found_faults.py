@@ -20,7 +20,6 @@ from mocha_link import Team
 from mocha_link.service.service_client import ServiceClient
 from sitl.px4sim.state import FlightMode
 from sitl.rehearsal.programs.relay import Weather, wait_until
-from sitl.rehearsal.programs.station import station_at
 from sitl.rehearsal.stand_ins.link import StreamFault
 from tests.air_router.record.test_replay import chunks_of
 from tests.stray_post import post
@@ -203,7 +202,7 @@ def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
         flight.program.wait_for("waiting for the pilot")
         flight.program.wait_for("the changed fence is on board")
         flight.relay.weather = Weather()
-        station_at(flight.relay).say("MISSION_REQUEST_LIST", mission_type=1)
+        flight.relay.station().say("MISSION_REQUEST_LIST", mission_type=1)
 
         def told():
             return [m.fields["count"] for m in flight.passed("MISSION_COUNT") if m.target == 255]
@@ -243,7 +242,7 @@ LATE_MODE = Weather(streams={"HEARTBEAT": StreamFault.LATE}, late_s=1.0)
 def test_whoever_disarms_right_after_the_arming_has_the_last_word(command, tmp_path):
     with Operated(command, tmp_path, "--arm", "--yes", speed=5, weather=LATE_MODE) as flight:
         flight.wait_for("COMMAND_ACK", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
-        station_at(flight.relay).disarm(forced=False)
+        flight.relay.station().disarm(forced=False)
         wait_until(lambda: flight.program.process.poll() is not None, 15.0)
         flight.program.process.kill()
         orders = flight.passed("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
@@ -253,7 +252,7 @@ def test_whoever_disarms_right_after_the_arming_has_the_last_word(command, tmp_p
 def test_a_mode_that_the_pilot_chose_right_after_the_arming_is_not_taken_back(command, tmp_path):
     with Operated(command, tmp_path, "--arm", "--yes", speed=5, weather=LATE_MODE) as flight:
         flight.wait_for("COMMAND_ACK", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
-        station_at(flight.relay).choose(FlightMode.AUTO_RTL)
+        flight.relay.station().choose(FlightMode.AUTO_RTL)
         wait_until(lambda: flight.program.process.poll() is not None, 15.0)
         flight.program.process.kill()
         chosen = flight.passed("COMMAND_LONG", command=mavlink.MAV_CMD_DO_SET_MODE, param3=4.0)
@@ -311,7 +310,7 @@ def refusals(said):
 def take_it_back(flight, uav):
     """What an operator can ask for after a takeover; one of it leads on."""
     assert wait_until(lambda: not uav.status()["in_charge"], LIMIT_S)
-    station_at(flight.relay).choose(FlightMode.AUTO_LOITER)
+    flight.relay.station().choose(FlightMode.AUTO_LOITER)
     assert wait_until(lambda: uav.status()["mode"] == "Hold", LIMIT_S)
     for words in ("resume", "resume upload", "home"):
         flight.program.read()
@@ -328,13 +327,13 @@ def take_it_back(flight, uav):
 
 def test_a_flight_whose_fence_a_station_deleted_can_be_gone_on_with(flown):
     flight, uav = flown
-    station_at(flight.relay).say("MISSION_CLEAR_ALL", mission_type=1)
+    flight.relay.station().say("MISSION_CLEAR_ALL", mission_type=1)
     assert take_it_back(flight, uav), flight.program.said
 
 
 def test_a_flight_that_was_taken_lower_can_be_gone_on_with(flown):
     flight, uav = flown
-    seen, station = flight.relay.recording, station_at(flight.relay)
+    seen, station = flight.relay.recording, flight.relay.station()
     high_m = seen.above_m
 
     def is_lower():

@@ -25,9 +25,8 @@ from sitl.rehearsal.programs.processes import OURS, Companion, Programs, draw_zo
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WireScene
-from sitl.rehearsal.programs.station import intrusion, plan_of, station_at, upload
 from sitl.rehearsal.stand_ins.link import StreamFault
-from sitl.rehearsal.stand_ins.stations import Station
+from sitl.rehearsal.stand_ins.stations import Station, intrusion
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
@@ -107,7 +106,7 @@ class RealFlight:
             self._relay = programs.relay = relay
             self._seen = relay.recording
             relay.hold, relay.weather = programs.hold, Weather(loss=self.scene.most("loss"))
-            self._station = station_at(relay)
+            self._station = relay.station()
             self._arguments = [
                 *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
@@ -223,7 +222,7 @@ class RealFlight:
     def do_second_station(self, value: str) -> None:
         """Another station chooses a mode."""
         self._await_mode(FlightMode[value])
-        station_at(self._relay, 254).choose(FlightMode[value])
+        self._relay.station(254).choose(FlightMode[value])
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
@@ -272,7 +271,7 @@ class RealFlight:
             if value == "other":
                 self._note(SceneEventKind.PILOT, "plan")
 
-        upload(self._relay, plan_of(self._seen.messages, backwards=value == "other"), stored)
+        self._relay.upload(self._seen.plan(backwards=value == "other"), stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""

@@ -8,18 +8,26 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sitl.mavlink.codec import Frame, frames
-from sitl.rehearsal.judge.evidence import AUTOPILOT, FlightRecord, Sample, WireMessage
+from sitl.rehearsal.judge.evidence import (
+    AUTOPILOT,
+    COMPANION,
+    FlightRecord,
+    Sample,
+    WireMessage,
+)
 
 MISSION: Final = "MISSION_"
 """How the messages begin by which a plan is put on board; they are all noted."""
 
+ITEM_FIELDS: Final = (
+    *("frame", "command", "current", "autocontinue", "param1", "param2", "param3", "param4"),
+    *("x", "y", "z"),
+)
+"""What an item of a plan says, but for its number."""
+
 _FROM_VEHICLE: Final = frozenset(
     {
-        "HEARTBEAT",
-        "SYS_STATUS",
-        "COMMAND_ACK",
-        "HOME_POSITION",
-        "EXTENDED_SYS_STATE",
+        *("HEARTBEAT", "SYS_STATUS", "COMMAND_ACK", "HOME_POSITION", "EXTENDED_SYS_STATE"),
         "CURRENT_MODE",
     }
 )
@@ -113,6 +121,21 @@ class Recording(FlightRecord):
         if not self.samples or self.samples[-1].time_s < self.time_s:
             sample = Sample(self.time_s, *place, self.armed, landed, self.mode, self.failsafe)
             self.samples.append(sample)
+
+    def plan(self, *, backwards: bool) -> list[dict[str, Any]]:
+        """The mission that the companion has put on board, as a station would send it again.
+
+        All of its places are moved a little; it may go through those behind the first backwards.
+        """
+        items = {
+            int(m.fields["seq"]): dict(m.fields)
+            for m in self.messages
+            if m.name == "MISSION_ITEM_INT"
+            and m.component == COMPANION
+            and m.fields.get("mission_type", 0) == 0
+        }
+        plan = [{**items[n], "x": items[n]["x"] + 1, "y": items[n]["y"] - 1} for n in sorted(items)]
+        return [*plan[:3], *reversed(plan[3:])] if backwards else plan
 
     def _follow(self, heartbeat: Mapping[str, Any]) -> None:
         self.mode = heartbeat["custom_mode"]

@@ -10,19 +10,20 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
 from sitl.mavlink.codec import frames
 from sitl.process.pace_link import PaceServer
 from sitl.rehearsal.judge.evidence import WireMessage
-from sitl.rehearsal.programs.recording import MISSION, Recording
+from sitl.rehearsal.programs.recording import ITEM_FIELDS, MISSION, Recording
 from sitl.rehearsal.stand_ins.link import StreamFault
+from sitl.rehearsal.stand_ins.stations import Station
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
-_VEHICLE: Final = 1  # its system id
+_VEHICLE, _STATION = 1, 255  # system ids
 _READY_SPEED: Final = 1.0
 """Times real time until it is armed: only from then on the companion says how far it is."""
 
@@ -64,7 +65,6 @@ class LossyRelay:
         weather: What is done to what passes; may be changed at any time.
         recording: What was seen.
         copy_truth_to: A port that gets the truth as well; 0: none.
-        answers: Called with what the vehicle sends to another than the companion.
         hold: Called with whether the vehicle has to wait, for one that does not follow the pace.
     """
 
@@ -84,7 +84,7 @@ class LossyRelay:
         self.weather = Weather()
         self.recording = Recording()
         self.copy_truth_to = 0
-        self.answers: Callable[[WireMessage], None] = lambda _message: None
+        self._answers: Callable[[WireMessage], None] = lambda _message: None  # on a plan
         self.hold: Callable[[bool], object] = lambda _waits: None
         self._pace = PaceServer(("127.0.0.1", 0), expected=0)
         self.pace_port = self._pace.port
@@ -119,6 +119,28 @@ class LossyRelay:
             self.recording.look(frame, delivered=True)
         if self._vehicle is not None:
             self._api.sendto(data, self._vehicle)
+
+    def station(self, system: int = _STATION) -> Station:
+        """A ground station that the vehicle hears through it."""
+        return Station(system, lambda sender, *message: self.inject(sender.pack_values(*message)))
+
+    def upload(self, items: Sequence[Mapping[str, Any]], stored: Callable[[], object]) -> None:
+        """Have a station put a mission on board: the vehicle asks until it has `stored` it."""
+        station = self.station()
+
+        def answer(message: WireMessage) -> None:
+            if message.target != _STATION:
+                return
+            if message.name == "MISSION_ACK":
+                stored()
+            elif message.name in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
+                seq = int(message.fields["seq"])
+                if seq < len(items):
+                    fields = {name: items[seq][name] for name in ITEM_FIELDS}
+                    station.say("MISSION_ITEM_INT", seq=seq, **fields)
+
+        self._answers = answer
+        station.say("MISSION_COUNT", count=len(items))
 
     def intrude(self, data: bytes) -> None:
         """Send something to the companion, from a place where no vehicle is."""
@@ -221,7 +243,7 @@ class LossyRelay:
             lost = fault is StreamFault.LOST or not passes
             self.recording.look(frame, delivered=not lost)
             if frame.name.startswith(MISSION) and self.recording.messages:
-                self.answers(self.recording.messages[-1])
+                self._answers(self.recording.messages[-1])
             if lost or fair:
                 continue
             if fault is StreamFault.FROZEN:

@@ -71,7 +71,7 @@ _FLOWN_IN: Final = {
 
 _MEETING: Final = (1.0, "ask", "seek io", "INIT")
 INTRUSIONS: Final = ("noise", "old boot", "other vehicle", "truncated", "flood")
-"""What strangers send; see `station.intrusion`."""
+"""What strangers send; see `stations.intrusion`."""
 
 
 def _stream(names: tuple[str, ...], kind: Draw = _STREAM_FAULT) -> Course:

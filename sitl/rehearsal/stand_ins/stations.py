@@ -1,14 +1,15 @@
-"""Ground stations, and the transmitter of the pilot: what they send, and what they put on board."""
+"""What a pilot, ground stations and strangers send to a vehicle, and what they put on board."""
 
 from __future__ import annotations
 
 import functools
 import math
+import random
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink.codec import MessagePacker
+from sitl.mavlink.codec import Sender, addressed
 from sitl.mavlink.link import MavlinkLink
 from sitl.mavlink.vehicle import MavlinkVehicle
 from sitl.px4sim.plan_store import Command, MissionItem, MissionType
@@ -23,8 +24,10 @@ _STOP_M: Final = 12.0
 _GROUND_CONTROL: Final = 190
 _SET_MODE, _CHANGE_SPEED, _SET_HOME, _ARM_DISARM = 176, 178, 179, 400  # MAV_CMD
 _FORCED: Final = 21196.0
+_FLOOD: Final = 300
+_LANDS, _ACTIVE, _EMERGENCY = 0x06040000, 4, 6  # of HEARTBEAT: AUTO, LAND; MAV_STATE
 
-Send = Callable[[MessagePacker, str, Mapping[str, Any]], object]
+Send = Callable[[Sender, str, Mapping[str, Any]], object]
 """Takes a message: who says it, its name and its fields."""
 
 
@@ -37,12 +40,12 @@ class Station:
     """
 
     def __init__(self, system: int, send: Send) -> None:
-        self._sender = MessagePacker(system, _GROUND_CONTROL)
+        self._sender = Sender(system, _GROUND_CONTROL)
         self._send = send
 
     def say(self, name: str, **fields: Any) -> None:
         """Send a message to the vehicle; fields that are not given are 0."""
-        self._send(self._sender, name, self._sender.addressed(name, 1, fields))
+        self._send(self._sender, name, addressed(name, 1, fields))
 
     def command(self, number: int, *params: float) -> None:
         """A COMMAND_LONG."""
@@ -95,11 +98,9 @@ class Stations:
         self._vehicle = vehicle
         self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
-        def send(
-            link: MavlinkLink, sender: MessagePacker, name: str, fields: Mapping[str, Any]
-        ) -> None:
+        def send(link: MavlinkLink, sender: Sender, name: str, fields: Mapping[str, Any]) -> None:
             tell(sender, name, fields)
-            vehicle.receive(link, sender.pack(name, fields))
+            vehicle.receive(link, sender.pack_values(name, fields))
 
         ground = functools.partial(send, vehicle.ground)
         self.first, self.second = Station(255, ground), Station(254, ground)
@@ -173,3 +174,26 @@ class Stations:
         self._plan_ids += 1
         self._vehicle.autopilot.plan.store(kind, items, self._plan_ids, 0)
         self._vehicle.autopilot.take_up_plan()
+
+
+def intrusion(kind: str, dice: random.Random) -> list[bytes]:
+    """The datagrams of one kind; see `programs.scenes`."""
+    pack = Sender(1).pack_values
+    heartbeat = {"type": 2, "autopilot": 12, "custom_mode": _LANDS, "mavlink_version": 3}
+    if kind == "noise":
+        return [dice.randbytes(dice.randrange(1, 300)) for _ in range(20)]
+    if kind == "truncated":
+        whole = pack("HEARTBEAT", {**heartbeat, "system_status": _ACTIVE})
+        return [whole[:length] for length in range(1, len(whole))]
+    if kind == "flood":
+        return [pack("PING", {"seq": number}) for number in range(_FLOOD)]
+    if kind == "other vehicle":
+        emergency = {**heartbeat, "system_status": _EMERGENCY}
+        return [Sender(2).pack_values("HEARTBEAT", emergency)]
+    boot = {"time_boot_ms": 1000}  # as a vehicle that has just been started
+    place = {"lat": 399421523, "lon": -751997644}
+    return [
+        pack("SYSTEM_TIME", boot),
+        pack("GLOBAL_POSITION_INT", {**boot, **place}),
+        pack("ATTITUDE", boot),
+    ]

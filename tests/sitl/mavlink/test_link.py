@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from sitl.conformance.conversation import Start, run_steps
 from sitl.conformance.line import Link
 from sitl.conformance.session import Session, event_id
+from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
 from sitl.px4sim.parameters import Parameters, UnknownParameterError
 from sitl.px4sim.state import Notice, Severity
@@ -71,11 +72,11 @@ class TestCodec:
         assert Notice(Severity.INFO, event=name).event_id == number
 
     def test_the_dialect_has_what_is_streamed(self):
-        telemetry = ready_for(Start.AIR, {"EKF2_DRAG_CTRL": 1}).line.vehicle._telemetry
+        autopilot = ready_for(Start.AIR, {"EKF2_DRAG_CTRL": 1}).line.vehicle.autopilot
         names = [name for name in DEFINITIONS if telemetry.knows(name)]
         assert len(names) > 15
         # On the ground there is nothing to fly to, and no wind is estimated.
-        assert all(telemetry.message(name) is not None for name in names)
+        assert all(telemetry.message(name, autopilot) is not None for name in names)
 
 
 def heartbeat():
@@ -94,7 +95,7 @@ def test_events_are_numbered():
     session = ready_for()
     run_steps(session, [{"command": "COMPONENT_ARM_DISARM", "params": (1,)}, {"wait": 8.0}])
     total = session.newest("CURRENT_EVENT_SEQUENCE")["sequence"]
-    assert total == session.line.vehicle._telemetry.events_sent - 1 > 10
+    assert total == session.line.vehicle.autopilot.events_sent - 1 > 10
 
 
 def test_the_health_report_is_the_recorded_one():

@@ -14,7 +14,6 @@ from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.processes import ProcessPause
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import WIRE, wire_scenes
-from sitl.rehearsal.programs.station import station_at, upload
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 LIMIT_S = 60.0
@@ -65,7 +64,7 @@ def test_it_passes_both_ways_and_writes_down_what_passes(ends):
         land = packed(lambda s: s.command_long_encode(1, 1, 21, 0, *[0] * 7), component=191)
         companion.sendto(land, relayed)
         assert vehicle.recvfrom(4096)[0] == land
-        station_at(relay).choose(FlightMode.AUTO_LAND)
+        relay.station().choose(FlightMode.AUTO_LAND)
         assert vehicle.recvfrom(4096)[0][:1] == b"\xfd"
         vehicle.sendto(truth(26.7, 2.0), ("127.0.0.1", relay.truth_port))
         seen = relay.recording
@@ -154,7 +153,7 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
         vehicle.sendto(heartbeat(armed=True), ("127.0.0.1", relay.api_port))
         companion.recvfrom(4096)
         stored = SimpleQueue()
-        upload(relay, [item], lambda: stored.put(1))
+        relay.upload([item], lambda: stored.put(1))
         vehicle.recvfrom(4096)
         ask = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
         vehicle.sendto(ask, ("127.0.0.1", relay.api_port))
