@@ -13,7 +13,7 @@ from sitl.mavlink.reports import MissionReporter, TextChannel
 from sitl.mavlink.telemetry import StreamSchedule, knows
 from sitl.mavlink.telemetry import message as telemetry
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.commands import CommandRequest, CommandResult, Commands
+from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params
 from sitl.px4sim.flight_modes import Sticks
 from sitl.px4sim.state import Notice
 from sitl.px4sim.watchdog import GROUND_STATION
@@ -21,16 +21,13 @@ from sitl.px4sim.watchdog import GROUND_STATION
 _log = logging.getLogger(__name__)
 
 _AUTOPILOT: Final = 1
-_DO_SET_MODE: Final = 176  # MAV_CMD
-_INJECT_FAILURE: Final = 420
+_INJECT_FAILURE: Final = 420  # MAV_CMD
 _SET_MESSAGE_INTERVAL: Final = 511
 _REQUEST_MESSAGE: Final = 512
 _REQUESTS: Final = {410: 242, 520: 148}  # GET_HOME_POSITION, REQUEST_AUTOPILOT_CAPABILITIES
 _NOTHING: Final = 2**31 - 1
 _FIRST_WORD_S: Final = 1.4  # PX4 is silent for so long after its start
 _SECOND_ACK_S: Final = 0.008
-
-_Params = tuple[float, float, float, float, float, float, float]
 
 
 class MavlinkLink:
@@ -129,7 +126,7 @@ class MavlinkLink:
         params = (message.param1, message.param2, message.param3, message.param4, x, y, message.z)
         self._on_command(message, params)
 
-    def _on_command(self, message: Any, params: _Params) -> None:
+    def _on_command(self, message: Any, params: Params) -> None:
         command, sender = message.command, _sender(message)
         if not self._is_for_us(message):
             _log.info("command %d is for another: not answered", command)
@@ -140,13 +137,13 @@ class MavlinkLink:
         if result is not None:
             self._acknowledge(command, result, sender)
             return
-        if command == _DO_SET_MODE:  # PX4 1.16 and 1.17 say yes first and decide later
+        if command == DO_SET_MODE:  # PX4 1.16 and 1.17 say yes first and decide later
             self._acknowledge(command, CommandResult.ACCEPTED, sender)
-        result = self._commands.execute(CommandRequest(command, params, sender[1]))
-        delay_s = _SECOND_ACK_S if command == _DO_SET_MODE else 0.0
+        result = self._commands.execute(command, params, sender[1])
+        delay_s = _SECOND_ACK_S if command == DO_SET_MODE else 0.0
         self._acknowledge(command, result, sender, delay_s)
 
-    def _message_command(self, command: int, params: _Params) -> CommandResult | None:
+    def _message_command(self, command: int, params: Params) -> CommandResult | None:
         """Commands about messages; None for all others."""
         number = _REQUESTS.get(command, _whole(params[0]))
         name = message_name(number) or ""
@@ -170,8 +167,8 @@ class MavlinkLink:
         main, sub = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
         params = (message.base_mode, main, sub, *(math.nan,) * 4)
         sender = _sender(message)
-        result = self._commands.execute(CommandRequest(_DO_SET_MODE, params, sender[1]))
-        self._acknowledge(_DO_SET_MODE, result, sender)
+        result = self._commands.execute(DO_SET_MODE, params, sender[1])
+        self._acknowledge(DO_SET_MODE, result, sender)
 
     def _on_ping(self, message: Any) -> None:
         if (message.target_system, message.target_component) == (0, 0):

@@ -99,7 +99,7 @@ class MissionProtocol:
     # Downloads
 
     def _on_request_list(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
-        if self._state is _State.SENDING and self._sequence == len(self._stored(self._type)):
+        if self._state is _State.SENDING and self._sequence == len(self._plan.items(self._type)):
             self._state = _State.IDLE  # everything was sent, only the last MISSION_ACK is missing
         again = self._state is _State.SENDING and (self._type, self._partner) == (
             message.mission_type,
@@ -109,10 +109,9 @@ class MissionProtocol:
             words = "Mission download request ignored, already active"
             return [Notice(Severity.INFO, words, "mavlink_mission_req_ignored", Severity.WARNING)]
         self._state, self._type, self._partner = _State.SENDING, message.mission_type, sender
-        self._sequence, self._count = 0, len(self._stored(self._type))
+        self._sequence, self._count = 0, len(self._plan.items(self._type))
         self._received_s = now_s
-        kind = self._type
-        identifier = self._plan.identifier(MissionType(kind)) if kind in CAPACITY else 0
+        identifier = self._plan.identifier(self._type)
         return [self._outgoing("MISSION_COUNT", sender, count=self._count, opaque_id=identifier)]
 
     def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
@@ -124,7 +123,7 @@ class MissionProtocol:
         if self._state is _State.IDLE or message.mission_type != self._type:
             return []
         self._received_s = now_s
-        items = self._stored(self._type)
+        items = self._plan.items(self._type)
         if message.seq == self._sequence < self._count:
             self._sequence += 1
         elif message.seq != self._sequence - 1:
@@ -178,11 +177,10 @@ class MissionProtocol:
             return [self._ack(UploadResult.ERROR, sender)]
         self._partner, self._type = sender, message.mission_type
         self._checksum = 0
-        if message.count > (CAPACITY[MissionType(self._type)] if self._type in CAPACITY else 0):
+        if message.count > CAPACITY.get(self._type, 0):
             return [self._ack(UploadResult.NO_SPACE)]
         if message.count == 0:
-            if self._type in CAPACITY:
-                self._plan.store(MissionType(self._type), (), 0, 0)
+            self._plan.store(self._type, (), 0, 0)
             return [self._ack(UploadResult.ACCEPTED)]
         self._plan.transferring = True
         self._state = _State.RECEIVING
@@ -224,8 +222,7 @@ class MissionProtocol:
         self._sequence += 1
         if self._sequence < self._count:
             return [self._request(now_s)]
-        kind = MissionType(self._type)
-        self._plan.store(kind, tuple(self._items), self._checksum, self._marked)
+        self._plan.store(self._type, tuple(self._items), self._checksum, self._marked)
         self._finish()
         return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
 
@@ -275,10 +272,6 @@ class MissionProtocol:
             "mission_type": self._type,
         }
         return Outgoing(name, target | fields)
-
-    def _stored(self, mission_type: int) -> tuple[MissionItem, ...]:
-        known = mission_type in CAPACITY
-        return self._plan.items(MissionType(mission_type)) if known else ()
 
 
 def _say(text: str, event: str) -> Notice:

@@ -279,7 +279,7 @@ class Autopilot:
         if self.terminated or self.mode is FlightMode.TERMINATION:
             self.terminated, self.mode = True, FlightMode.TERMINATION
         flying_mode = self.mode if self.armed else None
-        flight = self.modes.flight(self.mode) if self.armed else None
+        flight = self.modes.flights.get(self.mode) if self.armed else None
         if flying_mode is not self.flying_mode:
             if self.flying_mode is FlightMode.AUTO_MISSION:
                 self.mission.deactivate()

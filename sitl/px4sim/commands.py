@@ -3,7 +3,6 @@
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
@@ -14,6 +13,7 @@ from sitl.px4sim.state import FlightMode, Severity, UnsupportedAutoModeError, re
 
 _log = logging.getLogger(__name__)
 
+DO_SET_MODE: Final = 176  # MAV_CMD
 _FORCE: Final = 21196
 _GROUND_STATION_COMPONENT: Final = 190
 
@@ -28,19 +28,8 @@ class CommandResult(IntEnum):
     FAILED = 4
 
 
-@dataclass(frozen=True, slots=True)
-class CommandRequest:
-    """A COMMAND_LONG or COMMAND_INT.
-
-    Attributes:
-        command: MAV_CMD.
-        params: param1..7; 5 and 6 are degrees where they are a place, NaN where they are nothing.
-        component_id: The sender's.
-    """
-
-    command: int
-    params: tuple[float, float, float, float, float, float, float]
-    component_id: int
+Params = tuple[float, float, float, float, float, float, float]
+"""param1..7; 5 and 6 are degrees where they are a place, NaN where they are nothing."""
 
 
 class Commands:
@@ -48,11 +37,10 @@ class Commands:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {  # by MAV_CMD
+        self._handlers: dict[int, Callable[[Params], CommandResult]] = {  # by MAV_CMD
             20: self._return,
             21: self._land,
             22: self._take_off,
-            176: self._set_mode,
             178: self._change_speed,
             179: self._set_home,
             185: self._terminate,
@@ -63,13 +51,15 @@ class Commands:
             401: self._report_checks,
         }
 
-    def execute(self, request: CommandRequest) -> CommandResult:
-        """Do it, and say what COMMAND_ACK is to say."""
-        handler = self._handlers.get(request.command)
+    def execute(self, command: int, params: Params, component_id: int) -> CommandResult:
+        """Do a MAV_CMD of a component, and say what COMMAND_ACK is to say."""
+        if command == DO_SET_MODE:
+            return self._set_mode(params, said=component_id == _GROUND_STATION_COMPONENT)
+        handler = self._handlers.get(command)
         if handler is None:
-            _log.warning("command %d is not known here: answered UNSUPPORTED", request.command)
+            _log.warning("command %d is not known here: answered UNSUPPORTED", command)
             return CommandResult.UNSUPPORTED
-        return handler(request)
+        return handler(params)
 
     def _mode(self, mode: FlightMode, *, forced: bool = False, said: bool = True) -> CommandResult:
         if self._autopilot.request_mode(mode, forced=forced):
@@ -82,8 +72,8 @@ class Commands:
             )
         return CommandResult.TEMPORARILY_REJECTED
 
-    def _set_mode(self, request: CommandRequest) -> CommandResult:
-        base_mode, main, sub = (_byte(value) for value in request.params[:3])
+    def _set_mode(self, params: Params, *, said: bool) -> CommandResult:
+        base_mode, main, sub = (_byte(value) for value in params[:3])
         try:
             mode = requested_mode(base_mode, main, sub)
         except UnsupportedAutoModeError:
@@ -96,13 +86,12 @@ class Commands:
             return CommandResult.TEMPORARILY_REJECTED
         if mode is None:
             return CommandResult.ACCEPTED
-        said = request.component_id == _GROUND_STATION_COMPONENT
         return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
 
-    def _return(self, _: CommandRequest) -> CommandResult:
+    def _return(self, _: Params) -> CommandResult:
         return self._told(self._mode(FlightMode.AUTO_RTL), "Returning to launch", "commander_rtl")
 
-    def _land(self, _: CommandRequest) -> CommandResult:
+    def _land(self, _: Params) -> CommandResult:
         result = self._mode(FlightMode.AUTO_LAND, forced=True)
         return self._told(result, "Landing at current position", "commander_landing_current_pos")
 
@@ -112,18 +101,18 @@ class Commands:
             self._autopilot.situation.say(text, event)
         return result
 
-    def _take_off(self, request: CommandRequest) -> CommandResult:
-        self._autopilot.modes.takeoff.request(request.params[6])
+    def _take_off(self, params: Params) -> CommandResult:
+        self._autopilot.modes.takeoff.request(params[6])
         return self._mode(FlightMode.AUTO_TAKEOFF)
 
-    def _change_speed(self, request: CommandRequest) -> CommandResult:
-        self._autopilot.situation.speed_m_s = positive(request.params[1])
+    def _change_speed(self, params: Params) -> CommandResult:
+        self._autopilot.situation.speed_m_s = positive(params[1])
         return CommandResult.ACCEPTED
 
-    def _set_home(self, request: CommandRequest) -> CommandResult:
+    def _set_home(self, params: Params) -> CommandResult:
         autopilot, situation = self._autopilot, self._autopilot.situation
-        latitude, longitude, altitude = request.params[4:]
-        if request.params[0] > 0.5:
+        latitude, longitude, altitude = params[4:]
+        if params[0] > 0.5:
             autopilot.set_home(situation.here, situation.altitude_m)
         elif all(map(math.isfinite, (latitude, longitude, altitude))):
             autopilot.set_home(situation.projection.to_local(latitude, longitude), altitude)
@@ -131,16 +120,16 @@ class Commands:
             return CommandResult.DENIED
         return CommandResult.ACCEPTED
 
-    def _terminate(self, request: CommandRequest) -> CommandResult:
-        wanted = request.params[0] > 0.5
+    def _terminate(self, params: Params) -> CommandResult:
+        wanted = params[0] > 0.5
         done = wanted and self._autopilot.terminate()
         return CommandResult.ACCEPTED if done else CommandResult.DENIED
 
-    def _reposition(self, request: CommandRequest) -> CommandResult:
+    def _reposition(self, params: Params) -> CommandResult:
         """Only with the change-mode flag; the altitude is always AMSL, whatever the frame."""
-        if request.params[1] != 1:
+        if params[1] != 1:
             return CommandResult.UNSUPPORTED
-        speed, _, _, yaw_rad, latitude, longitude, altitude = request.params
+        speed, _, _, yaw_rad, latitude, longitude, altitude = params
         result = self._mode(FlightMode.AUTO_LOITER)
         if result is CommandResult.ACCEPTED:
             placed = math.isfinite(latitude) and math.isfinite(longitude)
@@ -153,7 +142,7 @@ class Commands:
             )
         return result
 
-    def _start_mission(self, request: CommandRequest) -> CommandResult:
+    def _start_mission(self, params: Params) -> CommandResult:
         autopilot = self._autopilot
         result = autopilot.mission.result
         if not result.valid:
@@ -163,7 +152,7 @@ class Commands:
                 Severity.CRITICAL,
             )
             return CommandResult.DENIED
-        first = request.params[0]
+        first = params[0]
         if not math.isfinite(first) or not -1 <= first < result.total:
             return CommandResult.DENIED
         if first >= 0:
@@ -172,8 +161,8 @@ class Commands:
         started = started and autopilot.arm(ArmingReason.MISSION_START)
         return CommandResult.ACCEPTED if started else CommandResult.TEMPORARILY_REJECTED
 
-    def _arm(self, request: CommandRequest) -> CommandResult:
-        action, forced = request.params[0], request.params[1] == _FORCE
+    def _arm(self, params: Params) -> CommandResult:
+        action, forced = params[0], params[1] == _FORCE
         if math.isfinite(action) and round(action) == 1:
             done = self._autopilot.arm()
         elif math.isfinite(action) and round(action) == 0:
@@ -182,12 +171,12 @@ class Commands:
             return CommandResult.UNSUPPORTED
         return CommandResult.ACCEPTED if done else CommandResult.TEMPORARILY_REJECTED
 
-    def _report_checks(self, _: CommandRequest) -> CommandResult:
+    def _report_checks(self, _: Params) -> CommandResult:
         self._autopilot.report_asked = True
         return CommandResult.ACCEPTED
 
-    def _reboot(self, request: CommandRequest) -> CommandResult:
-        if request.params[0] == 0:
+    def _reboot(self, params: Params) -> CommandResult:
+        if params[0] == 0:
             return CommandResult.ACCEPTED
         _log.warning("a reboot was asked for: not simulated, answered DENIED")
         return CommandResult.DENIED

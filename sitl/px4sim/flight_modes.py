@@ -144,6 +144,7 @@ class FlightModes:
         takeoff: Of Takeoff.
         returning: Of Return.
         pilot: Whose sticks the stick modes fly by.
+        flights: How each mode flies; what has no entry is not flown.
     """
 
     def __init__(self, mission: MissionFlight) -> None:
@@ -152,7 +153,7 @@ class FlightModes:
         self.takeoff = TakeoffFlight()
         self.returning = ReturnFlight()
         self.pilot = Pilot()
-        self._flights: dict[FlightMode, Flight] = {  # without an entry: not to be flown
+        self.flights: dict[FlightMode, Flight] = {
             FlightMode.AUTO_LOITER: self.hold,
             FlightMode.AUTO_TAKEOFF: self.takeoff,
             FlightMode.AUTO_MISSION: mission,
@@ -162,13 +163,9 @@ class FlightModes:
             FlightMode.ALTCTL: StickFlight(self.pilot, holds_place=False),
         }
 
-    def flight(self, mode: FlightMode) -> Flight | None:
-        """How a mode flies; None: not at all."""
-        return self._flights.get(mode)
-
     def can_fly(self, mode: FlightMode, situation: Situation) -> bool:
         """Whether a mode can be flown now, in the air."""
-        if mode not in self._flights or self._lacks_position(mode, situation):
+        if mode not in self.flights or _lacks_position(mode, situation):
             return False
         if mode is FlightMode.AUTO_MISSION:
             return self._mission.result.valid
@@ -178,7 +175,7 @@ class FlightModes:
 
     def blocks_arming(self, mode: FlightMode, situation: Situation) -> bool:
         """Whether PX4 refuses to arm in a mode, as it is now."""
-        if mode.prevents_arming or self._lacks_position(mode, situation):
+        if mode.prevents_arming or _lacks_position(mode, situation):
             return True
         asks_more = mode in (FlightMode.AUTO_MISSION, FlightMode.OFFBOARD) or mode.needs_pilot
         return asks_more and not self.can_fly(mode, situation)
@@ -186,12 +183,12 @@ class FlightModes:
     def fallback(self, mode: FlightMode, situation: Situation) -> Action:
         """What the vehicle does instead of a mode that it was flying and cannot fly any more."""
         lands = mode is FlightMode.AUTO_LAND and not situation.position_valid  # it knows no place
-        if lands or self._lacks_position(mode, situation):
+        if lands or _lacks_position(mode, situation):
             piloted = mode is FlightMode.POSCTL and self.pilot.present(situation)
             return Action.FALLBACK_ALTITUDE if piloted else Action.DESCEND
         lost = mode.needs_pilot and not self.pilot.present(situation)
         return Action.RTL if lost else Action.NONE
 
-    @staticmethod
-    def _lacks_position(mode: FlightMode, situation: Situation) -> bool:
-        return mode not in _WITHOUT_POSITION and not situation.position_valid
+
+def _lacks_position(mode: FlightMode, situation: Situation) -> bool:
+    return mode not in _WITHOUT_POSITION and not situation.position_valid

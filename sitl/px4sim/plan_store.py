@@ -8,8 +8,10 @@ Of PX4's items this simulation takes those that it flies.
 import math
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from operator import attrgetter
 from typing import Any, Final
 
 
@@ -73,6 +75,10 @@ _FLOWN_TO: Final = frozenset(
 )
 _POLYGON: Final = frozenset({Command.FENCE_POLYGON_INCLUSION, Command.FENCE_POLYGON_EXCLUSION})
 _FEWEST_VERTICES: Final = 3
+_PARAMS: Final = attrgetter("param1", "param2", "param3", "param4")
+_CHECKED: Final = attrgetter(
+    *("frame", "command", "autocontinue", "param1", "param2", "param3", "param4", "x", "y", "z")
+)
 
 
 class RefusedItemError(Exception):
@@ -106,7 +112,7 @@ class MissionItem:
     frame: int
     command: int
     autocontinue: bool
-    params: tuple[float, float, float, float]
+    params: tuple[float, ...]
     x: int
     y: int
     z: float
@@ -152,12 +158,12 @@ def stored_item(message: Any, mission_type: int) -> MissionItem:
     Raises:
         RefusedItemError: with the result for MISSION_ACK.
     """
-    raw = (message.param1, message.param2, message.param3, message.param4)
+    raw = _PARAMS(message)
     if message.frame == FRAME_MISSION:
         frame, known, params = FRAME_MISSION, message.command in _POSITIONLESS, raw
     elif message.frame in _FRAMES:
         frame, known = _FRAMES[message.frame], message.command in _KEPT
-        params = _kept(raw, _KEPT.get(message.command, "...."))
+        params = tuple(map(_keep, raw, _KEPT.get(message.command, "....")))
     else:
         raise RefusedItemError(UploadResult.UNSUPPORTED_FRAME, said=True)
     if not known:
@@ -179,25 +185,8 @@ def positive(value: float) -> float | None:
 
 def checksum(message: Any, previous: int) -> int:
     """PX4's running CRC-32 over uploaded items; the last one is the plan's id."""
-    packed = struct.pack(
-        "<BHB4fiif",
-        message.frame,
-        message.command,
-        message.autocontinue,
-        message.param1,
-        message.param2,
-        message.param3,
-        message.param4,
-        message.x,
-        message.y,
-        message.z,
-    )
+    packed = struct.pack("<BHB4fiif", *_CHECKED(message))
     return zlib.crc32(packed, previous ^ 0xFFFFFFFF) ^ 0xFFFFFFFF
-
-
-def _kept(raw: tuple[float, float, float, float], rule: str) -> tuple[float, float, float, float]:
-    first, second, third, fourth = (_keep(value, how) for value, how in zip(raw, rule, strict=True))
-    return first, second, third, fourth
 
 
 def _keep(value: float, how: str) -> float:
@@ -210,12 +199,15 @@ def _keep(value: float, how: str) -> float:
     return 0.0
 
 
-CAPACITY: Final = {
+CAPACITY: Final[Mapping[int, int]] = {
     MissionType.MISSION: 10000,
     MissionType.FENCE: 64,
     MissionType.RALLY: 32,
 }
 """PX4's space (SITL build of 1.17); a real flight controller has room for 500 mission items."""
+
+
+_NONE: Final[tuple[tuple[MissionItem, ...], int]] = ((), 0)
 
 
 class PlanStore:
@@ -230,34 +222,29 @@ class PlanStore:
     """
 
     def __init__(self) -> None:
-        self._items: dict[MissionType, tuple[MissionItem, ...]] = dict.fromkeys(CAPACITY, ())
-        self._ids: dict[MissionType, int] = dict.fromkeys(CAPACITY, 0)  # checksums
+        # By kind: items, and their checksum.
+        self._plans: dict[int, tuple[tuple[MissionItem, ...], int]] = dict.fromkeys(CAPACITY, _NONE)
         self.current: int | None = 0
         self.active = 0
         self.revision = 0
         self.transferring = False
 
-    def items(self, kind: MissionType) -> tuple[MissionItem, ...]:
-        """The stored items of one kind."""
-        return self._items[kind]
+    def items(self, kind: int) -> tuple[MissionItem, ...]:
+        """The stored items of one kind; none of one that does not exist."""
+        return self._plans.get(kind, _NONE)[0]
 
-    def identifier(self, kind: MissionType) -> int:
+    def identifier(self, kind: int) -> int:
         """The checksum that MISSION_CURRENT and MISSION_ACK name the plan by; 0 when empty."""
-        return self._ids[kind]
+        return self._plans.get(kind, _NONE)[1]
 
     def store(
-        self,
-        kind: MissionType,
-        items: tuple[MissionItem, ...],
-        identifier: int,
-        current: int | None,
+        self, kind: int, items: tuple[MissionItem, ...], identifier: int, current: int | None
     ) -> None:
         """Replace one kind; the very same plan again changes nothing, as in PX4."""
-        if items and identifier == self._ids[kind]:
+        if kind not in self._plans or (items and identifier == self.identifier(kind)):
             return
-        self._items[kind] = items
-        self._ids[kind] = identifier if items else 0
-        if kind is MissionType.MISSION:
+        self._plans[kind] = (items, identifier) if items else _NONE
+        if kind == MissionType.MISSION:
             self.current = current
         self.revision += 1
 
