@@ -10,7 +10,7 @@ from air_router.cli.arguments import speed_factor
 from air_router.errors import ExitCode, UsageError
 from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance.conversation import Conversation, Outcome, conversations, converse
-from sitl.conformance.line import Line, Link, LocalLine, SilentVehicleError, UdpLine
+from sitl.conformance.session import Line, Link, LocalLine, SilentVehicleError, UdpLine
 from sitl.mavlink.codec import Frame
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4

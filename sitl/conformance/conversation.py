@@ -21,8 +21,7 @@ from typing import Any, Final
 import yaml
 
 from sitl.conformance import expecting, sending, transfers
-from sitl.conformance.line import Line, Link, SilentVehicleError
-from sitl.conformance.session import DepartureError, Session
+from sitl.conformance.session import DepartureError, Line, Link, Session, SilentVehicleError
 
 _READY: Final = 0x10000000  # SYS_STATUS: pre-arm check
 _READY_S: Final = 60.0

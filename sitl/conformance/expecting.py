@@ -6,19 +6,30 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sitl.conformance.line import Link
 from sitl.conformance.session import (
     DepartureError,
     Heard,
+    Link,
     PositionEstimate,
     Session,
-    event_id,
-    mode_name,
 )
 from sitl.mavlink.codec import command_number
+from sitl.px4sim.state import FlightMode, Notice, Severity
 
 Fields = dict[str, Any]
 _ARMED: Final = 128
+
+
+def mode_name(custom_mode: int) -> str:
+    """The name of PX4's mode in a HEARTBEAT.custom_mode."""
+    unknown = f"{custom_mode >> 16 & 0xFF}/{custom_mode >> 24 & 0xFF}"
+    return next((mode.name for mode in FlightMode if mode.custom_mode == custom_mode), unknown)
+
+
+def event_id(name: str) -> int:
+    """The number by which EVENT names one of PX4's events, such as `commander_armed_by`."""
+    return Notice(Severity.INFO, event=name).event_id
+
 
 # Read out of a message's fields as a case has them: what does not stand there by that name.
 _READINGS: Final[dict[str, Callable[[Fields], Any]]] = {

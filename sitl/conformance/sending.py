@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-from sitl.conformance.line import Link
-from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Session, Stream
+from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Link, Session
 from sitl.mavlink.codec import command_number
 from sitl.px4sim.commands import CommandResult
 from sitl.px4sim.state import FlightMode
@@ -13,7 +12,6 @@ from sitl.px4sim.state import FlightMode
 _EXTRA_S: Final = 0.3
 _NO_POSITION: Final = 2**31 - 1
 _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "silent": None}
-_STICKS_S: Final = 0.05
 
 
 def send(session: Session, name: str, fields: dict[str, Any] | None = None) -> None:
@@ -97,12 +95,12 @@ def goto(
 
 def sticks(session: Session, moved: dict[str, int]) -> None:
     """Stream MANUAL_CONTROL: x (pitch), y, r -1000 to 1000, z (throttle) 0 to 1000."""
-    session.streams[:] = [Stream("MANUAL_CONTROL", {"z": 500} | moved, _STICKS_S)]
+    session.sticks = {"z": 500} | moved
 
 
 def stop(session: Session, _: None) -> None:
-    """Stop every stream."""
-    session.streams.clear()
+    """Stop the sticks."""
+    session.sticks = None
 
 
 def heartbeats(session: Session, sender: str, link: str = "API") -> None:

@@ -1,22 +1,26 @@
-"""One conversation under way: what was said and heard, on the vehicle's own clock."""
+"""One conversation under way: lines to a vehicle, what was said and heard, on its own clock."""
 
+import contextlib
 import math
-import struct
+import select
+import socket
+import time
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 from typing import Any, Final
 
-from sitl.conformance.line import Line, Link
-from sitl.mavlink.codec import Frame, Sender, addressed
-from sitl.px4sim.state import FlightMode, Notice, Severity
+from sitl.mavlink.codec import Frame, Sender, addressed, frames
+from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
+from sitl.process.udp_link import PortInUseError
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)
 _AUTOPILOT: Final = 1
 _BEAT_S: Final = 0.5
-_POSITION: Final = struct.Struct("<Iffffff")
+_STICKS_S: Final = 0.05
 _METRES_PER_DEGREE: Final = math.radians(6371000.0)
 _COUNTED_ONLY: Final = frozenset(
     {
@@ -26,6 +30,17 @@ _COUNTED_ONLY: Final = frozenset(
         *("GPS_RAW_INT", "SYS_STATUS", "VIBRATION", "SCALED_PRESSURE", "ESTIMATOR_STATUS"),
     }
 )
+
+
+class Link(Enum):
+    """Which of PX4's links."""
+
+    API = "API"
+    GROUND = "GCS"
+
+
+class SilentVehicleError(Exception):
+    """Nothing was heard of the vehicle for too long; the message says where."""
 
 
 class DepartureError(Exception):
@@ -38,12 +53,10 @@ class Heard:
 
     Attributes:
         at_s: Vehicle's time.
-        link: On which link.
         frame: The message.
     """
 
     at_s: float
-    link: Link
     frame: Frame
 
     @cached_property
@@ -65,14 +78,135 @@ class PositionEstimate:
         return f"({self.north_m:.1f}, {self.east_m:.1f}, {self.up_m:.1f})"
 
 
-@dataclass(slots=True)
-class Stream:
-    """Something said again and again: a pilot's sticks."""
+class LocalLine:
+    """To a simulated vehicle of our own in this process.
 
-    name: str
-    fields: dict[str, Any]
-    interval_s: float
-    due_s: float = -math.inf
+    It is as fast as it can be computed, and the same every time.
+
+    Args:
+        settings: What vehicle.
+
+    Attributes:
+        vehicle: It.
+        links: The links that there are.
+    """
+
+    def __init__(self, settings: VehicleSettings) -> None:
+        self.vehicle = MavlinkVehicle(settings)
+        self._ends = {Link.API: self.vehicle.onboard}  # those that are open
+        if settings.ground_link:
+            self._ends[Link.GROUND] = self.vehicle.ground
+        self.links = frozenset(self._ends)
+
+    @property
+    def now_s(self) -> float:
+        """The vehicle's simulated time."""
+        return self.vehicle.autopilot.time_s
+
+    def send(self, link: Link, frame: bytes) -> None:
+        """Say something."""
+        self.vehicle.receive(self._ends[link], frame)
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """Let one step of the simulation pass; what was heard in it."""
+        self.vehicle.step()
+        self.vehicle.truth.take_frames()
+        return [
+            (link, frame)
+            for link, end in self._ends.items()
+            for data in end.take_frames()
+            for frame in frames(data)
+            if frame.name
+        ]
+
+    def close(self) -> None:
+        """There is nothing to let go of."""
+
+
+_LARGEST: Final = 65535
+_BUFFER: Final = 4 << 20  # 900 parameters come at once
+_MOST_AT_ONCE: Final = 50
+_SILENCE_S: Final = 8.0  # a PX4 that is started says its first word after about a second
+_CLOCKS: Final = frozenset({"ATTITUDE", "LOCAL_POSITION_NED"})  # time_boot_ms comes first in both
+
+
+class UdpLine:
+    """Over UDP, to a PX4 or a vehicle of ours that sends to ports of this machine.
+
+    Args:
+        ports: Where the vehicle sends each link to.
+
+    Attributes:
+        links: The links that there are.
+        now_s: The vehicle's simulated time, as its API link says; 0: not heard yet.
+
+    Raises:
+        PortInUseError: a port is taken.
+    """
+
+    def __init__(self, ports: Mapping[Link, int]) -> None:
+        self.links = frozenset(ports)
+        self.now_s = 0.0
+        self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
+        self._partners: dict[Link, tuple[str, int]] = {}  # whence it sent last
+        self._heard_s = time.monotonic()  # wall clock
+        try:
+            for link, port in ports.items():
+                end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                self._sockets[link] = end
+                end.setblocking(False)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+                end.bind(("127.0.0.1", port))
+        except OSError as error:
+            self.close()
+            raise PortInUseError(
+                f"cannot listen on UDP port {port}, where the vehicle sends its {link.value} link: "
+                f"{error.strerror}; end the ground station or the other `sitl conform` that has it"
+            ) from None
+
+    def send(self, link: Link, frame: bytes) -> None:
+        """Say something; lost while the vehicle has not said anything on that link."""
+        partner = self._partners.get(link)
+        if partner is not None:
+            self._sockets[link].sendto(frame, partner)
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """Wait for a datagram, not longer than 20 ms; what was heard.
+
+        Raises:
+            SilentVehicleError: the vehicle says nothing any more.
+        """
+        heard: list[tuple[Link, Frame]] = []
+        ready = select.select(list(self._sockets.values()), [], [], 0.02)[0]
+        for link, end in self._sockets.items():
+            if end in ready:
+                heard += [(link, frame) for frame in self._receive(link, end)]
+        if time.monotonic() - self._heard_s > _SILENCE_S:
+            ports = ", ".join(str(end.getsockname()[1]) for end in self._sockets.values())
+            raise SilentVehicleError(f"no vehicle sends to UDP port {ports} of this machine")
+        return heard
+
+    def _receive(self, link: Link, end: socket.socket) -> list[Frame]:
+        heard: list[Frame] = []
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(_MOST_AT_ONCE):
+                datagram, self._partners[link] = end.recvfrom(_LARGEST)
+                self._heard_s = time.monotonic()
+                heard += (frame for frame in frames(datagram) if frame.name)
+        for frame in heard:
+            if frame.name in _CLOCKS and link is Link.API:
+                self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3
+        return heard
+
+    def close(self) -> None:
+        """Let go of it."""
+        for end in self._sockets.values():
+            end.close()
+        self._sockets.clear()
+
+
+Line = LocalLine | UdpLine
+"""A vehicle at the other end."""
 
 
 class Session:
@@ -83,7 +217,7 @@ class Session:
 
     Attributes:
         beats: Whose heartbeats are sent on which link: MAV_TYPE, system id, component id.
-        streams: What is sent all the time besides.
+        sticks: Fields of MANUAL_CONTROL, sent all the time besides; None: there are no sticks.
         notes: What was seen, for the report.
         track: Every position heard.
         counts: How many messages came in, by link and name.
@@ -92,11 +226,8 @@ class Session:
 
     def __init__(self, line: Line) -> None:
         self.line = line
-        self.beats: dict[Link, tuple[int, int, int]] = {
-            Link.API: GROUND_STATION,
-            Link.GROUND: GROUND_STATION,
-        }
-        self.streams: list[Stream] = []
+        self.beats = dict.fromkeys(Link, GROUND_STATION)
+        self.sticks: dict[str, int] | None = None
         self.notes: list[str] = []
         self.track: list[PositionEstimate] = []
         self.counts: Counter[tuple[Link, str]] = Counter()
@@ -104,7 +235,7 @@ class Session:
         self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
         self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
         self._speakers: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
-        self._beat_s = -math.inf  # vehicle's time of our last HEARTBEATs
+        self._beat_s = self._sticks_s = -math.inf  # vehicle's time of the last we sent, and are due
 
     @property
     def now_s(self) -> float:
@@ -158,9 +289,7 @@ class Session:
     @property
     def position(self) -> PositionEstimate:
         """Where the vehicle says it is."""
-        if not self.track:
-            self.run(5.0, lambda: bool(self.track))
-        if not self.track:
+        if not self.run(5.0, lambda: bool(self.track)):
             raise DepartureError("expected LOCAL_POSITION_NED, heard none")
         return self.track[-1]
 
@@ -199,13 +328,10 @@ class Session:
             for link, (kind, *_) in self.beats.items():
                 if link in self.line.links:
                     self.say("HEARTBEAT", link, type=kind, autopilot=8, mavlink_version=3)
-        for stream in self.streams:
-            if now_s >= stream.due_s:
-                late = now_s - stream.due_s > stream.interval_s
-                stream.due_s = (
-                    now_s + stream.interval_s if late else stream.due_s + stream.interval_s
-                )
-                self.say(stream.name, **stream.fields)
+        if self.sticks is not None and now_s >= self._sticks_s:
+            late = now_s - self._sticks_s > _STICKS_S
+            self._sticks_s = (now_s if late else self._sticks_s) + _STICKS_S
+            self.say("MANUAL_CONTROL", **self.sticks)
 
     def _hear(self, link: Link, frame: Frame) -> None:
         if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":
@@ -213,24 +339,10 @@ class Session:
         if frame.name == "HEARTBEAT":
             self.vehicle_id = frame.system_id
         self.counts[link, frame.name] += 1
-        heard = Heard(self.now_s, link, frame)
+        heard = Heard(self.now_s, frame)
         self._newest[link, frame.name] = heard
         if frame.name == "LOCAL_POSITION_NED" and link is Link.API:
-            padded = frame.payload.ljust(_POSITION.size, b"\0")
-            _, north, east, down, *_rest = _POSITION.unpack(padded[: _POSITION.size])
-            self.track.append(PositionEstimate(self.now_s, north, east, -down))
+            north_m, east_m, down_m = (heard.fields[axis] for axis in "xyz")
+            self.track.append(PositionEstimate(self.now_s, north_m, east_m, -down_m))
         if frame.name not in _COUNTED_ONLY:
             self._heard[link, frame.name].append(heard)
-
-
-def mode_name(custom_mode: int) -> str:
-    """The name of PX4's mode in a HEARTBEAT.custom_mode."""
-    for mode in FlightMode:
-        if mode.custom_mode == custom_mode:
-            return mode.name
-    return f"{custom_mode >> 16 & 0xFF}/{custom_mode >> 24 & 0xFF}"
-
-
-def event_id(name: str) -> int:
-    """The number by which EVENT names one of PX4's events, such as `commander_armed_by`."""
-    return Notice(Severity.INFO, event=name).event_id

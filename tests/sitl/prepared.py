@@ -6,8 +6,7 @@ import struct
 from functools import cache
 
 from sitl.conformance.conversation import Conversation, Start, prepare
-from sitl.conformance.line import Link, LocalLine
-from sitl.conformance.session import Session
+from sitl.conformance.session import Link, LocalLine, Session
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.mavlink.vehicle import STEP_S, VehicleSettings
 from sitl.px4sim.state import Place

@@ -12,13 +12,13 @@ import random
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, Final
 
 from air_router.sim.ports import free_port
+from air_router.sim.sim_world import Child
 from mocha_link import Team
 from sitl.process.end_with_parent import ending_with_us
 from sitl.rehearsal.faults import Fault
@@ -150,28 +150,6 @@ class ProcessPause:
         self.hold(waits=False)
 
 
-def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """A program of `sitl` that says a line of JSON when it is ready, and ends with us.
-
-    Raises:
-        RuntimeError: it ended before that; says why.
-    """
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(  # noqa: S603 - our own program
-            ending_with_us(sys.executable, "-m", "sitl", *arguments),
-            stdout=subprocess.PIPE,
-            stderr=said,
-        )
-        assert process.stdout is not None  # noqa: S101 - it was asked for
-        line = process.stdout.readline()
-        if not line:
-            code = process.wait()
-            said.seek(0)
-            why = said.read().decode(errors="replace").strip()
-            raise RuntimeError(f"sitl {' '.join(arguments)} ended with {code}: {why}")
-    return process, json.loads(line)
-
-
 def port_of(url: str) -> int:
     """The port of an address."""
     return int(url.rpartition(":")[2])
@@ -212,8 +190,8 @@ class Programs:
         self._mission = mission
         self._speed = speed
         self._px4 = px4
-        self._vehicle: subprocess.Popen[bytes] | None = None  # the last that was started
-        self._second: subprocess.Popen[bytes] | None = None  # on the same radio
+        self._vehicles: list[Child] = []  # those that run, the first and one on the same radio
+        self._started = 0  # programs so far
         self._instance = 0  # of the first PX4: it is started anew as the same
         self._brakes: list[ProcessPause] = []  # of all PX4s
 
@@ -224,26 +202,32 @@ class Programs:
             dice = self._scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
-        self._vehicle, _ = started(
-            *("vehicle", str(self._mission), f"--seed={self._scene.seed}", "--no-gcs", *more),
-            *(f"--speed={self._speed:g}", f"--epoch={EPOCH}"),
-            f"--api-to=127.0.0.1:{self.relay.api_port}",
+        self._start_ours(
+            *(f"--seed={self._scene.seed}", f"--epoch={EPOCH}", *more),
             f"--truth-to=127.0.0.1:{self.relay.truth_port}",
-            f"--pace-from={self.pace_source}",
+        )
+
+    def _start_ours(self, *more: str) -> None:
+        self._start(
+            *("vehicle", "--no-gcs", f"--api-to=127.0.0.1:{self.relay.api_port}"),
+            *(f"--pace-from={self.pace_source}", *more),
         )
 
     def start_px4(self, *more: str) -> tuple[int, int]:
         """Start a real PX4; where it sends its API link and its truth."""
-        self._vehicle, ready = self._started_px4(*more)
+        ready = self._start_px4(*more)
         self._instance = int(ready["system_id"]) - 1
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
-    def _started_px4(self, *more: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-        process, ready = started(
-            *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
-        )
+    def _start_px4(self, *more: str) -> dict[str, Any]:
+        ready = self._start("px4", f"--px4={self._px4}", *more)
         self._brakes.append(ProcessPause(ready["process_id"]))
-        return process, ready
+        return ready
+
+    def _start(self, command: str, *options: str) -> dict[str, Any]:
+        """Start a vehicle; what it says when it is ready."""
+        self._vehicles.append(self._child(command, f"--speed={self._speed:g}", *options))
+        return self._vehicles[-1].ready()
 
     def start_again(self) -> None:
         """The vehicle that has ended is started anew on the same link."""
@@ -256,15 +240,9 @@ class Programs:
     def start_second_vehicle(self) -> None:
         """Start another one, whose messages come over the same radio."""
         if self._px4 is None:
-            to = f"--api-to=127.0.0.1:{self.relay.api_port}"
-            self._second, _ = started(
-                *("vehicle", str(self._mission), f"--speed={self._speed:g}", "--no-gcs", to),
-                *("--instance=1", f"--truth-to=127.0.0.1:{free_port()}"),
-                f"--pace-from={self.pace_source}",
-            )
-            return
-        self._second, ready = self._started_px4()
-        self.relay.listen(port_of(ready["mavlink"]))
+            self._start_ours("--instance=1", f"--truth-to=127.0.0.1:{free_port()}")
+        else:
+            self.relay.listen(port_of(self._start_px4()["mavlink"]))
 
     @property
     def pace_source(self) -> str:
@@ -280,23 +258,28 @@ class Programs:
         """End them, and wait until they have ended."""
         for brake in self._brakes:
             brake.release()
+        for vehicle in self._vehicles:
+            vehicle.stop()
         self._brakes.clear()
-        for vehicle in (self._vehicle, self._second):
-            if vehicle is not None:
-                with vehicle:  # waits, and closes its pipe
-                    vehicle.terminate()
+        self._vehicles.clear()
 
     @contextlib.contextmanager
     def team(self, folder: Path) -> Iterator[str]:
         """The ground robots, for scenes in COMM; the option by which a companion knows them."""
-        process, ready = started(
-            *("team", str(self._mission), "--truth=udp://127.0.0.1:0", f"--epoch={EPOCH}"),
+        robots = self._child(
+            *("team", "--truth=udp://127.0.0.1:0", f"--epoch={EPOCH}"),
             *(f"--free-ports={folder / 'team'}", f"--camera=ipc://{folder / 'camera'}"),
             f"--pace-from={self.pace_source}",
         )
         try:
+            ready = robots.ready()
             self.relay.copy_truth_to = port_of(ready["truth"])
             yield f"--team={ready['team']}"
         finally:
-            with process:
-                process.terminate()
+            robots.stop()
+
+    def _child(self, command: str, *options: str) -> Child:
+        """A command of `sitl` about the mission, started."""
+        self._started += 1
+        log = self._mission.parent / f"{command}-{self._started}.log"
+        return Child(command, [command, str(self._mission), *options], log)

@@ -7,8 +7,7 @@ import pytest
 
 from sitl.cli import cli
 from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
-from sitl.conformance.line import Link, UdpLine
-from sitl.conformance.session import DepartureError
+from sitl.conformance.session import DepartureError, Link, UdpLine
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
@@ -79,7 +78,7 @@ class TestDepartures:
         assert outcome.departure.startswith("stays in AUTO_LAND: expected")
 
     def test_no_answer(self, monkeypatch):
-        monkeypatch.setattr("sitl.conformance.line._SILENCE_S", 0.05)
+        monkeypatch.setattr("sitl.conformance.session._SILENCE_S", 0.05)
         silent = UdpLine({Link.API: 0})
         try:
             outcome = converse(Conversation("test", "a fact", "here", ()), silent)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.conformance.conversation import Start, run_steps
-from sitl.conformance.line import Link
-from sitl.conformance.session import Session, event_id
+from sitl.conformance.expecting import event_id
+from sitl.conformance.session import Link, Session
 from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
 from sitl.px4sim.parameters import Parameters, UnknownParameterError

@@ -1,8 +1,7 @@
 """The mission microservice beyond the conversations: two links, and the wall's clock."""
 
 from sitl.conformance.conversation import run_steps
-from sitl.conformance.line import Link
-from sitl.conformance.session import Session
+from sitl.conformance.session import Link, Session
 from tests.sitl.prepared import local_line, ready_for
 
 ERROR = 1
