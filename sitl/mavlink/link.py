@@ -14,9 +14,9 @@ from sitl.mavlink.telemetry import StreamSchedule, knows
 from sitl.mavlink.telemetry import message as telemetry
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.commands import DO_SET_MODE, CommandResult, Commands, Params
+from sitl.px4sim.failsafe import GROUND_STATION
 from sitl.px4sim.flight_modes import Sticks
 from sitl.px4sim.state import Notice
-from sitl.px4sim.watchdog import GROUND_STATION
 
 _log = logging.getLogger(__name__)
 

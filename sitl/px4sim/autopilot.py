@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from sitl.px4sim.auto_modes import go_to
-from sitl.px4sim.failsafe import Action, Cause, Failsafe
+from sitl.px4sim.failsafe import Action, Cause, Failsafe, Watchdog
 from sitl.px4sim.fence import Fence
 from sitl.px4sim.flight_modes import FlightModes, Sticks
 from sitl.px4sim.ground_contact import ArmingReason, GroundContact
@@ -21,7 +21,6 @@ from sitl.px4sim.plan_intake import PlanIntake
 from sitl.px4sim.plan_store import PlanStore
 from sitl.px4sim.positioning import Positioning
 from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation
-from sitl.px4sim.watchdog import Watchdog
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5

@@ -1,4 +1,4 @@
-"""PX4's failsafes: what forces another mode on the vehicle, and how the pilot gets out of it.
+"""PX4's failsafes: what it watches, what forces another mode on it, and how the pilot gets out.
 
 A failsafe acts when its condition appears, not while it lasts; a mode command ends it ("the pilot
 took over"), and then the same condition does nothing until it appears anew.
@@ -9,6 +9,10 @@ from enum import IntEnum
 from typing import Final
 
 from sitl.px4sim.state import FlightMode, Severity, Situation
+
+GROUND_STATION: Final = 6  # MAV_TYPE_GCS
+COMPANION: Final = 18  # MAV_TYPE_ONBOARD_CONTROLLER
+_HEARD_FOR_S: Final = 2.0  # PX4's links report a heartbeat for so long after it came
 
 
 class Action(IntEnum):
@@ -142,3 +146,202 @@ class Failsafe:
         elif cause is Cause.GENERIC:
             event, arguments = "commander_failsafe_enter_generic", arguments[:-1]
         situation.say("Failsafe activated", event, Severity.CRITICAL, arguments=arguments)
+
+
+_EMPTY_V, _FULL_V = 14.4, 16.2
+
+
+class BatteryWarning(IntEnum):
+    """battery_status.warning; one more is BATTERY_STATUS.charge_state."""
+
+    NONE = 0
+    LOW = 1
+    CRITICAL = 2
+    EMERGENCY = 3
+
+
+class Battery:
+    """That of PX4's simulator: it drains evenly while armed, and is full again when disarmed.
+
+    Attributes:
+        remaining: State of charge from 1 (full) to 0.
+        warning: The worst level since arming: in flight PX4 never takes a warning back.
+    """
+
+    def __init__(self) -> None:
+        self.remaining = 1.0
+        self.warning = BatteryWarning.NONE
+
+    def step(
+        self,
+        step_s: float,
+        *,
+        armed: bool,
+        drain_s: float,
+        least: float,
+        thresholds: tuple[float, float, float],
+    ) -> None:
+        """Drain for `step_s`.
+
+        Args:
+            step_s: Seconds.
+            armed: Whether the motors draw.
+            drain_s: Seconds from full to empty (SIM_BAT_DRAIN).
+            least: Fraction at which the simulated battery stops draining (SIM_BAT_MIN_PCT).
+            thresholds: Fractions of the low, critical and emergency warning.
+        """
+        if not armed:
+            self.remaining, self.warning = 1.0, BatteryWarning.NONE
+            return
+        drained = self.remaining - step_s / max(drain_s, 1.0)
+        self.remaining = max(drained, min(max(least, 0.0), self.remaining))
+        level = BatteryWarning(sum(self.remaining < threshold for threshold in thresholds))
+        self.warning = max(self.warning, level)
+
+    @property
+    def voltage_v(self) -> float:
+        """Of four cells, falling evenly."""
+        return _EMPTY_V + (_FULL_V - _EMPTY_V) * self.remaining
+
+
+_BATTERY: Final = {
+    Cause.BATTERY_LOW: ("Low battery", "check_battery_low", Severity.CRITICAL),
+    Cause.BATTERY_CRITICAL: ("Critical battery", "check_battery_critical", Severity.CRITICAL),
+    Cause.BATTERY_EMERGENCY: (
+        *("Emergency battery level", "check_battery_emergency", Severity.EMERGENCY),
+    ),
+}
+# By COM_LOW_BAT_ACT: warning only, return, land, return then land; at critical and at emergency.
+_BATTERY_ACTIONS: Final = {
+    0: (Action.WARN, Action.WARN),
+    1: (Action.RTL, Action.RTL),
+    2: (Action.LAND, Action.LAND),
+    3: (Action.RTL, Action.LAND),
+}
+_LOSS_ACTIONS: Final = {  # by NAV_RCL_ACT, NAV_DLL_ACT
+    1: Action.HOLD,
+    2: Action.RTL,
+    3: Action.LAND,
+    5: Action.TERMINATE,
+    6: Action.DISARM,
+}
+_STICK_EXCEPTIONS: Final = {  # bits of COM_RCL_EXCEPT
+    FlightMode.AUTO_MISSION: 1,
+    FlightMode.AUTO_LOITER: 2,
+    FlightMode.AUTO_TAKEOFF: 2,
+}
+
+Alarm = tuple[Action, Cause]
+"""A failsafe to be triggered."""
+
+
+class Watchdog:
+    """Notices what gets lost or low besides its flight: ground station, companion, sticks, battery.
+
+    Attributes:
+        battery: It drains with every look.
+        ground_station_lost: True until one was heard, and after it fell silent.
+    """
+
+    def __init__(self, time_scale: float) -> None:
+        self.battery = Battery()
+        self.ground_station_lost = True
+        self._heard_for_s = _HEARD_FOR_S * time_scale  # in simulated seconds
+        self._ground_station_s: float | None = None  # its last heartbeat, simulated time
+        self._companion_s: float | None = None  # its last heartbeat; None: never there
+        self._companion_lost = False  # only said: PX4 has no failsafe for it
+        self._sticks = False  # heard at the last look
+        self._sticks_since_arming = False  # then or later: only their loss is a failsafe
+        self._warning = BatteryWarning.NONE  # the battery's at the last look
+        self._warning_at_arming = BatteryWarning.NONE  # only a worse one acts
+
+    def heard(self, kind: int, situation: Situation) -> None:
+        """A HEARTBEAT came in; `kind` is its MAV_TYPE."""
+        if kind == GROUND_STATION:
+            if self.ground_station_lost and self._ground_station_s is not None:
+                situation.say("GCS connection regained", "commander_dl_regained")
+            self.ground_station_lost, self._ground_station_s = False, situation.time_s
+        elif kind == COMPANION:
+            if self._companion_lost:
+                situation.say("Onboard controller regained", "commander_onboard_ctrl_regained")
+            self._companion_lost, self._companion_s = False, situation.time_s
+
+    def armed(self) -> None:
+        """The motors start: a battery that is low already, or a lack of sticks, is no news."""
+        self._warning_at_arming = self._warning
+        self._sticks_since_arming = self._sticks
+
+    def misses_ground_station(self, situation: Situation) -> bool:
+        """With a failsafe on its loss, PX4 wants a ground station before it arms."""
+        return situation.parameters["NAV_DLL_ACT"] > 0 and self.ground_station_lost
+
+    def step(
+        self, step_s: float, intended: FlightMode, situation: Situation, *, sticks: bool
+    ) -> list[Alarm]:
+        """Look at everything; `sticks`: whether a pilot's are heard."""
+        parameters = situation.parameters
+        self.battery.step(
+            step_s,
+            armed=situation.armed,
+            drain_s=parameters["SIM_BAT_DRAIN"],
+            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
+            thresholds=(
+                parameters["BAT_LOW_THR"],
+                parameters["BAT_CRIT_THR"],
+                parameters["BAT_EMERGEN_THR"],
+            ),
+        )
+        alarms: list[Alarm] = []
+        if sticks != self._sticks:
+            self._sticks = sticks
+            alarms += self._on_sticks(intended, situation)
+        self._watch_companion(situation)
+        alarms += self._watch_ground_station(situation)
+        if self.battery.warning != self._warning:
+            self._warning = self.battery.warning
+            alarms += self._on_battery(self._warning, situation)
+        return alarms
+
+    def _on_sticks(self, intended: FlightMode, situation: Situation) -> list[Alarm]:
+        if self._sticks:
+            self._sticks_since_arming = True
+            return []
+        situation.say("", "commander_rc_lost")
+        excepted = int(situation.parameters["COM_RCL_EXCEPT"]) & _STICK_EXCEPTIONS.get(intended, 0)
+        if excepted or not self._sticks_since_arming:
+            return []
+        action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_RCL_ACT"]), Action.NONE)
+        return [(action, Cause.MANUAL_CONTROL_LOST)]
+
+    def _watch_companion(self, situation: Situation) -> None:
+        if self._companion_s is None or self._companion_lost:
+            return
+        limit_s = situation.parameters.limited("COM_OBC_LOSS_T", 0.0, 3600.0) + self._heard_for_s
+        if situation.time_s - self._companion_s > limit_s:
+            self._companion_lost = True
+            text, event = "Connection to mission computer lost", "commander_mission_comp_lost"
+            situation.say(text, event, Severity.CRITICAL)
+
+    def _watch_ground_station(self, situation: Situation) -> list[Alarm]:
+        if self._ground_station_s is None or self.ground_station_lost:
+            return []
+        limit_s = situation.parameters.limited("COM_DL_LOSS_T", 0.0, 3600.0) + self._heard_for_s
+        if situation.time_s - self._ground_station_s <= limit_s:
+            return []
+        self.ground_station_lost = True
+        text, event = "Connection to ground station lost", "commander_gcs_lost"
+        situation.say(text, event, Severity.INFO, Severity.WARNING)
+        action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_DLL_ACT"]), Action.NONE)
+        return [(action, Cause.GCS_LOST)]
+
+    def _on_battery(self, warning: BatteryWarning, situation: Situation) -> list[Alarm]:
+        if warning is BatteryWarning.NONE:
+            return []
+        cause = Cause[f"BATTERY_{warning.name}"]
+        situation.say(*_BATTERY[cause])
+        action = Action.WARN
+        if warning > self._warning_at_arming and warning is not BatteryWarning.LOW:
+            choice = int(situation.parameters["COM_LOW_BAT_ACT"])
+            critical, emergency = _BATTERY_ACTIONS.get(choice, _BATTERY_ACTIONS[0])
+            action = critical if warning is BatteryWarning.CRITICAL else emergency
+        return [(action, cause)]

@@ -17,6 +17,7 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.experiment.settings import RunSettings
+from sitl.px4sim.failsafe import Battery
 from sitl.px4sim.motion.disturbances import Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.guidance import (
@@ -26,7 +27,6 @@ from sitl.px4sim.motion.guidance import (
     braking_distance,
     wanted_velocity,
 )
-from sitl.px4sim.watchdog import Battery
 
 STEP_S: Final = 0.1
 _AIRFRAME_STEPS: Final = 5  # of the simulated autopilot in one of `STEP_S`
