@@ -12,7 +12,7 @@ from typing import Final
 
 from sitl.mavlink import motion_messages as motion
 from sitl.mavlink.codec import Outgoing
-from sitl.mavlink.motion_messages import POSITION_AFTER_S, Fields, boot_ms, boot_us
+from sitl.mavlink.motion_messages import Fields, boot_ms, boot_us
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import FlightMode
 
@@ -86,25 +86,6 @@ def battery_status(autopilot: Autopilot) -> Fields:
         "energy_consumed": -1,
         "battery_remaining": math.ceil(battery.remaining * 100),
         "charge_state": battery.warning + 1,
-    }
-
-
-def estimator_status(autopilot: Autopilot) -> Fields:
-    """The flags of PX4's estimator on the ground, in flight, and in flight without satellites."""
-    if autopilot.time_s < POSITION_AFTER_S:
-        flags = 229
-    elif autopilot.situation.landed:
-        flags = 831
-    else:
-        flags = 895 if autopilot.positioning.fused else 101
-    ratios = ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio", "hagl_ratio")
-    return {
-        "time_usec": boot_us(autopilot),
-        "flags": flags,
-        **dict.fromkeys(ratios, 0.1),
-        "tas_ratio": math.nan,
-        "pos_horiz_accuracy": autopilot.positioning.accuracy_m,
-        "pos_vert_accuracy": 0.3,
     }
 
 
@@ -187,7 +168,6 @@ _MESSAGES: Final[Mapping[str, _Message]] = {
     "TIMESYNC": _Message(timesync, 10.0),
     "ALTITUDE": _Message(motion.altitude, 10.0, 1.0),
     "BATTERY_STATUS": _Message(battery_status, 0.5, 0.5),
-    "ESTIMATOR_STATUS": _Message(estimator_status, 1.0, 1.0),
     "HOME_POSITION": _Message(motion.home_position, 0.5, 0.5),
     "EXTENDED_SYS_STATE": _Message(extended_sys_state, 5.0, 1.0),
     "CURRENT_EVENT_SEQUENCE": _Message(current_event_sequence, 1.0 / 3.0, 1.0 / 3.0),

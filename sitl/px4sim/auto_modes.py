@@ -40,17 +40,16 @@ class HoldFlight(Flight):
         self,
         point: tuple[float, float] | None,
         altitude_m: float | None,
-        yaw_rad: float | None,
         speed_m_s: float | None,
         situation: Situation,
     ) -> None:
         """DO_REPOSITION: north and east in metres, altitude AMSL; None is not given.
 
-        Without a point it goes on to where it was going, at the altitude and heading that are
-        given; without anything it stops.
+        Without a point it goes on to where it was going, at the altitude that is given; without
+        anything it stops.
         """
         setpoint = situation.setpoint
-        if point is None and altitude_m is None and yaw_rad is None:
+        if point is None and altitude_m is None:
             stop = stop_ahead(situation)
             takes_off = setpoint.kind is SetpointKind.TAKEOFF
             point = situation.here if takes_off else (stop.north_m, stop.east_m)
@@ -58,8 +57,7 @@ class HoldFlight(Flight):
             flies = setpoint.kind is SetpointKind.POSITION
             point = (setpoint.north_m, setpoint.east_m) if flies else situation.here
         target_m = situation.altitude_m if altitude_m is None else altitude_m
-        target = replace(go_to(*point, target_m, situation), yaw_rad=yaw_rad)
-        self.reposition(target, speed_m_s)
+        self.reposition(replace(go_to(*point, target_m, situation), yaw_rad=None), speed_m_s)
 
     def forget(self) -> None:
         """Drop a target that was not taken up."""

@@ -141,7 +141,6 @@ class Autopilot:
         self,
         point: tuple[float, float] | None,
         altitude_m: float | None,
-        yaw_rad: float | None = None,
         speed_m_s: float | None = None,
     ) -> bool:
         """Go to a point in Hold mode, which is asked for separately; see `HoldFlight.move_to`.
@@ -153,7 +152,7 @@ class Autopilot:
         situation = self.situation
         allowed = self.fence.allows(*(point or situation.here), situation)
         if allowed:
-            self.modes.hold.move_to(point, altitude_m, yaw_rad, speed_m_s, situation)
+            self.modes.hold.move_to(point, altitude_m, speed_m_s, situation)
         else:
             situation.say(
                 "Reposition is outside geofence",

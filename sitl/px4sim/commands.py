@@ -129,7 +129,7 @@ class Commands:
         """Only with the change-mode flag; the altitude is always AMSL, whatever the frame."""
         if params[1] != 1:
             return CommandResult.UNSUPPORTED
-        speed, _, _, yaw_rad, latitude, longitude, altitude = params
+        speed, _, _, _, latitude, longitude, altitude = params
         result = self._mode(FlightMode.AUTO_LOITER)
         if result is CommandResult.ACCEPTED:
             placed = math.isfinite(latitude) and math.isfinite(longitude)
@@ -137,7 +137,6 @@ class Commands:
             self._autopilot.reposition(
                 projection.to_local(latitude, longitude) if placed else None,
                 altitude if math.isfinite(altitude) else None,
-                yaw_rad if math.isfinite(yaw_rad) else None,
                 positive(speed),
             )
         return result

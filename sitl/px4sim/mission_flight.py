@@ -188,7 +188,6 @@ class MissionFlight(Flight):
             away_m = math.dist((north, east), situation.here)
             self._moving_to_land = away_m > situation.acceptance_m
             kind = SetpointKind.POSITION if self._moving_to_land else SetpointKind.LAND
-        yaw_deg = item.params[3] if item.command == Command.NAV_WAYPOINT else math.nan
         return Setpoint(
             kind,
             north,
@@ -196,7 +195,6 @@ class MissionFlight(Flight):
             altitude_m,
             previous=None if self._moving_to_land else previous,
             following=self._following(item, situation),
-            yaw_rad=math.radians(yaw_deg) if math.isfinite(yaw_deg) else None,
             acceptance_m=acceptance_m,
         )
 
@@ -234,10 +232,6 @@ class MissionFlight(Flight):
             if situation.landed or not near:
                 return False
             self._reached_s = situation.time_s
-        if target.yaw_rad is not None:
-            error_rad = math.remainder(target.yaw_rad - situation.heading_rad, math.tau)
-            if abs(error_rad) > math.radians(situation.parameters["MIS_YAW_ERR"]):
-                return False
         return situation.time_s - self._reached_s >= item.time_inside_s
 
     def _on_reached(self, situation: Situation) -> None:

@@ -14,22 +14,18 @@ from sitl.px4sim.state import Situation
 FEWEST_SATELLITES: Final = 4
 _STOPPED_S: Final = 7.0
 _RECOVERY_S: Final = 2.0
-_ACCURACY_M: Final = 0.29
-_GROWTH_M_S2: Final = 0.05
 
 
 class Positioning:
-    """Whether there is a fix, and what the estimate is worth.
+    """Whether there is a fix.
 
     Attributes:
-        accuracy_m: That the estimator believes to have, horizontally.
         fused: Whether the estimator uses the receiver.
     """
 
     def __init__(self) -> None:
         self._lost_s: float | None = None  # when the fix went; None: there is one, and it is used
         self._regained_s: float | None = None  # fix again since then, not fused yet
-        self.accuracy_m = _ACCURACY_M
         self.fused = True
 
     def step(
@@ -65,7 +61,6 @@ class Positioning:
             return
         errors.coast(step_s)
         lost_for_s = now_s - self._lost_s
-        self.accuracy_m = _ACCURACY_M + _GROWTH_M_S2 * lost_for_s * lost_for_s
         patience_s = situation.parameters.limited("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
         situation.position_valid = lost_for_s < patience_s
         if self.fused and lost_for_s > _STOPPED_S:
@@ -74,7 +69,6 @@ class Positioning:
 
     def _recover(self, errors: EstimateErrors, situation: Situation) -> None:
         self._lost_s = self._regained_s = None
-        self.accuracy_m = _ACCURACY_M
         if not self.fused:
             situation.say("", "check_estimator_gnss_fusion_started")
         self.fused = situation.position_valid = True
