@@ -7,7 +7,7 @@ import math
 import selectors
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, cast
 
 from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
@@ -34,12 +34,15 @@ _CRASHED: Final = 70
 _SOON_S: Final = 1e-9
 
 
-class World(Protocol):
-    """Whatever goes on while the loop waits."""
+class World:
+    """Whatever goes on while the loop waits; here: time, and nothing in it.
 
-    @property
-    def now_s(self) -> float:
-        """Simulated seconds."""
+    Attributes:
+        now_s: Simulated seconds.
+    """
+
+    def __init__(self, now_s: float = 0.0) -> None:
+        self.now_s = now_s
 
     def advance(self, until_s: float) -> list[Callable[[], object]]:
         """Let time pass until then, or until there is something for the loop: what it is to call.
@@ -47,6 +50,8 @@ class World(Protocol):
         Raises:
             BaseException: the loop is to end, in whatever state it is.
         """
+        self.now_s = until_s
+        return []
 
 
 class SimulatedLoop(asyncio.SelectorEventLoop):
@@ -145,8 +150,7 @@ class Companion:
     ) -> None:
         self._loop = SimulatedLoop(world)
         self._send = send
-        self._world = world
-        self._say: Callable[[str], None] | None = say
+        self._status = _Status(say, self._loop.time)
         self.exit_code: int | None = None
         self.outcome = ""
         self.report: Mapping[str, Any] = {}
@@ -173,7 +177,7 @@ class Companion:
             mapper=mapper,
             seek=sought(team, uav, mission.seek, mission.goals_from),
             recorder=self._recorder,
-            status=_Status(self._told, self._loop.time),
+            status=self._status,
             arm=arm,
             resume=resume,
             survey=lambda router: PreflightSurvey(mission, router, uav=uav, unix=self._unix_s),
@@ -211,10 +215,6 @@ class Companion:
         """The operator asks for something."""
         self.flight.commands.ask(request)
 
-    def _told(self, text: str) -> None:
-        if self._say is not None:
-            self._say(text)
-
     def _connect(self, url: str, system_id: int) -> StandIn:
         self._link = StandIn(self._send, url, system_id)
         return self._link
@@ -224,9 +224,9 @@ class Companion:
 
     def _bury(self) -> None:
         """Let its coroutines end where they cannot move anything any more."""
-        self._say = None
+        self._status.tell = lambda _text: None
         self._recorder.close()
-        self._loop.world = _Nowhere(self._world.now_s)
+        self._loop.world = World(self._loop.time())
         if self._link is not None:
             self._link.send = lambda _name, _fields: None
         loop = self._loop
@@ -239,22 +239,11 @@ class Companion:
 
 
 class _Status(StatusLine):
-    """The operator's screen."""
+    """The operator's screen; `tell` takes its lines."""
 
-    def __init__(self, say: Callable[[str], None], clock: Callable[[], float]) -> None:
+    def __init__(self, say: Callable[[str], object], clock: Callable[[], float]) -> None:
         super().__init__(monotonic=clock)
-        self._say = say
+        self.tell = say
 
     def _write(self, text: str) -> None:
-        self._say(text.rstrip("\n"))
-
-
-class _Nowhere:
-    """Time that passes, and nothing in it."""
-
-    def __init__(self, now_s: float) -> None:
-        self.now_s = now_s
-
-    def advance(self, until_s: float) -> list[Callable[[], object]]:
-        self.now_s = until_s
-        return []
+        self.tell(text.rstrip("\n"))

@@ -18,7 +18,7 @@ from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
-from sitl.rehearsal.companion import EPOCH_S, Companion
+from sitl.rehearsal.companion import EPOCH_S, Companion, World
 from sitl.rehearsal.courses import Agenda
 from sitl.rehearsal.faults import WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
@@ -57,8 +57,8 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
-class Scenario:
-    """Flies one scene; a `World` for the companion's loop.
+class Scenario(World):
+    """Flies one scene, in which the companion's loop runs.
 
     Args:
         scene: What goes wrong.
@@ -75,14 +75,13 @@ class Scenario:
         mission: As it was at the start.
         seek: Who is sought.
         companion: That runs now; None: none.
-        now_s: Simulated seconds since the vehicle started.
     """
 
     def __init__(self, scene: Scene, path: Path) -> None:
+        super().__init__()
         self.scene = scene
         self.agenda = Agenda(scene.schedule())
         self._path = path
-        self.now_s = 0.0
         self.companion: Companion | None = None
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
         self._speaker = Sender(1, COMPANION)
@@ -206,7 +205,7 @@ class Scenario:
     # World
 
     def advance(self, until_s: float) -> list[Callable[[], object]]:
-        """Let time pass until then, or until there is something for the companion."""
+        """See `World`; the times are seconds since the vehicle started."""
         while True:
             stalled = self.now_s < self._stalled_until_s < math.inf
             if self._inbox and not stalled:

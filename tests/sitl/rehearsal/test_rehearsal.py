@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sitl.cli.rehearse_command import fly, table
-from sitl.rehearsal.companion import SimulatedLoop
+from sitl.rehearsal.companion import SimulatedLoop, World
 from sitl.rehearsal.courses import PHASES, ScheduledFault
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End
@@ -117,12 +117,11 @@ def test_faults_begin_in_every_phase_of_a_flight():
     )
 
 
-class Calendar:
+class Calendar(World):
     """A world in which one thing happens, at noon."""
 
-    now_s = 0.0
-
     def __init__(self, noon_s, happen):
+        super().__init__()
         self._noon_s = noon_s
         self._happen = happen
 
@@ -130,8 +129,7 @@ class Calendar:
         if self.now_s < self._noon_s <= until_s:
             self.now_s = self._noon_s
             return [self._happen]
-        self.now_s = until_s
-        return []
+        return super().advance(until_s)
 
 
 def test_a_simulated_loop_waits_without_waiting():
