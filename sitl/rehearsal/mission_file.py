@@ -15,12 +15,12 @@ from typing import Any, Final, NamedTuple
 
 import shapely
 import yaml
-from shapely.geometry.base import BaseGeometry
 
 from air_router.mission.loading import load_mission
 from geo.frame import Point
 from sitl.rehearsal.judge.evidence import Frame
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.judge.space import open_space
 from sitl.rehearsal.zone_terms import OVER_RALLY, WIDER_M, over_a_rally_point
 
 _HOME_CLEAR_M: Final = 8.0
@@ -52,8 +52,6 @@ _TRIES: Final = 120
 _ANOTHER, _ADDRESS = "zephyr", {"address": "127.0.1.99", "base_port": 30_000, "clients": []}
 _APART_M, _AROUND_M, _HOMES_M = 12.0, 18.0, 25.0
 """How far the layers of two UAVs are apart; waypoints, and the other home, at least from a home."""
-
-_FAR_M: Final = 2000.0
 
 
 class RehearsalFileError(Exception):
@@ -238,18 +236,9 @@ class FlyableSpace:
 
     def __init__(self, mission: RawMission) -> None:
         self.mission = mission
-
-        def kept(less_m: float) -> BaseGeometry:
-            """What is left to fly in."""
-            room = [a.polygon.buffer(less_m - a.clearance_m) for a in mission.cruised if a.fence]
-            zones = [a for a in mission.cruised if not a.fence]
-            everywhere = shapely.Point(0.0, 0.0).buffer(_FAR_M)
-            return shapely.intersection_all([everywhere, *room]).difference(
-                shapely.union_all([a.polygon.buffer(a.clearance_m - less_m) for a in zones])
-            )
-
-        self._clear, self._leaving = kept(-_MARGIN_M), kept(-_LEAVING_M)  # of goals; of ways
-        self._legal = kept(_SHORT_M)  # outside of it the judge calls a way bad
+        self._clear = open_space(mission.cruised, _MARGIN_M)  # of goals
+        self._leaving = open_space(mission.cruised, _LEAVING_M)  # of ways
+        self._legal = open_space(mission.cruised, -_SHORT_M)  # outside the judge calls a way bad
         shapely.prepare([self._clear, self._leaving, self._legal])
 
     def nearest(self, here: Pair) -> tuple[float, Pair]:

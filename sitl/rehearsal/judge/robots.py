@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.evidence import SceneEventKind
-from sitl.rehearsal.judge.mission_reader import Pair, RawMission
+from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.promises import Spell, spells_of
+from sitl.rehearsal.judge.space import open_space
 
 _SEEKS: Final = re.compile(r"\bSEARCH (\w+): ")
 _MET_S: Final = 1.0
@@ -172,7 +172,7 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
         places = [place for told in heard if (place := _place(case, told)) is not None]
         beside_m = _SLACK_M + float(case.off_m[index])
         if places:
-            clear = _clear(case.version_at(until_s).mission)
+            clear = open_space(case.version_at(until_s).mission.areas, _MARGIN_M)  # at any height
             off_m = min(
                 math.dist(here, place) - _FOLLOWS_M - clear.distance(shapely.Point(place))
                 for place in places
@@ -183,18 +183,6 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
             where = "where it said that it is" if places else "any waypoint, and it is not known"
             text = f"{stay.state} {robot} {off_m:.0f} m away from {where}"
             yield Violation(until_s, "contact", text)
-
-
-def _clear(mission: RawMission) -> BaseGeometry:
-    """Where one may hover, zones counting at any height."""
-    room: BaseGeometry = shapely.Point(0.0, 0.0).buffer(2 * _FARTHEST_M)
-    for area in mission.areas:
-        kept_m = area.clearance_m + _MARGIN_M
-        if area.fence:
-            room = room.intersection(area.polygon.buffer(-kept_m))
-        else:
-            room = room.difference(area.polygon.buffer(kept_m))
-    return room
 
 
 def only_named_robots_send_it(case: Case) -> Iterator[Violation]:

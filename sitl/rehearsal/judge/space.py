@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -159,19 +159,25 @@ def depths_m(area: Area, places: Floats) -> Floats:
     return -_rooms_m(area, shapely.points(places))
 
 
+def open_space(areas: Iterable[Area], more_m: float = 0.0) -> BaseGeometry:
+    """Where one may be with the clearance of all these areas kept, and so much more, in metres."""
+    fences, zones = [], []
+    for area in areas:
+        kept_m = area.clearance_m + more_m
+        if area.fence:
+            fences.append(area.polygon.buffer(-kept_m))
+        else:
+            zones.append(area.polygon.buffer(kept_m))
+    everywhere = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
+    return shapely.intersection_all([everywhere, *fences]).difference(shapely.union_all(zones))
+
+
 def leads_home(mission: RawMission, place: Pair) -> bool:
     """Whether zones and fences, and what is to be kept from them, leave a way home from there.
 
     Those that do not apply where it cruises, or not always, count as no obstacle.
     """
-    free: BaseGeometry = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
-    for area in mission.cruised:
-        if area.periods:
-            continue
-        if area.fence:
-            free = free.intersection(area.polygon.buffer(-area.clearance_m))
-        else:
-            free = free.difference(area.polygon.buffer(area.clearance_m))
+    free = open_space(area for area in mission.cruised if not area.periods)
     parts = [part for part in shapely.get_parts(free) if part.area > 0.0]
     here, home = shapely.Point(place), shapely.Point(0.0, 0.0)
     return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
