@@ -95,15 +95,15 @@ class MissionReporter:
 
     def step(self, now_s: float) -> list[Outgoing]:
         """What is to be sent now."""
-        result = self._autopilot.mission.result
+        mission = self._autopilot.mission
         messages: list[Outgoing] = []
-        if result.current != self._current:
-            self._current = result.current
+        if mission.index != self._current:
+            self._current = mission.index
             messages.append(self._mission_current())
-        if result.reached != self._reached:
-            self._reached, self._repeats = result.reached, 0
-            if result.reached >= 0:
-                messages.append(_item_reached(result.reached))
+        if mission.reached != self._reached:
+            self._reached, self._repeats = mission.reached, 0
+            if mission.reached >= 0:
+                messages.append(_item_reached(mission.reached))
         if not messages and now_s >= self._next_s:
             self._next_s = now_s + _PERIOD_S
             messages.append(self._mission_current())
@@ -131,16 +131,16 @@ class MissionReporter:
         )
 
     def _renew_state(self, count: int, *, active: bool) -> None:
-        result = self._autopilot.mission.result
-        if count == 0 or not result.valid:
+        mission = self._autopilot.mission
+        if count == 0 or not mission.valid:
             self._state = _NO_MISSION
-        elif result.finished:
+        elif mission.finished:
             self._state = _COMPLETE
         elif active:
             self._state = _ACTIVE
-        elif result.reached >= 0:
+        elif mission.reached >= 0:
             self._state = _PAUSED
-        elif result.current < 1:
+        elif mission.index < 1:
             self._state = _NOT_STARTED
 
 

@@ -12,12 +12,11 @@ from sitl.px4sim.failsafe import Action, Cause, Failsafe, Watchdog
 from sitl.px4sim.fence import Fence
 from sitl.px4sim.flight_modes import FlightModes, Sticks
 from sitl.px4sim.ground_contact import ArmingReason, GroundContact
-from sitl.px4sim.mission_flight import MissionFlight
+from sitl.px4sim.mission_flight import MissionFlight, PlanIntake
 from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
 from sitl.px4sim.parameters import Parameters
-from sitl.px4sim.plan_intake import PlanIntake
 from sitl.px4sim.plan_store import PlanStore
 from sitl.px4sim.positioning import Positioning
 from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation
@@ -286,19 +285,19 @@ class Autopilot:
                 situation.speed_m_s = None
                 flight.activate(situation)
             if self.mode in (FlightMode.AUTO_TAKEOFF, FlightMode.AUTO_LAND) and self.armed:
-                self.mission.result.finished = False
+                self.mission.finished = False
         situation.setpoint = Setpoint() if flight is None else flight.update(situation)
         self._complete_mode()
         self._move(step_s)
 
     def _complete_mode(self) -> None:
         """A take-off or a mission that has ended goes over into Hold."""
-        flown, result, landed = self.flying_mode, self.mission.result, self.situation.landed
+        flown, mission, landed = self.flying_mode, self.mission, self.situation.landed
         took_off = flown is FlightMode.AUTO_TAKEOFF and self.modes.takeoff.done
         if took_off or (flown is FlightMode.AUTO_LAND and landed):
-            result.finished = True
+            mission.finished = True
         flies_mission = flown is self.intended is FlightMode.AUTO_MISSION and not landed
-        if took_off or (flies_mission and result.finished):
+        if took_off or (flies_mission and mission.finished):
             self.request_mode(FlightMode.AUTO_LOITER, forced=True)
 
     def _move(self, step_s: float) -> None:
@@ -330,7 +329,7 @@ class Autopilot:
             self._set_home_here()
         if not self.armed or not situation.landed:
             return
-        in_mission = self.mode is FlightMode.AUTO_MISSION and not self.mission.result.finished
+        in_mission = self.mode is FlightMode.AUTO_MISSION and not self.mission.finished
         reason = self._ground.disarm_due(situation, in_mission=in_mission)
         if reason is not None:
             self.disarm(reason)

@@ -8,7 +8,7 @@ from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.ground_contact import ArmingReason
-from sitl.px4sim.plan_store import positive
+from sitl.px4sim.plan_store import MissionType, positive
 from sitl.px4sim.state import FlightMode, Severity, UnsupportedAutoModeError, requested_mode
 
 _log = logging.getLogger(__name__)
@@ -143,16 +143,15 @@ class Commands:
 
     def _start_mission(self, params: Params) -> CommandResult:
         autopilot = self._autopilot
-        result = autopilot.mission.result
-        if not result.valid:
+        if not autopilot.mission.valid:
             autopilot.situation.say(
                 "Mission start denied! No valid mission",
                 "commander_mission_start_denied_no_mission",
                 Severity.CRITICAL,
             )
             return CommandResult.DENIED
-        first = params[0]
-        if not math.isfinite(first) or not -1 <= first < result.total:
+        first, count = params[0], len(autopilot.plan.items(MissionType.MISSION))
+        if not math.isfinite(first) or not -1 <= first < count:
             return CommandResult.DENIED
         if first >= 0:
             autopilot.plan.set_current(int(first))

@@ -168,7 +168,7 @@ class FlightModes:
         if mode not in self.flights or _lacks_position(mode, situation):
             return False
         if mode is FlightMode.AUTO_MISSION:
-            return self._mission.result.valid
+            return self._mission.valid
         if mode is FlightMode.AUTO_RTL:
             return situation.home is not None
         return not mode.needs_pilot or self.pilot.present(situation)

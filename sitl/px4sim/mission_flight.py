@@ -1,56 +1,49 @@
-"""Flying a mission: PX4's AUTO.MISSION, item by item.
+"""Missions: how a stored one is taken up, and flown item by item in PX4's AUTO.MISSION.
 
-Pure. What matters to a controller that jumps between waypoints: an item without `autocontinue`
+What matters to a controller that jumps between waypoints: an item without `autocontinue`
 is flown to, reported reached and held at; a jump flies straight from wherever the vehicle is;
 from item to item the vehicle follows the connecting line.
 """
 
 import math
 import struct
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
-from sitl.px4sim.auto_modes import Flight, go_to
+from sitl.px4sim.auto_modes import Flight, ReturnFlight, go_to
+from sitl.px4sim.fence import Fence
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
-from sitl.px4sim.plan_store import FRAME_RELATIVE, Command, MissionItem, positive
-from sitl.px4sim.state import FlightMode, Situation
+from sitl.px4sim.plan_store import (
+    FRAME_RELATIVE,
+    Command,
+    MissionItem,
+    MissionType,
+    PlanStore,
+    positive,
+)
+from sitl.px4sim.state import FlightMode, Severity, Situation
 
 _HOME_MOVED_M: Final = 0.05
-
-
-@dataclass(slots=True)
-class MissionResult:
-    """What the mission says of itself.
-
-    Attributes:
-        valid: Whether the stored mission can be flown.
-        finished: Whether it, or a take-off, or a landing, is at its end.
-        current: Index of the current item.
-        reached: Index of the item reached last, -1 if none.
-        total: Number of items.
-    """
-
-    valid: bool = False
-    finished: bool = False
-    current: int = 0
-    reached: int = -1
-    total: int = 0
+_LEAST_CLIMB_M: Final = 1e-6
 
 
 class MissionFlight(Flight):
     """Executes the stored mission.
 
     Attributes:
-        result: What is published of it.
-        under_way: Whether items are being flown: the mode is active and not at the mission's end.
         index: The current item; kept within the list.
+        valid: Whether the stored mission can be flown.
+        finished: Whether it, or a take-off, or a landing, is at its end.
+        reached: Index of the item reached last, -1 if none.
+        under_way: Whether items are being flown: the mode is active and not at the mission's end.
     """
 
     def __init__(self) -> None:
         self._items: tuple[MissionItem, ...] = ()
         self.index = 0
-        self.result = MissionResult()
-        self.under_way = False
+        self.valid = self.finished = self.under_way = False
+        self.reached = -1
         self._activated = False  # Mission mode was entered with this mission
         self._disarmed_since = False  # since then: at its end it begins anew
         self._item: MissionItem | None = None  # that is flown; None: at the end
@@ -69,21 +62,17 @@ class MissionFlight(Flight):
         self._items, self.index = items, max(0, min(index, len(items) - 1))
         self._activated = self.under_way
         self.judge(valid=valid)
-        self.result.finished = False
+        self.finished = False
 
     def judge(self, *, valid: bool) -> None:
         """Renew the verdict on the stored mission."""
-        self.result.valid = valid
-        self.result.total = len(self._items)
-        self.result.reached = -1
-        self.result.current = self.index
+        self.valid, self.reached = valid, -1
 
     def jump(self, index: int, situation: Situation) -> None:
         """MISSION_SET_CURRENT: fly there at once if a mission is being flown."""
-        self.index = self.result.current = index
-        self.result.reached = -1
+        self.index, self.reached = index, -1
         if self.under_way:
-            self.result.finished = False
+            self.finished = False
             self._set_item(situation, previous=None)
 
     def activate(self, situation: Situation) -> None:
@@ -117,7 +106,7 @@ class MissionFlight(Flight):
 
     def begin(self, situation: Situation) -> None:
         """Fly the current item, also anew after the plan was replaced in flight."""
-        if not self._items or not self.result.valid:
+        if not self._items or not self.valid:
             words = "refusing takeoff" if situation.landed else "loitering"
             event = "mission_not_valid_refuse" if situation.landed else "mission_not_valid_loiter"
             situation.say(f"No valid mission available, {words}", event)
@@ -126,7 +115,7 @@ class MissionFlight(Flight):
         if not self.under_way:
             situation.say("Executing Mission", "mission_execute")
         self.under_way = True
-        self.result.finished, self.result.reached = False, -1
+        self.finished, self.reached = False, -1
         self._set_item(situation, previous=None)
 
     def _prepare_climb(self, situation: Situation) -> None:
@@ -150,7 +139,6 @@ class MissionFlight(Flight):
 
     def _set_item(self, situation: Situation, previous: tuple[float, float] | None) -> None:
         """Make the current item the one that is flown."""
-        self.result.current = self.index
         item = self._items[self.index]
         self._item = item
         self._reached_s = None
@@ -242,7 +230,7 @@ class MissionFlight(Flight):
         if self._moving_to_land:
             self._set_item(situation, previous=None)
             return
-        self.result.reached = self.index
+        self.reached = self.index
         item, self._reached_s = self._item, None
         if item is not None and item.autocontinue:
             self._advance(situation)
@@ -260,8 +248,99 @@ class MissionFlight(Flight):
     def _end(self, situation: Situation) -> None:
         self.under_way = False
         self._item, self._climb = None, None
-        self.result.finished = True
+        self.finished = True
         if situation.landed:
             self._target = Setpoint()
         elif self._target.kind is not SetpointKind.POSITION:
             self._target = go_to(*situation.here, situation.altitude_m, situation)
+
+
+class PlanIntake:
+    """Hands the stored plan to those who fly by it, when it has changed.
+
+    A mission is checked when it is taken up, not when it is uploaded; what is wrong is said then.
+    """
+
+    def __init__(
+        self, plan: PlanStore, fence: Fence, mission: MissionFlight, returning: ReturnFlight
+    ) -> None:
+        self._plan = plan
+        self._fence = fence
+        self._mission = mission
+        self._return = returning
+        self._revision = 0  # of the plan store, when it was looked at last
+        self._mission_id = 0  # checksum of the mission that is loaded; 0: none
+
+    def step(self, situation: Situation) -> None:
+        """Look for changes."""
+        plan, mission = self._plan, self._mission
+        fence_loaded = self._fence.load_if_due(situation)
+        if plan.revision != self._revision:
+            self._revision = plan.revision
+            self._return.rally_points = tuple(
+                situation.projection.to_local(*item.degrees)
+                for item in plan.items(MissionType.RALLY)
+            )
+            identifier = plan.identifier(MissionType.MISSION)
+            if identifier != self._mission_id:
+                self._mission_id = identifier
+                self._load(situation)
+            elif plan.current is not None and plan.current != mission.index:
+                mission.jump(plan.current, situation)
+            plan.current = None
+        if fence_loaded:
+            mission.judge(valid=self._feasible(situation))
+            if mission.under_way:
+                mission.begin(situation)
+        plan.active = mission.index
+
+    def _load(self, situation: Situation) -> None:
+        """A mission that replaces one in flight is flown on with, from the index it has.
+
+        While a fence is being loaded the verdict on the mission has to wait.
+        """
+        mission = self._mission
+        index = mission.index if self._plan.current is None else self._plan.current
+        was_under_way = mission.under_way
+        items = self._plan.items(MissionType.MISSION)
+        valid = mission.valid if self._fence.loading else self._feasible(situation)
+        mission.load(items, index, valid=valid and bool(items))
+        if was_under_way:
+            mission.begin(situation)
+
+    def _feasible(self, situation: Situation) -> bool:
+        """Check the mission and say what is wrong; a leg across a fence is not looked at."""
+        items = self._plan.items(MissionType.MISSION)
+        faults = [*_faults(items, situation)] if items else []
+        for event, arguments in faults:
+            situation.say("", event, Severity.ERROR, None, arguments)
+        return bool(items) and not faults and self._fence_kept(items, situation)
+
+    def _fence_kept(self, items: tuple[MissionItem, ...], situation: Situation) -> bool:
+        to_local = situation.projection.to_local
+        for number, item in enumerate(items, 1):
+            if item.has_position and not self._fence.encloses(*to_local(*item.degrees)):
+                situation.say(
+                    f"Geofence violation for waypoint {number}",
+                    "navigator_mis_geofence_violation",
+                    Severity.CRITICAL,
+                    Severity.ERROR,
+                    struct.pack("<h", min(number, 32767)),
+                )
+                return False
+        return True
+
+
+def _faults(items: tuple[MissionItem, ...], situation: Situation) -> Iterator[tuple[str, bytes]]:
+    """Why items cannot be flown: PX4's events, with arguments; PX4 1.17 has no texts for these."""
+    if items[0].command == Command.NAV_LAND and situation.landed:
+        yield "navigator_mis_starts_w_landing", b""
+        return
+    for index, item in enumerate(items):
+        if item.command != Command.NAV_TAKEOFF:
+            continue
+        offset_m = 0.0 if item.frame == FRAME_RELATIVE else situation.home_altitude_m
+        if item.z - offset_m < _LEAST_CLIMB_M:
+            yield "navigator_mis_takeoff_too_low", struct.pack("<f", offset_m)
+        elif any(before.command != Command.DO_CHANGE_SPEED for before in items[:index]):
+            yield "navigator_mis_takeoff_not_first", b""
