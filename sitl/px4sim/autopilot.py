@@ -8,17 +8,16 @@ from dataclasses import replace
 from typing import Final
 
 from sitl.px4sim.auto_modes import go_to
+from sitl.px4sim.estimation import ArmingReason, GroundContact, Positioning
 from sitl.px4sim.failsafe import Action, Cause, Failsafe, Watchdog
 from sitl.px4sim.fence import Fence
 from sitl.px4sim.flight_modes import FlightModes, Sticks
-from sitl.px4sim.ground_contact import ArmingReason, GroundContact
 from sitl.px4sim.mission_flight import MissionFlight, PlanIntake
 from sitl.px4sim.motion.disturbances import EstimateErrors, Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
 from sitl.px4sim.parameters import Parameters
 from sitl.px4sim.plan_store import PlanStore
-from sitl.px4sim.positioning import Positioning
 from sitl.px4sim.state import FlightMode, MapProjection, Notice, Place, Severity, Situation
 
 HOME_AFTER_S: Final = 2.2

@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.ground_contact import ArmingReason
+from sitl.px4sim.estimation import ArmingReason
 from sitl.px4sim.plan_store import MissionType, positive
 from sitl.px4sim.state import FlightMode, Severity, UnsupportedAutoModeError, requested_mode
 
