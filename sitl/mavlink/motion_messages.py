@@ -1,6 +1,7 @@
 """Messages about where the vehicle is and how it moves: the estimate's, and the truth's.
 
-Each function makes the fields of the message that is called as it is; None: nothing to say.
+Each function makes the fields of the message that is called as it is, but for the vehicle's clock;
+None: nothing to say.
 """
 
 import math
@@ -18,16 +19,6 @@ _GLOBAL_INT: Final = 5  # MAV_FRAME
 Fields = dict[str, Any]
 
 
-def boot_ms(autopilot: Autopilot) -> int:
-    """time_boot_ms."""
-    return round(autopilot.time_s * 1e3)
-
-
-def boot_us(autopilot: Autopilot) -> int:
-    """time_usec."""
-    return round(autopilot.time_s * 1e6)
-
-
 def gps_raw_int(autopilot: Autopilot) -> Fields:
     """What the receiver says: the truth and its own noise, not the estimate."""
     airframe, noise = autopilot.airframe, autopilot.errors.sensor_noise
@@ -39,7 +30,6 @@ def gps_raw_int(autopilot: Autopilot) -> Fields:
     satellites = int(autopilot.parameters.limited("SIM_GPS_USED", 0, 254))
     fix = satellites >= FEWEST_SATELLITES
     return {
-        "time_usec": boot_us(autopilot),
         "fix_type": 3 if fix else 0,
         "lat": latitude,
         "lon": longitude,
@@ -60,7 +50,6 @@ def attitude(autopilot: Autopilot) -> Fields:
     """In radians."""
     roll, pitch, yaw = autopilot.airframe.attitude_rad()
     return {
-        "time_boot_ms": boot_ms(autopilot),
         "roll": roll,
         "pitch": pitch,
         "yaw": yaw,
@@ -73,7 +62,6 @@ def local_position_ned(autopilot: Autopilot) -> Fields:
     situation = autopilot.situation
     north, east, up = situation.velocity_m_s
     return {
-        "time_boot_ms": boot_ms(autopilot),
         "x": situation.north_m,
         "y": situation.east_m,
         "z": autopilot.place.altitude_m - situation.altitude_m,
@@ -91,7 +79,6 @@ def global_position_int(autopilot: Autopilot) -> Fields | None:
     latitude, longitude = _degrees_e7(autopilot, *situation.here)
     north, east, up = situation.velocity_m_s
     return {
-        "time_boot_ms": boot_ms(autopilot),
         "lat": latitude,
         "lon": longitude,
         "alt": _int32(situation.altitude_m * 1e3),
@@ -118,7 +105,6 @@ def position_target_global_int(autopilot: Autopilot) -> Fields | None:
         return None
     latitude, longitude = _degrees_e7(autopilot, north_m, east_m)
     return {
-        "time_boot_ms": boot_ms(autopilot),
         "coordinate_frame": _GLOBAL_INT,
         "lat_int": latitude,
         "lon_int": longitude,
@@ -145,7 +131,6 @@ def altitude(autopilot: Autopilot) -> Fields:
     """In metres; nothing is known of the terrain."""
     situation = autopilot.situation
     return {
-        "time_usec": boot_us(autopilot),
         "altitude_monotonic": situation.altitude_m,
         "altitude_amsl": situation.altitude_m,
         "altitude_local": situation.altitude_m - autopilot.place.altitude_m,
@@ -160,7 +145,6 @@ def wind_cov(autopilot: Autopilot) -> Fields | None:
     if autopilot.parameters["EKF2_DRAG_CTRL"] == 0 or autopilot.situation.landed:
         return None
     return {
-        "time_usec": boot_us(autopilot),
         "wind_x": autopilot.wind.north_m_s,
         "wind_y": autopilot.wind.east_m_s,
         "var_horiz": 0.2,
@@ -182,7 +166,6 @@ def home_position(autopilot: Autopilot) -> Fields | None:
         "y": situation.home[1],
         "z": autopilot.place.altitude_m - situation.home_altitude_m,
         "q": (1.0, 0.0, 0.0, 0.0),
-        "time_usec": boot_us(autopilot),
     }
 
 
@@ -192,7 +175,6 @@ def hil_state_quaternion(autopilot: Autopilot) -> Fields:
     latitude, longitude = _degrees_e7(autopilot, airframe.north_m, airframe.east_m)
     speed = _uint16(math.hypot(airframe.velocity_north_m_s, airframe.velocity_east_m_s) * 100)
     return {
-        "time_usec": boot_us(autopilot),
         "attitude_quaternion": _quaternion(*airframe.attitude_rad()),
         "lat": latitude,
         "lon": longitude,

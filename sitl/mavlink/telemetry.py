@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from sitl.mavlink import motion_messages as motion
-from sitl.mavlink.codec import Outgoing
-from sitl.mavlink.motion_messages import Fields, boot_ms, boot_us
+from sitl.mavlink.codec import DEFINITIONS, Outgoing
+from sitl.mavlink.motion_messages import Fields
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import FlightMode
 
@@ -113,7 +113,6 @@ def flight_information(autopilot: Autopilot) -> Fields:
     """Since when it flies, in microseconds since the start; 0: it does not."""
     took_off_s = autopilot.situation.took_off_s
     return {
-        "time_boot_ms": boot_ms(autopilot),
         "takeoff_time_utc": round((took_off_s or 0.0) * 1e6) if autopilot.armed else 0,
     }
 
@@ -133,12 +132,12 @@ def autopilot_version(autopilot: Autopilot) -> Fields:
 def system_time(autopilot: Autopilot) -> Fields:
     """Unix time of the simulation."""
     unix_s = autopilot.start_unix_s + autopilot.time_s
-    return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": boot_ms(autopilot)}
+    return {"time_unix_usec": round(unix_s * 1e6)}
 
 
 def timesync(autopilot: Autopilot) -> Fields:
     """A question for the time of the other side."""
-    return {"ts1": boot_us(autopilot) * 1000}
+    return {"ts1": round(autopilot.time_s * 1e6) * 1000}
 
 
 def current_event_sequence(autopilot: Autopilot) -> Fields:
@@ -178,6 +177,8 @@ _MESSAGES: Final[Mapping[str, _Message]] = {
     "FLIGHT_INFORMATION": _Message(flight_information),
     "AUTOPILOT_VERSION": _Message(autopilot_version),
 }
+_CLOCKS: Final = {"time_boot_ms": 1e3, "time_usec": 1e6}  # of a second, since the start
+_CLOCK_FIELDS: Final = {n: _CLOCKS.keys() & DEFINITIONS[n].defaults.keys() for n in _MESSAGES}
 ONBOARD_RATES_HZ: Final = {n: m.onboard_hz for n, m in _MESSAGES.items() if m.onboard_hz}
 GROUND_RATES_HZ: Final = {n: m.ground_hz for n, m in _MESSAGES.items() if m.ground_hz}
 TRUTH_RATES_HZ: Final = {n: m.truth_hz for n, m in _MESSAGES.items() if m.truth_hz}
@@ -191,7 +192,10 @@ def knows(name: str) -> bool:
 def message(name: str, autopilot: Autopilot) -> Outgoing | None:
     """The message as it is now; None if there is nothing to say yet."""
     fields = _MESSAGES[name].fields(autopilot)
-    return None if fields is None else Outgoing(name, fields)
+    if fields is None:
+        return None
+    clock = {field: round(autopilot.time_s * _CLOCKS[field]) for field in _CLOCK_FIELDS[name]}
+    return Outgoing(name, fields | clock)
 
 
 class StreamSchedule:
