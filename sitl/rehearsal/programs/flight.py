@@ -11,6 +11,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -54,10 +55,11 @@ _OLD_S: Final = 2.0
 _STATE: Final = re.compile(r"-> ([A-Z]+)")
 
 
+@dataclass(eq=False)
 class RealFlight:
     """One flight of a scene.
 
-    Args:
+    Attributes:
         scene: What goes wrong.
         path: Of the mission file.
         speed: Times real time.
@@ -65,20 +67,14 @@ class RealFlight:
         companion: How the `air-router` begins that is judged; for one not ours nothing waits.
     """
 
-    def __init__(
-        self,
-        scene: WireScene,
-        path: Path,
-        speed: float = SPEED,
-        px4: str | None = None,
-        companion: Sequence[str] = OURS,
-    ) -> None:
-        self.scene = scene
-        self._path = path
-        self._speed = speed
-        self._px4 = px4
-        self._program = companion
-        self._agenda = Agenda(scene.schedule())
+    scene: WireScene
+    path: Path
+    speed: float = SPEED
+    px4: str | None = None
+    companion: Sequence[str] = OURS
+
+    def __post_init__(self) -> None:
+        self._agenda = Agenda(self.scene.schedule())
         self._pending = bool(self._agenda.left)  # something is to happen, and nothing of it has
         self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
         self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
@@ -97,12 +93,12 @@ class RealFlight:
             contextlib.ExitStack() as stack,
         ):
             folder = Path(name)
-            file = self._file = hurry(self._path, folder)
+            file = self._file = hurry(self.path, folder)
             port = free_port()
-            programs = self._programs = Programs(self.scene, file.path, self._speed, self._px4)
+            programs = self._programs = Programs(self.scene, file.path, self.speed, self.px4)
             stack.callback(programs.end_vehicles)
-            ports = programs.start_px4() if self._px4 is not None else (0, 0)
-            relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
+            ports = programs.start_px4() if self.px4 is not None else (0, 0)
+            relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self.speed))
             self._relay = programs.relay = relay
             self._seen = relay.recording
             relay.hold, relay.weather = programs.hold, Weather(loss=self.scene.most("loss"))
@@ -111,8 +107,8 @@ class RealFlight:
                 *(str(file.path), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if self.scene.meets else DURATION_S}",
             ]
-            if self._program == OURS and not self.scene.deafens:
-                self._arguments.append(f"--pace-from={programs.pace_source},{self._speed:g}")
+            if self.companion == OURS and not self.scene.deafens:
+                self._arguments.append(f"--pace-from={programs.pace_source},{self.speed:g}")
             if self.scene.meets:
                 self._arguments.append(stack.enter_context(programs.team(folder)))
             return self._flown()
@@ -120,7 +116,7 @@ class RealFlight:
     def _flown(self) -> Evidence:
         text = self._file.text  # it may be changed in flight
         self._start("--arm", "--yes")
-        if self._px4 is None:
+        if self.px4 is None:
             self._programs.start_vehicle()
         try:
             wait_until(lambda: self._seen.armed or self._companion.ended, STARTS_S)
@@ -133,14 +129,14 @@ class RealFlight:
         taken = any(seen.told(SceneEventKind.PILOT, SceneEventKind.DISARMED))
         nothing = self._pending or (self.scene.fault in _NEED and not taken)  # has gone wrong
         return seen.evidence(
-            scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
+            scene=f"{self.scene}{' on PX4' if self.px4 else ' over MAVLink'}",
             faults=frozenset({"NONE"}) if nothing else self.scene.judged,
             mission_path=self._file.path,
             mission_text=text,
             exit_code=code,
             outcome=self._companion.outcome,
-            reaction_s=1.0 + _REACTS_S * self._speed,
-            speed=self._speed,
+            reaction_s=1.0 + _REACTS_S * self.speed,
+            speed=self.speed,
             tells_meetings=False,
             pace=self._relay.pace(),
         )
@@ -249,7 +245,7 @@ class RealFlight:
     def do_stream(self, value: tuple[tuple[str, ...], StreamFault, float]) -> None:
         """One stream, or all of them, are lost, frozen or late for so long."""
         names, kind, lasts_s = value
-        self._relay.weather.late_s = _OLD_S / self._speed
+        self._relay.weather.late_s = _OLD_S / self.speed
         self._relay.weather.streams = dict.fromkeys(names or ("",), kind)
         self._note(SceneEventKind.FAULT, kind.value)
         self._later(lasts_s, "stream over")
@@ -346,4 +342,4 @@ class RealFlight:
     def _start(self, *how: str) -> None:
         self._note(SceneEventKind.STARTED)
         arguments, folder = [*self._arguments, *how], self._file.path.parent
-        self._companion = Companion(self._program, arguments, folder, lambda: self._seen.time_s)
+        self._companion = Companion(self.companion, arguments, folder, lambda: self._seen.time_s)

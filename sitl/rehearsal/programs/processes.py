@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -170,26 +171,25 @@ def draw_zone(file: MissionFile, dice: random.Random) -> None:
     file.circle(dice.choice(far), _ZONE_M)
 
 
+@dataclass(eq=False)
 class Programs:
     """The vehicles and robots of one flight.
 
-    Args:
+    Attributes:
         scene: What goes wrong.
         mission: The file that they start with.
         speed: Times real time.
         px4: Where a real PX4 is; None: `sitl vehicle`.
-
-    Attributes:
         relay: Between them and the companion; set before any but a PX4 is started.
     """
 
-    relay: LossyRelay
+    scene: WireScene
+    mission: Path
+    speed: float
+    px4: str | None
+    relay: LossyRelay = field(init=False)
 
-    def __init__(self, scene: WireScene, mission: Path, speed: float, px4: str | None) -> None:
-        self._scene = scene
-        self._mission = mission
-        self._speed = speed
-        self._px4 = px4
+    def __post_init__(self) -> None:
         self._vehicles: list[Child] = []  # those that run, the first and one on the same radio
         self._started = 0  # programs so far
         self._instance = 0  # of the first PX4: it is started anew as the same
@@ -198,12 +198,12 @@ class Programs:
     def start_vehicle(self) -> None:
         """Start `sitl vehicle`."""
         more = []
-        if self._scene.fault is Fault.GUSTS:
-            dice = self._scene.chance("wind")
+        if self.scene.fault is Fault.GUSTS:
+            dice = self.scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
         self._start_ours(
-            *(f"--seed={self._scene.seed}", f"--epoch={EPOCH}", *more),
+            *(f"--seed={self.scene.seed}", f"--epoch={EPOCH}", *more),
             f"--truth-to=127.0.0.1:{self.relay.truth_port}",
         )
 
@@ -220,18 +220,18 @@ class Programs:
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def _start_px4(self, *more: str) -> dict[str, Any]:
-        ready = self._start("px4", f"--px4={self._px4}", *more)
+        ready = self._start("px4", f"--px4={self.px4}", *more)
         self._brakes.append(ProcessPause(ready["process_id"]))
         return ready
 
     def _start(self, command: str, *options: str) -> dict[str, Any]:
         """Start a vehicle; what it says when it is ready."""
-        self._vehicles.append(self._child(command, f"--speed={self._speed:g}", *options))
+        self._vehicles.append(self._child(command, f"--speed={self.speed:g}", *options))
         return self._vehicles[-1].ready()
 
     def start_again(self) -> None:
         """The vehicle that has ended is started anew on the same link."""
-        if self._px4 is None:
+        if self.px4 is None:
             self.start_vehicle()
         else:
             instance = f"--instance={self._instance}"
@@ -239,7 +239,7 @@ class Programs:
 
     def start_second_vehicle(self) -> None:
         """Start another one, whose messages come over the same radio."""
-        if self._px4 is None:
+        if self.px4 is None:
             self._start_ours("--instance=1", f"--truth-to=127.0.0.1:{free_port()}")
         else:
             self.relay.listen(port_of(self._start_px4()["mavlink"]))
@@ -281,5 +281,5 @@ class Programs:
     def _child(self, command: str, *options: str) -> Child:
         """A command of `sitl` about the mission, started."""
         self._started += 1
-        log = self._mission.parent / f"{command}-{self._started}.log"
-        return Child(command, [command, str(self._mission), *options], log)
+        log = self.mission.parent / f"{command}-{self._started}.log"
+        return Child(command, [command, str(self.mission), *options], log)
