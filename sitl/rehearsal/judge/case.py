@@ -12,7 +12,6 @@ from typing import Final, NamedTuple
 
 from sitl.rehearsal.judge.acceptance import accepted
 from sitl.rehearsal.judge.evidence import (
-    AUTOPILOT,
     COMPANION,
     MISSION,
     REPOSITION,
@@ -199,11 +198,7 @@ class Case(Track):
     def _heard_of_s(self, taking: SceneEvent) -> float:
         """When the companion heard that the vehicle goes elsewhere; infinite: never."""
         name, fields = _TELLS[str(taking.value)]
-        told = [
-            (message.time_s, [message.fields.get(field) for field in fields])
-            for message in self.evidence.heard
-            if message.name == name and message.component == AUTOPILOT
-        ]
+        told = [(m.time_s, [m.fields.get(field) for field in fields]) for m in self.heard(name)]
         before = next((to for time_s, to in reversed(told) if time_s < taking.time_s), None)
         later = (time_s for time_s, to in told if time_s >= taking.time_s and to != before)
         return next(later, math.inf)
@@ -211,17 +206,15 @@ class Case(Track):
     def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""
         kinds = {SceneEventKind.REQUEST} | ({SceneEventKind.STARTED} if restarted else set())
-        asked_s = next(
-            (
-                h.time_s
-                for h in self.evidence.told(*kinds)
-                if h.time_s > since_s
-                and (h.what is SceneEventKind.STARTED or (_resumes(h) and self._free(h.time_s)))
-            ),
-            math.inf,
-        )
+        later = (h for h in self.evidence.told(*kinds) if h.time_s > since_s)
+        asked_s = next((h.time_s for h in later if self._gives_back(h)), math.inf)
         moved = (m.time_s for m in self.commands if m.time_s >= asked_s and is_motion(m))
         return next((at_s for at_s in moved if self._free(at_s)), math.inf)
+
+    def _gives_back(self, asked: SceneEvent) -> bool:
+        """Whether by this start, or request, the vehicle is to be the companion's again."""
+        resumes = asked.what is SceneEventKind.STARTED
+        return resumes or (str(asked.value).split()[0] in _RESUMING and self._free(asked.time_s))
 
     def _free(self, time_s: float) -> bool:
         """Whether the vehicle can be given back: its mode, no failsafe, not near a higher layer."""
@@ -272,6 +265,10 @@ class Case(Track):
         found = [m for at_s, text in self.said if at_s <= time_s and (m := _STATE.search(text))]
         return found[-1].group(1) if found else ""
 
+    def heard(self, name: str) -> list[WireMessage]:
+        """The messages of a name that reached the companion."""
+        return [message for message in self.evidence.heard if message.name == name]
+
     def has_said(self, words: str, begin_s: float, end_s: float) -> bool:
         """Whether a line that matches was announced from then to then."""
         lines = (text for at_s, text in self.said if begin_s <= at_s <= end_s)
@@ -285,7 +282,3 @@ class Case(Track):
 
 Rule = Callable[[Case], Iterator[Violation]]
 """Sees a flight, and yields what must not be."""
-
-
-def _resumes(happening: SceneEvent) -> bool:
-    return str(happening.value).split()[0] in _RESUMING

@@ -82,11 +82,8 @@ def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
 
 def _heartbeats_s(case: Case) -> list[float]:
     """When the vehicle's heartbeats left that reached the companion."""
-    return [
-        message.time_s
-        for message in case.evidence.messages
-        if message.name == "HEARTBEAT" and message.component == AUTOPILOT and message.delivered
-    ]
+    hearts = (m for m in case.evidence.messages if m.name == "HEARTBEAT" and m.delivered)
+    return [heart.time_s for heart in hearts if heart.component == AUTOPILOT]
 
 
 def it_is_armed_once_and_not_disarmed_in_the_air(case: Case) -> Iterator[Violation]:
@@ -158,7 +155,8 @@ def nothing_is_repeated_over_a_choice(case: Case) -> Iterator[Violation]:
             heard = bisect_right(hearts_s, message.time_s)
             stale = message.time_s - (hearts_s[heard - 1] if heard else 0.0) > fresh_s
             recent = [m for m in before if message.time_s - m.time_s < _REPEATS_S]
-            again = any(_same(m, message) for m in recent)
+            plain = _plain(message, "confirmation")
+            again = any(_plain(m, "confirmation") == plain for m in recent)
             if message.time_s > choice.time_s and stale and again:
                 text = f"{message.name} sent again over a choice"
                 yield Violation(message.time_s, "repeat", text)
@@ -271,7 +269,3 @@ def _plain(message: WireMessage, *but: str) -> dict[str, str]:
     """A message as text, in which what is not a number is equal to itself."""
     fields = {name: repr(value) for name, value in message.fields.items() if name not in but}
     return {"": message.name, **fields}
-
-
-def _same(one: WireMessage, other: WireMessage) -> bool:
-    return _plain(one, "confirmation") == _plain(other, "confirmation")

@@ -10,7 +10,7 @@ from typing import Final
 
 from sitl.rehearsal.judge.case import Case, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stops
-from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage, number
+from sitl.rehearsal.judge.evidence import SceneEventKind, number
 
 _HOME_UP_M: Final = 3.0
 """A home that is moved up or down by so much changes what the plan's heights mean."""
@@ -38,13 +38,9 @@ _SPOILT: Final = frozenset({"LOST_FIX", "BRIEF_STREAM", "OLD"})
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
 
 
-def _positions(case: Case) -> list[WireMessage]:
-    return [m for m in case.evidence.heard if m.name == "GLOBAL_POSITION_INT"]
-
-
 def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:
     """An altitude that no vehicle can have flown to is told, and the vehicle stops."""
-    for before, message in pairwise(_positions(case)):
+    for before, message in pairwise(case.heard("GLOBAL_POSITION_INT")):
         seconds = (message.fields["time_boot_ms"] - before.fields["time_boot_ms"]) / 1e3
         jump_m = abs(message.fields["alt"] - before.fields["alt"]) / 1e3
         if not 0.0 < seconds <= 1.0 or jump_m <= _JUMP_M + _CLIMB_M_S * seconds:

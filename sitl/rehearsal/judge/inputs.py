@@ -189,10 +189,6 @@ def _news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]
 # What they say.
 
 
-def _heard(case: Case, name: str) -> list[WireMessage]:
-    return [message for message in case.evidence.heard if message.name == name]
-
-
 def _spans(
     messages: Sequence[WireMessage], holds: Iterable[Any], pause_s: float = 0.0
 ) -> Iterator[Span]:
@@ -210,7 +206,7 @@ def _spans(
 
 def a_lost_fix_is_held_for(case: Case) -> Iterator[Violation]:
     """Without a fix of its GPS the vehicle stands, and that is said."""
-    messages = _heard(case, "GPS_RAW_INT")
+    messages = case.heard("GPS_RAW_INT")
     bad = [number(m.fields, "fix_type") < _FIX_3D for m in messages]
     for begin_s, end_s in _spans(messages, bad, _FLICKERS_S):
         news, due_s = News(begin_s, "GPS lost its fix"), begin_s + _NO_FIX_S + case.reacts_s
@@ -227,7 +223,7 @@ def a_lost_fix_is_held_for(case: Case) -> Iterator[Violation]:
 
 def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
     """A battery that is at its reserve is told, and the vehicle comes home."""
-    messages, reserve = _heard(case, "SYS_STATUS"), case.mission.battery_reserve * 100.0
+    messages, reserve = case.heard("SYS_STATUS"), case.mission.battery_reserve * 100.0
     low = [0 <= number(m.fields, "battery_remaining") <= reserve for m in messages]
     lost = _blind(_gaps(case))
     for begin_s, end_s in _spans(messages, low):
@@ -255,7 +251,7 @@ def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
 
 def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
     """When a failsafe of the autopilot acts, that is said."""
-    messages = _heard(case, "HEARTBEAT")
+    messages = case.heard("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):
         due_s = begin_s + case.reacts_s
@@ -298,7 +294,7 @@ def _near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[
 
     None: than the clearance, by far.
     """
-    messages = _heard(case, "GLOBAL_POSITION_INT")
+    messages = case.heard("GLOBAL_POSITION_INT")
     if not messages:
         return
     times_s = np.array([m.time_s for m in messages])

@@ -235,11 +235,8 @@ def the_charge_covers_the_way_home(case: Case) -> Iterator[Violation]:
     mission = case.mission
     if not math.isfinite(mission.endurance_s):
         return
-    charges = [
-        (m.time_s, number(m.fields, "battery_remaining") / 100.0)
-        for m in case.evidence.heard
-        if m.name == "SYS_STATUS"
-    ]
+    messages = case.heard("SYS_STATUS")
+    charges = [(m.time_s, number(m.fields, "battery_remaining") / 100.0) for m in messages]
     for at_s, charge in charges:
         index = case.at(at_s)
         straight_s = case.from_home_m(index) / mission.speed_m_s + mission.speed_m_s / 2.0

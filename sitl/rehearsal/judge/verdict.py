@@ -148,16 +148,11 @@ def the_battery_lasts(case: Case) -> Iterator[Violation]:
     if not any(case.evidence.told(SceneEventKind.BATTERY)):
         return
     reserve = case.mission.battery_reserve * 100.0
-    low_s = next(
-        (
-            m.time_s
-            for m in case.evidence.messages
-            if m.name == "SYS_STATUS"
-            and m.component == AUTOPILOT
-            and 0 <= number(m.fields, "battery_remaining") <= reserve
-        ),
-        math.inf,
+    told = (
+        m for m in case.evidence.messages if m.name == "SYS_STATUS" and m.component == AUTOPILOT
     )
+    low = (m for m in told if 0 <= number(m.fields, "battery_remaining") <= reserve)
+    low_s = next((m.time_s for m in low), math.inf)
     failsafes_s = (given.begin_s for given in case.given if given.by is Responsible.AUTOPILOT)
     failsafe_s = next(failsafes_s, math.inf)
     if not low_s < failsafe_s < math.inf:
