@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import Final
 
 from sitl.mavlink.codec import Outgoing
@@ -17,6 +17,8 @@ from sitl.px4sim.state import FlightMode, Notice, Place
 
 STEP_S: Final = 0.02
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
+"""Time-outs whose wall-clock meaning PX4's start script keeps when the simulation runs fast."""
+
 _ARGUMENTS: Final = 40
 
 
@@ -131,7 +133,7 @@ class MavlinkVehicle:
                 "SIH_LOC_LON0": place.longitude_deg,
                 "SIH_LOC_H0": place.altitude_m,
             }
-            | _scaled_timeouts(settings.speed)
+            | {name: DEFAULTS[name] * max(settings.speed, 1.0) for name in _WALL_CLOCK}
             | dict(settings.parameters)
         )
         scale, self._step_s = settings.speed, settings.step_s
@@ -188,12 +190,4 @@ class MavlinkVehicle:
 
 def _as_parameters(place: Place) -> Place:
     """Where it really starts: PX4's simulator keeps the place in parameters of single precision."""
-    latitude_deg, longitude_deg, altitude_m = struct.unpack(
-        "<fff", struct.pack("<fff", place.latitude_deg, place.longitude_deg, place.altitude_m)
-    )
-    return Place(latitude_deg, longitude_deg, altitude_m)
-
-
-def _scaled_timeouts(speed: float) -> dict[str, int | float]:
-    """PX4's start script keeps the wall-clock meaning of these when the simulation runs fast."""
-    return {name: DEFAULTS[name] * max(speed, 1.0) for name in _WALL_CLOCK}
+    return Place(*struct.unpack("<fff", struct.pack("<fff", *astuple(place))))

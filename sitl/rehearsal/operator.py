@@ -66,9 +66,7 @@ class Operator:
         self._dice, self._haste = dice, flight.scene.chance("haste")
         self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
         self._upload = False  # our plan is wanted on board, too
-        self._reading: tuple[float, int | None] | None = (
-            None  # patience's end; how many zones before
-        )
+        self._reading: tuple[float, int | None] | None = None  # until when; how many zones before
         self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
         self._sent: Pair | None = None  # where it was sent last, east and north
         self.pilot = False

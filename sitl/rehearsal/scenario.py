@@ -308,13 +308,10 @@ class Scenario(World):
         """The companion's power is back, and the flight is to be resumed."""
         if self.companion is None and self.autopilot.armed:
             self._restarts = True
+            ended_s = max((h.time_s for h in self._seen.told(SceneEventKind.KILLED)), default=0.0)
+            ended_unix_s = time.time() - (self.now_s - ended_s)
             for path in self._logs.glob("*") if self._logs else ():
-                os.utime(path, times=(time.time() - self._down_s,) * 2)  # so long ago it ended
-
-    @property
-    def _down_s(self) -> float:
-        """For how long there has been no companion."""
-        return self.now_s - max(h.time_s for h in self._seen.told(SceneEventKind.KILLED))
+                os.utime(path, times=(ended_unix_s, ended_unix_s))
 
     # What is seen
 

@@ -107,7 +107,7 @@ class SimulatedFlight(Scenario):
 
     def do_satellites(self, number: int) -> None:
         """So many are in use."""
-        self.stations.parameter("SIM_GPS_USED", number)
+        self.autopilot.parameters.change("SIM_GPS_USED", number)
 
     def do_fix(self, what: tuple[int, float]) -> None:
         """The receiver says that its fix is of this kind, for so long."""
@@ -119,7 +119,7 @@ class SimulatedFlight(Scenario):
 
     def do_battery(self, drain_s: float) -> None:
         """It takes so many seconds from full to empty."""
-        self.stations.parameter("SIM_BAT_DRAIN", drain_s)
+        self.autopilot.parameters.change("SIM_BAT_DRAIN", drain_s)
         self.happened(SceneEventKind.BATTERY, drain_s)
 
     def do_fuller(self, share: float) -> None:
@@ -193,8 +193,8 @@ class SimulatedFlight(Scenario):
             self._taken("armed" if how == "arm" else how)
 
     def do_busy(self, on: bool) -> None:
-        """A station downloads the plan."""
-        self.stations.download() if on else self.stations.downloaded()
+        """A station begins to download the plan, and leaves it at that until it is over."""
+        self.stations.beside.say("MISSION_REQUEST_LIST" if on else "MISSION_ACK")
 
     # Pilot and stations
 
@@ -220,7 +220,7 @@ class SimulatedFlight(Scenario):
 
     def do_sticks(self, override: bool) -> None:
         """The pilot moves the sticks for some seconds, where they override the mode or do not."""
-        self.stations.parameter("COM_RC_OVERRIDE", int(override))
+        self.autopilot.parameters.change("COM_RC_OVERRIDE", int(override))
         self.stations.first.sticks()  # at rest first: what moves is taken for the pilot's
         self._sticks_from_s, self._moved_until_s = self.now_s + 0.1, self.now_s + STICKS_S
         if override:

@@ -35,8 +35,6 @@ _MOST_TRIM_M_S2: Final = 4.5  # leaning by 25 degrees: what a small quadrotor do
 class WanderingError:
     """A first-order Gauss-Markov process: zero mean, given spread and correlation time."""
 
-    __slots__ = ("_sigma", "_tau_s", "value")
-
     def __init__(self, sigma: float, tau_s: float) -> None:
         self._sigma = sigma
         self._tau_s = tau_s

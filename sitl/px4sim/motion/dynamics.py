@@ -65,21 +65,6 @@ class Multirotor:
     Attributes are public to be read; only `step` changes them.
     """
 
-    __slots__ = (
-        "acceleration_east_m_s2",
-        "acceleration_north_m_s2",
-        "acceleration_up_m_s2",
-        "east_m",
-        "north_m",
-        "on_ground",
-        "up_m",
-        "velocity_east_m_s",
-        "velocity_north_m_s",
-        "velocity_up_m_s",
-        "yaw_rad",
-        "yaw_rate_rad_s",
-    )
-
     def __init__(self) -> None:
         self.north_m = self.east_m = self.up_m = 0.0  # the truth, from where it was started
         self.velocity_north_m_s = self.velocity_east_m_s = self.velocity_up_m_s = 0.0  # over ground

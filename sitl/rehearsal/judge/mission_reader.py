@@ -84,7 +84,6 @@ class RawMission:
 
     Attributes:
         frame: Metres of home.
-        home: Latitude and longitude in degrees.
         ground_amsl_m: Of the ground at home; None: the file does not say.
         altitudes_m: All that it cruises at, or may be sent to, above home.
         waypoints: Where to, in metres.
@@ -106,7 +105,6 @@ class RawMission:
     """
 
     frame: Frame
-    home: Pair
     ground_amsl_m: float | None
     altitudes_m: tuple[float, ...]
     waypoints: tuple[Pair, ...]
@@ -206,8 +204,7 @@ class _YamlReader:
                 raise EvidenceError(f"{path}: local coordinates without frame.origin")
             source = Frame(tuple(origin))
             place = source.degrees(*place)
-        self._home: Pair = float(place[0]), float(place[1])
-        self._pairs = _Pairs(Frame(self._home), source)
+        self._pairs = _Pairs(Frame((float(place[0]), float(place[1]))), source)
 
     def read(self) -> RawMission:
         data, planner, metres = self._data, self._planner, self._pairs.metres
@@ -227,7 +224,6 @@ class _YamlReader:
             zones.append(self._area({"circle": circle}, "the climb corridor of another UAV"))
         return RawMission(
             frame=self._pairs.home,
-            home=self._home,
             ground_amsl_m=self._ground_m,
             altitudes_m=tuple(sorted(altitudes)),
             waypoints=tuple(metres(p["position"]) for p in places),

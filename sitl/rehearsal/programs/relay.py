@@ -193,8 +193,10 @@ class LossyRelay:
                         data, sender = end.recvfrom(65536)
                         self._pass(end, data, sender)
                 self._pace.attend(ready)
-            self._release()
-            self._keep_pace(time.monotonic())
+            now_s = time.monotonic()
+            while self._waiting and self._waiting[0][0] <= now_s:
+                self._tell(self._waiting.popleft()[1])
+            self._keep_pace(now_s)
 
     def _keep_pace(self, wall_s: float) -> None:
         clock_s = self.recording.clock_s
@@ -254,10 +256,6 @@ class LossyRelay:
                 yield frame.data
         if fair:
             yield data
-
-    def _release(self) -> None:
-        while self._waiting and self._waiting[0][0] <= time.monotonic():
-            self._tell(self._waiting.popleft()[1])
 
     def _tell(self, data: bytes) -> None:
         """What the vehicle says reaches the companion."""

@@ -140,10 +140,10 @@ class Link:
             return False
         arrives_s = max(now_s + self._takes_s(way, now_s), self._arrives_s[way])
         self._arrives_s[way] = arrives_s
-        trouble = self._trouble_of(way, name, now_s)
+        trouble = self._troubles.get((way, name))
         if way is Way.DOWN and self._booted_s > 0.0:
             fields = self._by_new_clock(fields)
-        if trouble is not None:
+        if trouble is not None and now_s < trouble.until_s:
             match trouble.kind:
                 case StreamFault.LOST:
                     return False
@@ -165,13 +165,6 @@ class Link:
         """What arrives until now."""
         while self._under_way and self._under_way[0][0] <= now_s:
             heapq.heappop(self._under_way)[2]()
-
-    def _trouble_of(self, way: Way, name: str, now_s: float) -> _ActiveFault | None:
-        trouble = self._troubles.get((way, name))
-        if trouble is not None and now_s >= trouble.until_s:
-            del self._troubles[(way, name)]
-            return None
-        return trouble
 
     def _takes_s(self, way: Way, now_s: float) -> float:
         if way is Way.UP:

@@ -92,6 +92,7 @@ class Stations:
     Attributes:
         first: The pilot's, too.
         second: Another one.
+        beside: That one over the companion's own link.
     """
 
     def __init__(self, vehicle: MavlinkVehicle, tell: Send) -> None:
@@ -104,25 +105,12 @@ class Stations:
 
         ground = functools.partial(send, vehicle.ground)
         self.first, self.second = Station(255, ground), Station(254, ground)
-        # The second one, over the companion's own link.
-        self._beside = Station(254, functools.partial(send, vehicle.onboard))
+        self.beside = Station(254, functools.partial(send, vehicle.onboard))
 
     def chosen(self, mode: FlightMode, station: Station) -> bool:
         """Choose a mode; whether the vehicle took it."""
         station.choose(mode)
         return self._vehicle.autopilot.intended is mode
-
-    def download(self) -> None:
-        """Begin to download the plan over the companion's own link, and leave it at that."""
-        self._beside.say("MISSION_REQUEST_LIST")
-
-    def downloaded(self) -> None:
-        """The download is over."""
-        self._beside.say("MISSION_ACK")
-
-    def parameter(self, name: str, value: float) -> None:
-        """Set a parameter of the simulation, by no message."""
-        self._vehicle.autopilot.parameters.change(name, value)
 
     # Plans: stored as an upload has stored them in the end
 

@@ -177,7 +177,10 @@ class Robots:
             self._node, self._under_way = node, []
         if self._weak is not None and now_s >= self._false_at_s:
             self._false_at_s = now_s + _FALSE_S
-            self._claim_to_hear(node, self._weak.choice(list(self._synced_s)))
+            name = self._weak.choice(list(self._synced_s))  # it is said to be near, for a moment
+            reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
+            node.tell(ContactBegan(name, self._unix_s(), reading))
+            node.tell(ContactEnded(name, self._unix_s(), 1.0, "not heard"))
         for name in self.places:
             near = math.dist(self._place(name, now_s), vehicle) <= HEARD_M
             due = now_s - self._synced_s[name] >= SYNC_EVERY_S
@@ -230,12 +233,6 @@ class Robots:
             self._happened(SceneEventKind.SYNCED, value)
             node.tell(SyncEnded(name, self._unix_s(), sync.direction, 1, _SIZE, 0.1))
 
-    def _claim_to_hear(self, node: NodeStandIn, name: str) -> None:
-        """The radio says of a robot that it is near, for a moment."""
-        reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
-        node.tell(ContactBegan(name, self._unix_s(), reading))
-        node.tell(ContactEnded(name, self._unix_s(), 1.0, "not heard"))
-
     def _place(self, name: str, now_s: float) -> Point:
         east_m, north_m = self.places[name]
         along_m = (self._speeds_m_s[name] * now_s) % (2 * _DRIVES_M)
@@ -244,11 +241,8 @@ class Robots:
     def _told(self, name: str, place: Point, now_s: float) -> list[Told]:
         if self.prank is not None:
             return self.prank(name, place)
-        frame, unix_s, old_s = (
-            self._mission.frame,
-            self._unix_s(),
-            _CARRIED_S if self._weak else 0.0,
-        )
+        frame, unix_s = self._mission.frame, self._unix_s()
+        old_s = _CARRIED_S if self._weak else 0.0
         told = []
         for robot in self.places if self.carry else (name,):
             age_s = 0.0 if robot == name else old_s
