@@ -44,22 +44,10 @@ class FlightMode(Enum):
         self.custom_mode = main << 16 | sub << 24
         self.label = label
         self.base_mode = base_mode
-
-    @property
-    def prevents_arming(self) -> bool:
-        """Whether PX4 refuses to arm in this mode."""
-        return self in _PREVENT_ARMING
-
-    @property
-    def needs_pilot(self) -> bool:
-        """Whether the mode flies on a pilot's sticks."""
-        return self in _STICKS
+        self.needs_pilot = label in {"Altitude", "Position"}  # it is flown by sticks
+        self.prevents_arming = label in {"Return", "Land", "Termination"}  # PX4 refuses to arm
 
 
-_PREVENT_ARMING: Final = frozenset(
-    {FlightMode.AUTO_RTL, FlightMode.AUTO_LAND, FlightMode.TERMINATION}
-)
-_STICKS: Final = frozenset({FlightMode.ALTCTL, FlightMode.POSCTL})
 _BY_NUMBER: Final = {(mode.value[0], mode.value[1]): mode for mode in FlightMode}
 _BY_MAIN: Final = {
     main: mode

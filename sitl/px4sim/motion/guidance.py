@@ -112,11 +112,9 @@ class Pace:
     most_down_m_s: float = 1.5
 
 
-def approach_speed(
-    distance_m: float, pace: Pace, final_m_s: float = 0.0, acceleration_m_s2: float | None = None
-) -> float:
+def approach_speed(distance_m: float, pace: Pace, final_m_s: float = 0.0) -> float:
     """The greatest speed at a distance from which the wanted final speed can still be reached."""
-    acceleration = pace.acceleration_m_s2 if acceleration_m_s2 is None else acceleration_m_s2
+    acceleration = pace.acceleration_m_s2
     ramp = 4.0 * acceleration * acceleration / pace.jerk_m_s3
     root = math.sqrt(
         ramp * ramp + 4.0 * (2.0 * acceleration * max(distance_m, 0.0) + final_m_s * final_m_s)

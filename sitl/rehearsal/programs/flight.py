@@ -199,8 +199,8 @@ class RealFlight:
         wanted = mode.custom_mode
         self._await(SceneEventKind.PILOT, how or mode.name, lambda: self._seen.mode == wanted)
 
-    def _later(self, seconds: float, what: str, value: object = None) -> None:
-        self._agenda.add(self._seen.time_s + seconds, ScheduledFault(seconds, what, value))
+    def _later(self, seconds: float, what: str) -> None:
+        self._agenda.add(self._seen.time_s + seconds, ScheduledFault(seconds, what))
 
     # What is done, by the names of `scenes`.
 
