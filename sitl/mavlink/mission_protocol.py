@@ -15,7 +15,7 @@ from sitl.px4sim.plan_store import (
     MissionItem,
     MissionType,
     PlanStore,
-    RefusedItemError,
+    Refusal,
     UploadResult,
     checksum,
     stored_item,
@@ -209,12 +209,11 @@ class MissionProtocol:
         return [words, self._ack(UploadResult.ERROR)]
 
     def _take(self, message: Any, now_s: float) -> list[Reply]:
-        try:
-            item = stored_item(message, self._type)
-        except RefusedItemError as refusal:
+        item = stored_item(message, self._type)
+        if isinstance(item, Refusal):
             self._finish()
             words = _say("IGN MISSION_ITEM: Invalid item", "mavlink_mission_mis_item_invalid")
-            return [words] * refusal.said + [self._ack(refusal.result)]
+            return [words] * item.said + [self._ack(item.result)]
         self._checksum = checksum(message, self._checksum)
         self._items.append(item)
         if message.current:

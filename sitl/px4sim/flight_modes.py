@@ -64,19 +64,19 @@ class Pilot:
         return moved > threshold
 
 
+@dataclass(eq=False)
 class StickFlight(Flight):
     """Position mode, or Altitude mode, which does not hold a place.
 
-    Args:
+    Attributes:
         pilot: Whose sticks.
         holds_place: Whether it stays where it is while the sticks rest.
     """
 
-    def __init__(self, pilot: Pilot, *, holds_place: bool) -> None:
-        self._pilot = pilot
-        self._holds_place = holds_place
-        self._place: tuple[float, float] | None = None  # north, east, held while the sticks rest
-        self._altitude_m: float | None = None  # AMSL, held while the throttle rests
+    pilot: Pilot
+    holds_place: bool
+    _place: tuple[float, float] | None = None  # north, east, held while the sticks rest
+    _altitude_m: float | None = None  # AMSL, held while the throttle rests
 
     def activate(self, situation: Situation) -> None:  # noqa: ARG002 - see `Flight`
         """See `Flight`."""
@@ -84,7 +84,7 @@ class StickFlight(Flight):
 
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
-        sticks = self._pilot.sticks if self._pilot.present(situation) else Sticks()
+        sticks = self.pilot.sticks if self.pilot.present(situation) else Sticks()
         if situation.landed and sticks.throttle < _TAKE_OFF:
             return Setpoint()
         velocity_m_s = self._horizontal(sticks, situation)
@@ -96,9 +96,9 @@ class StickFlight(Flight):
     def _horizontal(self, sticks: Sticks, situation: Situation) -> tuple[float, float]:
         """The velocity that is asked for; renews the place that is held."""
         most_m_s = situation.parameters.limited("MPC_VEL_MANUAL", 3.0, 20.0)
-        speed_m_s = most_m_s if self._holds_place else _TILT_SPEED_M_S
+        speed_m_s = most_m_s if self.holds_place else _TILT_SPEED_M_S
         forward, right = shaped(sticks.pitch) * speed_m_s, shaped(sticks.roll) * speed_m_s
-        if self._holds_place and forward == right == 0.0:
+        if self.holds_place and forward == right == 0.0:
             north, east, _ = situation.velocity_m_s
             if self._place is None and math.hypot(north, east) < _SLOW_M_S:
                 self._place = situation.here

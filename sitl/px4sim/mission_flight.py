@@ -8,7 +8,7 @@ from item to item the vehicle follows the connecting line.
 import math
 import struct
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sitl.px4sim.auto_modes import Flight, ReturnFlight, go_to
@@ -255,29 +255,27 @@ class MissionFlight(Flight):
             self._target = go_to(*situation.here, situation.altitude_m, situation)
 
 
+@dataclass(eq=False)
 class PlanIntake:
     """Hands the stored plan to those who fly by it, when it has changed.
 
     A mission is checked when it is taken up, not when it is uploaded; what is wrong is said then.
     """
 
-    def __init__(
-        self, plan: PlanStore, fence: Fence, mission: MissionFlight, returning: ReturnFlight
-    ) -> None:
-        self._plan = plan
-        self._fence = fence
-        self._mission = mission
-        self._return = returning
-        self._revision = 0  # of the plan store, when it was looked at last
-        self._mission_id = 0  # checksum of the mission that is loaded; 0: none
+    plan: PlanStore
+    fence: Fence
+    mission: MissionFlight
+    returning: ReturnFlight
+    _revision: int = 0  # of the plan store, when it was looked at last
+    _mission_id: int = 0  # checksum of the mission that is loaded; 0: none
 
     def step(self, situation: Situation) -> None:
         """Look for changes."""
-        plan, mission = self._plan, self._mission
-        fence_loaded = self._fence.load_if_due(situation)
+        plan, mission = self.plan, self.mission
+        fence_loaded = self.fence.load_if_due(situation)
         if plan.revision != self._revision:
             self._revision = plan.revision
-            self._return.rally_points = tuple(
+            self.returning.rally_points = tuple(
                 situation.projection.to_local(*item.degrees)
                 for item in plan.items(MissionType.RALLY)
             )
@@ -299,18 +297,18 @@ class PlanIntake:
 
         While a fence is being loaded the verdict on the mission has to wait.
         """
-        mission = self._mission
-        index = mission.index if self._plan.current is None else self._plan.current
+        mission = self.mission
+        index = mission.index if self.plan.current is None else self.plan.current
         was_under_way = mission.under_way
-        items = self._plan.items(MissionType.MISSION)
-        valid = mission.valid if self._fence.loading else self._feasible(situation)
+        items = self.plan.items(MissionType.MISSION)
+        valid = mission.valid if self.fence.loading else self._feasible(situation)
         mission.load(items, index, valid=valid and bool(items))
         if was_under_way:
             mission.begin(situation)
 
     def _feasible(self, situation: Situation) -> bool:
         """Check the mission and say what is wrong; a leg across a fence is not looked at."""
-        items = self._plan.items(MissionType.MISSION)
+        items = self.plan.items(MissionType.MISSION)
         faults = [*_faults(items, situation)] if items else []
         for event, arguments in faults:
             situation.say("", event, Severity.ERROR, None, arguments)
@@ -319,7 +317,7 @@ class PlanIntake:
     def _fence_kept(self, items: tuple[MissionItem, ...], situation: Situation) -> bool:
         to_local = situation.projection.to_local
         for number, item in enumerate(items, 1):
-            if item.has_position and not self._fence.encloses(*to_local(*item.degrees)):
+            if item.has_position and not self.fence.encloses(*to_local(*item.degrees)):
                 situation.say(
                     f"Geofence violation for waypoint {number}",
                     "navigator_mis_geofence_violation",

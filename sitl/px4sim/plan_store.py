@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 
 class MissionType(IntEnum):
@@ -81,18 +81,11 @@ _CHECKED: Final = attrgetter(
 )
 
 
-class RefusedItemError(Exception):
-    """An uploaded item is refused.
+class Refusal(NamedTuple):
+    """Why an uploaded item is not taken: what MISSION_ACK says, and whether a text does, too."""
 
-    Attributes:
-        result: What MISSION_ACK says.
-        said: Whether PX4 also says so in words.
-    """
-
-    def __init__(self, result: UploadResult, *, said: bool) -> None:
-        super().__init__(f"item refused: {result.name}")
-        self.result = result
-        self.said = said
+    result: UploadResult
+    said: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,12 +145,8 @@ class MissionItem:
         }
 
 
-def stored_item(message: Any, mission_type: int) -> MissionItem:
-    """What is kept of an uploaded MISSION_ITEM_INT.
-
-    Raises:
-        RefusedItemError: with the result for MISSION_ACK.
-    """
+def stored_item(message: Any, mission_type: int) -> MissionItem | Refusal:
+    """What is kept of an uploaded MISSION_ITEM_INT."""
     raw = _PARAMS(message)
     if message.frame == FRAME_MISSION:
         frame, known, params = FRAME_MISSION, message.command in _POSITIONLESS, raw
@@ -165,15 +154,15 @@ def stored_item(message: Any, mission_type: int) -> MissionItem:
         frame, known = _FRAMES[message.frame], message.command in _KEPT
         params = tuple(map(_keep, raw, _KEPT.get(message.command, "....")))
     else:
-        raise RefusedItemError(UploadResult.UNSUPPORTED_FRAME, said=True)
+        return Refusal(UploadResult.UNSUPPORTED_FRAME)
     if not known:
-        raise RefusedItemError(UploadResult.UNSUPPORTED, said=True)
+        return Refusal(UploadResult.UNSUPPORTED)
     few = message.command in _POLYGON and params[0] < _FEWEST_VERTICES
     stray = (
         mission_type == MissionType.MISSION and message.command >= Command.FENCE_POLYGON_INCLUSION
     )
     if (mission_type == MissionType.FENCE and few) or stray:
-        raise RefusedItemError(UploadResult.ERROR, said=False)
+        return Refusal(UploadResult.ERROR, said=False)
     x, y = message.x, message.y
     return MissionItem(frame, message.command, bool(message.autocontinue), params, x, y, message.z)
 

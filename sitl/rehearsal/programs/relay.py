@@ -74,10 +74,7 @@ class LossyRelay:
         self._companion = ("127.0.0.1", companion_port)  # its address
         self._chance = random.Random(f"relay {seed}")  # noqa: S311 - weather
         # Where the vehicle's API link and truth come in, and the companion's; then other vehicles'.
-        self._ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
-        for end, port in zip(self._ends, (*ports, 0), strict=True):
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-            end.bind(("127.0.0.1", port))
+        self._ends = [*map(_bound, (*ports, 0))]
         self._api, self._truth, self._outside = self._ends
         self.api_port = int(self._api.getsockname()[1])
         self.truth_port = int(self._truth.getsockname()[1])
@@ -150,9 +147,7 @@ class LossyRelay:
     def move(self) -> None:
         """From now on the vehicle is heard from another port, as after a radio's restart."""
         old = self._outside
-        self._outside = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._outside.bind(("127.0.0.1", 0))
-        self._ends[2] = self._outside
+        self._outside = self._ends[2] = _bound(0)
         old.close()
 
     def while_closed(self, restart: Callable[[], object]) -> None:
@@ -162,18 +157,13 @@ class LossyRelay:
         for end in (self._api, self._truth):
             end.close()
         restart()
-        for place, port in enumerate((self.api_port, self.truth_port)):
-            end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            end.bind(("127.0.0.1", port))
-            self._ends[place] = end
-        self._api, self._truth = self._ends[:2]
+        self._api, self._truth = map(_bound, (self.api_port, self.truth_port))
+        self._ends[:2] = self._api, self._truth
         self._paused.clear()
 
     def listen(self, port: int) -> None:
         """Take what another vehicle sends there for the companion as well."""
-        end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        end.bind(("127.0.0.1", port))
-        self._ends.append(end)
+        self._ends.append(_bound(port))
 
     def _run(self) -> None:
         try:
@@ -261,6 +251,14 @@ class LossyRelay:
         """What the vehicle says reaches the companion."""
         self.recording.hear(data)
         self._outside.sendto(data, self._companion)
+
+
+def _bound(port: int) -> socket.socket:
+    """A UDP port of this machine; 0 takes a free one."""
+    end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+    end.bind(("127.0.0.1", port))
+    return end
 
 
 def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.messages import GOALS_TOPIC, POSE_TOPIC, GoalsMessage, PoseMessage
@@ -44,26 +44,26 @@ Told = tuple[str, str, bytes]
 """A message: which robot made it, topic, data."""
 
 
+@dataclass(eq=False)
 class NodeStandIn:
     """What `air_router.gossip.gossip.Gossip` uses of a `mocha_link.Node`.
 
-    Args:
+    Attributes:
         team: Who there is.
         name: Whose node it is.
         unix_s: The time.
     """
 
-    def __init__(self, team: Team, name: str, unix_s: Callable[[], float]) -> None:
-        self._team = team
-        self._name = name
-        self._unix_s = unix_s
-        self._listener: Callable[[LinkEvent], None] | None = None  # the flight's; None: closed
-        self._messages: dict[tuple[str, str], Message] = {}  # by robot and topic
+    team: Team
+    name: str
+    unix_s: Callable[[], float]
+    _listener: Callable[[LinkEvent], None] | None = None  # the flight's; None: closed
+    _messages: dict[tuple[str, str], Message] = field(default_factory=dict)  # by robot and topic
 
     @property
     def robot(self) -> Robot:
         """The UAV."""
-        return self._team.robot(self._name)
+        return self.team.robot(self.name)
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> None:
         """Hand events to `callback`."""
@@ -108,7 +108,7 @@ class NodeStandIn:
 
     def take(self, peer: str, messages: Sequence[Told]) -> None:
         """A peer hands messages over."""
-        now_s = self._unix_s()
+        now_s = self.unix_s()
         for robot, topic, data in messages:
             header = Header.at(0, 0, round(now_s * 1e3))
             stored = Message(robot, topic, header, Priority.HIGH, data, now_s, now_s)
@@ -130,57 +130,50 @@ class _Sync:
     ends_s: float
 
 
+@dataclass(eq=False)
 class Robots:
     """Robots that stand about and are heard from near by.
 
-    Args:
+    Attributes:
         mission: Of the UAV that meets them.
-        places: Where they are.
+        places: Where they are; one that is taken out has vanished.
         unix_s: The time.
         happened: Told, for the judge, of each that hands its messages over, and of each direction
             of an exchange that is over.
         weak: Dice of weak links: exchanges take long, or never end, radios are heard that are far
             away; robots drive, and carry what others have said. None: links are good, robots stand.
-
-    Attributes:
-        places: Where they are; one that is taken out has vanished.
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
         carry: They carry each other's poses, too.
     """
 
-    def __init__(
-        self,
-        mission: Mission,
-        places: dict[str, Point],
-        unix_s: Callable[[], float],
-        happened: Callable[[SceneEventKind, object], None],
-        weak: random.Random | None = None,
-    ) -> None:
-        self._mission = mission
-        self._unix_s = unix_s
-        self._happened = happened
-        self._weak = weak
-        self._synced_s = dict.fromkeys(places, -math.inf)  # simulated, by robot
-        self._speeds_m_s = {n: weak.uniform(*_DRIVES_M_S) if weak else 0.0 for n in places}
+    mission: Mission
+    places: dict[str, Point]
+    unix_s: Callable[[], float]
+    happened: Callable[[SceneEventKind, object], None]
+    weak: random.Random | None = None
+    prank: Prank | None = None
+    others: list[Told] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        weak = self.weak
+        self.carry = weak is not None
+        self._synced_s = dict.fromkeys(self.places, -math.inf)  # simulated, by robot
+        self._speeds_m_s = {n: weak.uniform(*_DRIVES_M_S) if weak else 0.0 for n in self.places}
         self._under_way: list[_Sync] = []
         self._node: NodeStandIn | None = None  # that took part in these
         self._false_at_s = _FALSE_S  # when a radio is heard that is not there, next
-        self.places = places
-        self.prank: Prank | None = None
-        self.others: list[Told] = []
-        self.carry = weak is not None
 
     def step(self, node: NodeStandIn, vehicle: Point, now_s: float) -> None:
         """Meet whom the vehicle is near to."""
         if node is not self._node:
             self._node, self._under_way = node, []
-        if self._weak is not None and now_s >= self._false_at_s:
+        if self.weak is not None and now_s >= self._false_at_s:
             self._false_at_s = now_s + _FALSE_S
-            name = self._weak.choice(list(self._synced_s))  # it is said to be near, for a moment
+            name = self.weak.choice(list(self._synced_s))  # it is said to be near, for a moment
             reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
-            node.tell(ContactBegan(name, self._unix_s(), reading))
-            node.tell(ContactEnded(name, self._unix_s(), 1.0, "not heard"))
+            node.tell(ContactBegan(name, self.unix_s(), reading))
+            node.tell(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
         for name in self.places:
             near = math.dist(self._place(name, now_s), vehicle) <= HEARD_M
             due = now_s - self._synced_s[name] >= SYNC_EVERY_S
@@ -188,18 +181,18 @@ class Robots:
                 self._synced_s[name] = now_s
                 for direction in Direction:
                     self._under_way.append(_Sync(name, direction, now_s, self._ends_s(now_s)))
-                    node.tell(SyncStarted(name, self._unix_s(), direction))
+                    node.tell(SyncStarted(name, self.unix_s(), direction))
             if any(sync.robot == name for sync in self._under_way):
                 self._go_on(node, name, now_s, near=near)
 
     def do_goals(self, which: tuple[bool, float]) -> None:
         """A robot, one that the mission names or another one, sends goals by all that meet it."""
         named, seed = which
-        mission, dice = self._mission, random.Random(seed)  # noqa: S311 - rehearsal
+        mission, dice = self.mission, random.Random(seed)  # noqa: S311 - rehearsal
         others = tuple(robot for robot in self._synced_s if robot not in mission.goals_from)
         robot = dice.choice((named and mission.goals_from) or others)
         places = [mission.frame.to_geodetic(w.position) for w in mission.waypoints]
-        now_s = self._unix_s()
+        now_s = self.unix_s()
         goals = GoalsMessage(
             stamp_s=now_s,
             id=f"{seed}",
@@ -213,9 +206,9 @@ class Robots:
 
     def _ends_s(self, now_s: float) -> float:
         """When one direction of an exchange that begins now is over."""
-        if self._weak is None:
+        if self.weak is None:
             return now_s
-        return math.inf if self._weak.random() < _BREAKS else now_s + self._weak.uniform(*_TAKES_S)
+        return math.inf if self.weak.random() < _BREAKS else now_s + self.weak.uniform(*_TAKES_S)
 
     def _go_on(self, node: NodeStandIn, name: str, now_s: float, *, near: bool) -> None:
         for sync in [sync for sync in self._under_way if sync.robot == name]:
@@ -223,15 +216,15 @@ class Robots:
                 continue
             self._under_way.remove(sync)
             if not near or now_s < sync.ends_s:
-                node.tell(SyncTimedOut(name, self._unix_s(), sync.direction, "out of reach"))
+                node.tell(SyncTimedOut(name, self.unix_s(), sync.direction, "out of reach"))
                 continue
             told: list[Told] = []
             if sync.direction is Direction.IN:
                 told = self._told(name, self._place(name, now_s), now_s) + self.others
                 node.take(name, told)
             value = (name, sync.direction.value, sync.began_s, told)
-            self._happened(SceneEventKind.SYNCED, value)
-            node.tell(SyncEnded(name, self._unix_s(), sync.direction, 1, _SIZE, 0.1))
+            self.happened(SceneEventKind.SYNCED, value)
+            node.tell(SyncEnded(name, self.unix_s(), sync.direction, 1, _SIZE, 0.1))
 
     def _place(self, name: str, now_s: float) -> Point:
         east_m, north_m = self.places[name]
@@ -241,8 +234,8 @@ class Robots:
     def _told(self, name: str, place: Point, now_s: float) -> list[Told]:
         if self.prank is not None:
             return self.prank(name, place)
-        frame, unix_s = self._mission.frame, self._unix_s()
-        old_s = _CARRIED_S if self._weak else 0.0
+        frame, unix_s = self.mission.frame, self.unix_s()
+        old_s = _CARRIED_S if self.weak else 0.0
         told = []
         for robot in self.places if self.carry else (name,):
             age_s = 0.0 if robot == name else old_s
