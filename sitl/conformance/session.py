@@ -227,7 +227,7 @@ class Session:
     def __init__(self, line: Line) -> None:
         self.line = line
         self.beats = dict.fromkeys(Link, GROUND_STATION)
-        self.sticks: dict[str, int] | None = None
+        self.sticks: dict[str, Any] | None = None
         self.notes: list[str] = []
         self.track: list[PositionEstimate] = []
         self.counts: Counter[tuple[Link, str]] = Counter()

@@ -147,7 +147,7 @@ class MissionItem:
 
 def stored_item(message: Any, mission_type: int) -> MissionItem | Refusal:
     """What is kept of an uploaded MISSION_ITEM_INT."""
-    raw = _PARAMS(message)
+    raw: tuple[float, ...] = _PARAMS(message)
     if message.frame == FRAME_MISSION:
         frame, known, params = FRAME_MISSION, message.command in _POSITIONLESS, raw
     elif message.frame in _FRAMES:
