@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -246,62 +250,18 @@ def _cruised_s(case: Case, since_s: float) -> float:
     return float(np.ptp(times_s)) if len(times_s) else 0.0
 
 
-RULES: Final[tuple[Rule, ...]] = (
-    space.keeps_its_room,
-    space.it_is_not_taken_back_in_a_zone,
-    space.keeps_its_heights,
-    plan.items_are_the_plans,
-    plan.what_was_read_back_is_what_was_sent,
-    plan.rally_points_are_on_board,
-    plan.fence_is_the_files,
-    plan.a_fence_is_changed_once_it_stands,
-    plan.no_leg_begins_beside_anothers_fence,
-    commands.nothing_is_commanded_that_is_anothers,
-    commands.it_is_armed_once_and_not_disarmed_in_the_air,
-    commands.nothing_strays,
-    commands.speeds_and_heights_are_the_plans,
-    commands.nothing_leaves_twice,
-    commands.nothing_is_repeated_over_a_choice,
-    commands.legs_are_clear,
-    commands.no_leg_begins_low,
-    commands.nothing_is_put_on_board_of_an_armed_vehicle,
-    commands.nothing_is_put_on_board_of_anothers,
-    commands.what_is_drawn_across_a_leg_ends_it,
-    inputs.silence_is_told,
-    inputs.lost_streams_are_acted_on,
-    inputs.a_lost_fix_is_held_for,
-    inputs.the_reserve_is_for_the_way_home,
-    inputs.the_time_is_over_when_the_file_says,
-    inputs.a_failsafe_is_told,
-    inputs.breaches_are_told,
-    inputs.a_lost_clearance_is_held_for,
-    heights.jumping_altitudes_are_held_for,
-    heights.a_home_that_is_moved_is_held_for,
-    heights.a_drifting_altitude_is_told_and_ends_the_mission,
-    promises.states_follow_the_table,
-    promises.states_last_as_the_file_says,
-    promises.robots_are_sought_in_turn,
-    promises.all_waypoints_are_visited,
-    promises.what_is_resumed_is_known,
-    promises.the_charge_covers_the_way_home,
-    promises.the_report_is_what_happened,
-    duties.accepted_requests_are_done,
-    duties.requests_are_answered_and_no_refused_one_is_done,
-    duties.all_points_are_flown_to,
-    duties.it_lands_where_it_stands,
-    duties.a_fence_that_is_not_on_board_ends_the_mission,
-    duties.changed_files_that_are_left_are_told,
-    duties.announcements_reach_the_ground_station,
-    robots.contact_begins_it,
-    robots.exchange_or_time_ends_it,
-    robots.it_waits_where_the_robot_is,
-    robots.only_named_robots_send_it,
-    ends_as_it_may,
-    the_track_is_whole,
-    the_battery_lasts,
-    what_is_announced_is_what_happened,
-    what_went_wrong_is_said,
-)
+def _rules_of(module: ModuleType) -> list[Rule]:
+    """Its public generators that take a case alone, in their order."""
+    return [
+        rule
+        for name, rule in vars(module).items()
+        if inspect.isgeneratorfunction(rule) and rule.__module__ == module.__name__
+        if not name.startswith("_") and len(inspect.signature(rule).parameters) == 1
+    ]
+
+
+_MODULES: Final = (space, plan, commands, inputs, heights, promises, duties, robots)
+RULES: Final = tuple(chain.from_iterable(map(_rules_of, (*_MODULES, sys.modules[__name__]))))
 """All that a flight is judged by; each rule sees the whole flight, and knows of no other."""
 
 
