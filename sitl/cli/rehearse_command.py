@@ -133,7 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
         if lost := went_on_without(verdict.pace):
             sys.stderr.write(f"{verdict.scene}: the clock {lost}\n")
     if not arguments.json:
-        sys.stdout.write(table(verdicts, {fault.name: fault.words for fault in Fault}) + "\n")
+        sys.stdout.write(table(verdicts, {fault.name: fault.value.words for fault in Fault}) + "\n")
     sys.stderr.write(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s\n")
     good = all(verdict.good for _, verdict in verdicts)
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE

@@ -128,12 +128,8 @@ def _of_pymavlink(message: Any) -> Definition:
 DEFINITIONS: Final[Mapping[str, Definition]] = {
     message.msgname: _of_pymavlink(message) for message in mavlink.mavlink_map.values()
 } | _BEYOND_PYMAVLINK
-_NAMES: Final = {definition.id: name for name, definition in DEFINITIONS.items()}
-
-
-def message_name(identifier: int) -> str | None:
-    """The name of a message id, None if it is unknown."""
-    return _NAMES.get(identifier)
+NAMES: Final = {definition.id: name for name, definition in DEFINITIONS.items()}
+"""Of the messages, by their numbers."""
 
 
 def command_number(command: str | int) -> int:
@@ -236,7 +232,7 @@ def frames(datagram: bytes) -> Iterator[Frame]:
         signature = _SIGNATURE if datagram[at + 2] & 1 else 0
         end = at + _HEADER + datagram[at + 1] + _CHECKSUM + signature
         number = int.from_bytes(datagram[at + 7 : at + 10], "little")
-        name = _NAMES.get(number, "")
+        name = NAMES.get(number, "")
         yield Frame(number, name, datagram[at + 5], datagram[at + 6], datagram[at:end])
         at = end
 

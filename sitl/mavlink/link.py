@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink.codec import Outgoing, Receiver, Sender, message_name
+from sitl.mavlink.codec import NAMES, Outgoing, Receiver, Sender
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
 from sitl.mavlink.reports import MissionReporter, TextChannel
 from sitl.mavlink.telemetry import StreamSchedule, knows
@@ -146,7 +146,7 @@ class MavlinkLink:
     def _message_command(self, command: int, params: Params) -> CommandResult | None:
         """Commands about messages; None for all others."""
         number = _REQUESTS.get(command, _whole(params[0]))
-        name = message_name(number) or ""
+        name = NAMES.get(number, "")
         known = knows(name)
         if command == _SET_MESSAGE_INTERVAL:
             if not known or not math.isfinite(params[1]):

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, cast
 
-from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
 from air_router.flight.flight import Flight
 from air_router.flight.terminal import StatusLine
@@ -210,10 +209,6 @@ class Companion:
         """A message of the vehicle has come."""
         if self._link is not None:
             self._link.receive(name, fields)
-
-    def ask(self, request: AnyRequest) -> None:
-        """The operator asks for something."""
-        self.flight.commands.ask(request)
 
     def _connect(self, url: str, system_id: int) -> StandIn:
         self._link = StandIn(self._send, url, system_id)

@@ -235,11 +235,6 @@ class Fault(Enum):
         """By its name: courses do not go from process to process."""
         return getattr, (Fault, self.name)
 
-    @property
-    def words(self) -> str:
-        """Its line in the report."""
-        return self.value.words
-
 
 WIDE: Final = frozenset({Fault.NONE, Fault.GUSTS, Fault.REQUESTS})
 """In these one zone is kept from by more than the others."""

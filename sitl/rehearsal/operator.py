@@ -99,7 +99,7 @@ class Operator:
         if companion is not None:
             words = words_of(request, self._flight.mission)
             self._flight.happened(SceneEventKind.REQUEST, words)
-            self._flight.call(lambda: companion.ask(request))
+            self._flight.call(lambda: companion.flight.commands.ask(request))
 
     def do_request(self, choice: float) -> None:
         """An operator asks for something, but never for the pilot's vehicle."""

@@ -139,7 +139,7 @@ class SimulatedFlight(Scenario):
     def do_clock(self, _: None) -> None:
         """It talks again, two seconds after its start."""
         self.link.silent = False
-        self.link.reboot(self.now_s - 2.0)
+        self.link.booted_s = self.now_s - 2.0
 
     # The link
 

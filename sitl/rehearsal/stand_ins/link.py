@@ -88,6 +88,7 @@ class Link:
         old_s: What the vehicle says takes up to so long.
         silent: Nothing passes.
         burst: Losses in bursts; None: none.
+        booted_s: When the vehicle's clock began anew; 0: with ours.
     """
 
     def __init__(self, chance: random.Random) -> None:
@@ -102,7 +103,7 @@ class Link:
         self._delay_s, self._other_delay_s = 0.0, 0.0  # of what the vehicle says; till when
         self._troubles: dict[tuple[Way, str], _ActiveFault] = {}  # one for each stream
         self._frozen: dict[tuple[Way, str], Fields] = {}  # what a stream repeats
-        self._booted_s = 0.0  # when the vehicle's clock began anew; 0: with ours
+        self.booted_s = 0.0
 
     @property
     def next_s(self) -> float:
@@ -123,10 +124,6 @@ class Link:
         self._frozen.pop((way, name), None)
         self._troubles[(way, name)] = _ActiveFault(kind, until_s, late_s, wrong)
 
-    def reboot(self, now_s: float) -> None:
-        """The vehicle's clock begins anew."""
-        self._booted_s = now_s
-
     def send(
         self,
         way: Way,
@@ -141,7 +138,7 @@ class Link:
         arrives_s = max(now_s + self._takes_s(way, now_s), self._arrives_s[way])
         self._arrives_s[way] = arrives_s
         trouble = self._troubles.get((way, name))
-        if way is Way.DOWN and self._booted_s > 0.0:
+        if way is Way.DOWN and self.booted_s > 0.0:
             fields = self._by_new_clock(fields)
         if trouble is not None and now_s < trouble.until_s:
             match trouble.kind:
@@ -194,7 +191,7 @@ class Link:
         for name in CLOCKS:
             if name in changed:
                 scale = 1e6 if name.endswith("usec") else 1e3
-                changed[name] = max(0, changed[name] - round(self._booted_s * scale))
+                changed[name] = max(0, changed[name] - round(self.booted_s * scale))
         return changed
 
 
