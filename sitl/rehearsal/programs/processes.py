@@ -12,11 +12,12 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 from air_router.sim.ports import free_port
 from air_router.sim.sim_world import Child
@@ -52,6 +53,7 @@ class Companion:
     Attributes:
         process: It.
         lines: What it said.
+        outcome: Of its JSON line, once it is closed; empty: there was none.
     """
 
     def __init__(
@@ -63,38 +65,27 @@ class Companion:
     ) -> None:
         keyboard, terminal = pty.openpty()
         self._keyboard = io.FileIO(keyboard, "wb")
+        self._report = tempfile.TemporaryFile()  # noqa: SIM115 - its JSON line, until it is closed
         self.process = subprocess.Popen(  # noqa: S603 - our own program
             ending_with_us(*program, "fly", *arguments, "--json"),
             cwd=folder,
             stdin=terminal,
-            stdout=subprocess.PIPE,
+            stdout=self._report,
             stderr=subprocess.PIPE,
         )
         os.close(terminal)
         self.lines: list[Line] = []
-        self.outcome = ""  # of the JSON line that ends its output; empty until then
+        self.outcome = ""
         self._now_s = now_s
-        self._readers = [  # one thread for each of its streams
-            threading.Thread(target=self._read, args=(stream, keep), daemon=True)
-            for stream, keep in (
-                (self.process.stderr, self._line),
-                (self.process.stdout, self._end),
-            )
-        ]
-        for reader in self._readers:
-            reader.start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
-    def _read(self, stream: IO[bytes], keep: Callable[[str], None]) -> None:
-        with stream:
-            for line in stream:
-                keep(line.decode(errors="replace").rstrip())
-
-    def _line(self, text: str) -> None:
-        self.lines.append(Line(self._now_s(), text))
-
-    def _end(self, text: str) -> None:
-        with contextlib.suppress(ValueError):
-            self.outcome = str(json.loads(text).get("outcome", ""))
+    def _read(self) -> None:
+        assert self.process.stderr is not None  # noqa: S101 - it was asked for
+        with self.process.stderr as said:
+            for line in said:
+                text = line.decode(errors="replace").rstrip()
+                self.lines.append(Line(self._now_s(), text))
 
     @property
     def last(self) -> str:
@@ -120,8 +111,10 @@ class Companion:
         """End it as a power failure does, and read what it has said."""
         self.process.kill()
         self.process.wait()
-        for reader in self._readers:
-            reader.join(2.0)
+        self._reader.join(2.0)
+        with contextlib.suppress(ValueError), self._report as report:  # closed: the second time
+            report.seek(0)
+            self.outcome = str(json.loads(report.read()).get("outcome", ""))
         self._keyboard.close()  # once: by then its number may be that of another flight's socket
 
 

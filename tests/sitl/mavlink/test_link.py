@@ -1,4 +1,4 @@
-"""What goes over the wire beside missions: answers, silences, streams, texts, parameters."""
+"""What goes over the wire beyond the conversations: answers, silences, streams, two links."""
 
 import math
 
@@ -114,6 +114,22 @@ def test_a_command_to_the_vehicle_is_not_passed_on():
     session = ready_for(links=frozenset(Link))
     session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=148)
     assert session.line.vehicle.ground.take_frames() == []
+
+
+def test_two_links_cannot_upload_at_once():
+    session = ready_for(links=frozenset(Link))
+    session.say("MISSION_COUNT", count=2)
+    session.say("MISSION_COUNT", Link.GROUND, count=2)
+    assert session.run(1.0, lambda: bool(session.since("MISSION_ACK", Link.GROUND)))
+    assert session.newest("MISSION_ACK", Link.GROUND)["type"] == 1  # MAV_MISSION_ERROR
+
+
+def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
+    session = Session(local_line(speed=10.0))
+    session.run(5)
+    asked = {"count": "MISSION_REQUEST_INT", "fields": {"seq": 0}}
+    upload = {"send": "MISSION_COUNT", "fields": {"count": 3}}
+    run_steps(session, [upload, asked | {"for_s": 20, "between": (8, 9)}])  # two wall seconds
 
 
 class TestParameters:
