@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import yaml
 
-from sitl.conformance import expecting, sending, transfers
+from sitl.conformance import expecting, sending
 from sitl.conformance.session import DepartureError, Line, Link, Session, SilentVehicleError
 
 _READY: Final = 0x10000000  # SYS_STATUS: pre-arm check
@@ -39,12 +39,12 @@ VERBS: Final[Mapping[str, Callable[..., None]]] = {
     "heartbeats": sending.heartbeats,
     "wait": sending.wait,
     "mark": sending.mark,
-    "upload": transfers.upload,
-    "download": transfers.download,
-    "clear": transfers.clear,
-    "set parameter": transfers.set_parameter,
-    "parameter": transfers.parameter,
-    "all parameters": transfers.all_parameters,
+    "upload": sending.upload,
+    "download": sending.download,
+    "clear": sending.clear,
+    "set parameter": sending.set_parameter,
+    "parameter": sending.parameter,
+    "all parameters": sending.all_parameters,
     "expect": expecting.expect,
     "nothing": expecting.nothing,
     "count": expecting.count,
@@ -160,7 +160,7 @@ def prepare(conversation: Conversation, session: Session) -> None:
         return
     _wait_ready(session)
     for name, value in conversation.parameters.items():
-        transfers.ensure_parameter(session, name, value)
+        sending.set_parameter(session, name, value, answers=None)
     if conversation.start is Start.AIR:
         run_steps(session, _TO_THE_AIR)
 

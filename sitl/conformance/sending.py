@@ -1,20 +1,24 @@
-"""The steps that say something to the vehicle, and what is answered to a command."""
+"""The steps that say something to the vehicle, and what it answers: commands, parameters, plans."""
 
 import math
+import struct
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
-from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Link, Session
+from sitl.conformance.expecting import Fields, same, shorten
+from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Heard, Link, Session
 from sitl.mavlink.codec import command_number
 from sitl.px4sim.commands import CommandResult
+from sitl.px4sim.plan_store import UploadResult
 from sitl.px4sim.state import FlightMode
 
 _EXTRA_S: Final = 0.3
 _NO_POSITION: Final = 2**31 - 1
+_RESULTS: Final = {result.value: result.name for result in CommandResult}
 _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "silent": None}
 
 
-def send(session: Session, name: str, fields: dict[str, Any] | None = None) -> None:
+def send(session: Session, name: str, fields: Fields | None = None) -> None:
     """Send a message; a target that is not given is the vehicle's autopilot."""
     session.mark()
     session.say(name, **(fields or {}))
@@ -34,11 +38,11 @@ def command(  # noqa: PLR0913 - what a case may say of a command
     Params that are missing are NaN. The target is a system and component id.
     """
     padded = (*params, *(math.nan,) * (7 - len(params)))
-    fields: dict[str, Any] = {f"param{number}": value for number, value in enumerate(padded, 1)}
+    fields: Fields = {f"param{number}": value for number, value in enumerate(padded, 1)}
     if target is not None:
         fields["target_system"], fields["target_component"] = target
     send(session, "COMMAND_LONG", fields | {"command": name})
-    _check_answers(session, name, answers, within_s)
+    _answered(session, name, answers, within_s)
 
 
 def set_mode(
@@ -64,7 +68,7 @@ def goto(
     session: Session,
     place: Sequence[float | None],
     answer: str = "ACCEPTED",
-    fields: dict[str, Any] | None = None,
+    fields: Fields | None = None,
 ) -> None:
     """Send DO_REPOSITION as COMMAND_INT.
 
@@ -79,18 +83,11 @@ def goto(
     if north_m is not None and east_m is not None:
         latitude, longitude = session.degrees(north_m, east_m)
         x, y = round(latitude * 1e7), round(longitude * 1e7)
-    usual: dict[str, Any] = {
-        "command": "DO_REPOSITION",
-        "frame": 5,
-        "param1": -1.0,
-        "param2": 1.0,
-        "param4": math.nan,
-        "x": x,
-        "y": y,
-        "z": math.nan if up_m is None else up_m + session.ground_amsl_m,
-    }
+    z = math.nan if up_m is None else up_m + session.ground_amsl_m
+    usual: Fields = {"command": "DO_REPOSITION", "frame": 5, "param1": -1.0, "param2": 1.0}
+    usual |= {"param4": math.nan, "x": x, "y": y, "z": z}
     send(session, "COMMAND_INT", usual | (fields or {}))
-    _check_answers(session, "DO_REPOSITION", (answer,), 1.0)
+    _answered(session, "DO_REPOSITION", (answer,), 1.0)
 
 
 def sticks(session: Session, moved: dict[str, int]) -> None:
@@ -124,17 +121,13 @@ def mark(session: Session, _: None) -> None:
     session.mark()
 
 
-def _check_answers(
-    session: Session, name: str | int, answers: Sequence[str], within_s: float
-) -> None:
+def _answered(session: Session, name: str | int, answers: Sequence[str], within_s: float) -> None:
     number = command_number(name)
 
     def results() -> list[str]:
-        return [
-            _result_name(heard.fields["result"])
-            for heard in session.since("COMMAND_ACK")
-            if heard.fields["command"] == number
-        ]
+        heard = (one.fields for one in session.since("COMMAND_ACK"))
+        acks = (fields["result"] for fields in heard if fields["command"] == number)
+        return [_RESULTS.get(result, str(result)) for result in acks]
 
     session.run(within_s, lambda: bool(answers) and len(results()) >= len(answers))
     session.run(_EXTRA_S)
@@ -144,5 +137,212 @@ def _check_answers(
         raise DepartureError(f"expected the answers {list(answers)}, heard {results()}")
 
 
-def _result_name(result: int) -> str:
-    return CommandResult(result).name if result in set(CommandResult) else str(result)
+# Parameters, missions, fences and rally points.
+
+_INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
+_QUIET_S: Final = 1.0
+
+
+def set_parameter(session: Session, name: str, value: float, answers: int | None = 2) -> None:
+    """Send PARAM_SET, and count the PARAM_VALUEs that answer it with the value that was sent.
+
+    Args:
+        session: With the vehicle.
+        name: Of the parameter.
+        value: An int is sent as INT32, bytewise, as PX4 has it; a float as REAL32.
+        answers: How many PARAM_VALUEs come: two (on a busy machine sometimes three) for a change,
+            one for none, none if refused. None: any, whether that is a change or not.
+    """
+    whole = isinstance(value, int)
+    sent = struct.unpack("<f", struct.pack("<i", value))[0] if whole else value
+    kind = _INT32 if whole else _REAL32
+    send(session, "PARAM_SET", {"param_id": name, "param_value": sent, "param_type": kind})
+    values = _values(session, name, 2 if answers is None else answers)
+    session.notes.append(f"{name}: {len(values)} answers {values}")
+    wanted = struct.unpack("<f", struct.pack("<f", value))[0]
+    if any(abs(got - wanted) > 1e-6 for got in values):
+        raise DepartureError(f"expected {value}, heard {values}")
+    least = 1 if answers is None else answers
+    if len(values) < least or (answers in {0, 1} and len(values) > least):
+        raise DepartureError(f"expected {least} PARAM_VALUEs of {name}, heard {values}")
+
+
+def parameter(session: Session, name: str, value: float | None) -> None:
+    """Ask for a parameter by name; None: silence is expected."""
+    wanted = [] if value is None else [value]
+    send(session, "PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
+    values = _values(session, name, len(wanted))
+    if len(values) != len(wanted) or not all(map(math.isclose, values, wanted)):
+        raise DepartureError(f"expected {value}, heard {values or 'silence'}")
+
+
+def all_parameters(session: Session, among: Sequence[str], fewest: int, within_s: float) -> None:
+    """Send PARAM_REQUEST_LIST: every parameter comes in time, these among them."""
+    send(session, "PARAM_REQUEST_LIST")
+    names: set[str] = set()
+    counts: set[int] = set()
+
+    def complete() -> bool:
+        for heard in session.since("PARAM_VALUE"):
+            if heard.fields["param_index"] < 65535:
+                names.add(heard.fields["param_id"])
+                counts.add(heard.fields["param_count"])
+        return bool(counts) and len(names) >= max(counts)
+
+    begun_s = session.now_s
+    done = session.run(within_s, complete)
+    session.notes.append(f"{len(names)} parameters in {session.now_s - begun_s:.2f} s")
+    missing = [name for name in among if name not in names]
+    if not done or len(names) < fewest or missing:
+        raise DepartureError(
+            f"expected {fewest} parameters within {within_s:g} s, "
+            f"heard {len(names)} of {counts}, without {missing}"
+        )
+
+
+def _values(session: Session, name: str, wanted: int) -> list[float]:
+    def values() -> list[float]:
+        heard = (one.fields for one in session.since("PARAM_VALUE"))
+        return [_value(fields) for fields in heard if fields["param_id"] == name]
+
+    session.run(_QUIET_S, lambda: wanted > 0 and len(values()) >= wanted)
+    session.run(0.2)
+    return values()
+
+
+def _value(fields: Fields) -> float:
+    value: float = fields["param_value"]
+    if fields["param_type"] == _INT32:
+        (value,) = struct.unpack("<i", struct.pack("<f", value))
+    return value
+
+
+_PATIENCE_S: Final = 3.0
+_ANSWERS: Final = ("MISSION_REQUEST_INT", "MISSION_ACK")
+_KINDS: Final = {"mission": 0, "fence": 1, "rally": 2}  # MAV_MISSION_TYPE
+_BOX: Final = ((-1, -1), (-1, 1), (1, 1), (1, -1))
+
+
+def upload(
+    session: Session,
+    plan: Sequence[Fields],
+    kind: str = "mission",
+    result: str = "ACCEPTED",
+    refused_at: int | None = None,
+) -> None:
+    """Send MISSION_COUNT, and the items as they are asked for.
+
+    Args:
+        session: With the vehicle.
+        plan: See `_items`.
+        kind: Mission, fence or rally.
+        result: Name of MAV_MISSION_RESULT that MISSION_ACK gives.
+        refused_at: The item after which the upload ends; None: after all.
+    """
+    items = _items(plan)
+    expected = len(items) if refused_at is None else refused_at + 1
+    send(session, "MISSION_COUNT", {"mission_type": _KINDS[kind], "count": len(items)})
+    sent = 0
+    while True:
+        answer = _next_answer(session, _ANSWERS)
+        if answer is None:
+            raise DepartureError(f"the upload got stuck after {sent} items: no answer")
+        fields = answer.fields
+        if answer.frame.name == "MISSION_ACK":
+            break
+        of_kind = {"seq": fields["seq"], "mission_type": _KINDS[kind]}
+        send(session, "MISSION_ITEM_INT", _message(session, items[fields["seq"]]) | of_kind)
+        sent = fields["seq"] + 1
+    got = UploadResult(fields["type"]).name
+    session.notes.append(f"upload of {len(items)}: {got} after {sent}")
+    if (got, sent) != (result, expected):
+        raise DepartureError(
+            f"expected MISSION_ACK {result} after {expected} items, heard {got} after {sent}"
+        )
+
+
+def download(
+    session: Session,
+    items: Sequence[Fields],
+    kind: str = "mission",
+    *,
+    finished: bool = True,
+) -> None:
+    """Send MISSION_REQUEST_LIST and ask for every item.
+
+    Args:
+        session: With the vehicle.
+        items: Fields that each item is to have, in order.
+        kind: Mission, fence or rally.
+        finished: Whether the last MISSION_ACK is sent: without it PX4 waits for five seconds.
+    """
+    of_kind = {"mission_type": _KINDS[kind]}
+    send(session, "MISSION_REQUEST_LIST", of_kind)
+    total = _next_answer(session, ("MISSION_COUNT",))
+    count = None if total is None else total.fields["count"]
+    if count != len(items):
+        raise DepartureError(f"expected MISSION_COUNT {len(items)}, heard {count}")
+    reply = "MISSION_ITEM_INT"
+    for sequence, wanted in enumerate(items):
+        send(session, "MISSION_REQUEST_INT", of_kind | {"seq": sequence})
+        item = _next_answer(session, (reply, "MISSION_ACK"))
+        if item is None or item.frame.name != reply or not same(item.fields, wanted):
+            got = None if item is None else shorten(item.fields, wanted)
+            raise DepartureError(f"expected item {sequence} {wanted}, heard {got}")
+    if finished:
+        session.say("MISSION_ACK", mission_type=_KINDS[kind], type=0)
+
+
+def clear(session: Session, kind: str) -> None:
+    """Send MISSION_CLEAR_ALL; MISSION_ACK has to come."""
+    send(session, "MISSION_CLEAR_ALL", {"mission_type": _KINDS[kind]})
+    answer = _next_answer(session, ("MISSION_ACK",))
+    result = None if answer is None else answer.fields["type"]
+    if result != UploadResult.ACCEPTED:
+        raise DepartureError(f"expected MISSION_ACK ACCEPTED, heard {result}")
+
+
+def _items(plan: Sequence[Fields]) -> list[Fields]:
+    """The items of a plan, corner by corner where an entry is a polygon.
+
+    An entry has fields of MISSION_ITEM_INT; `at` is its place, metres north and east, and
+    `latitude_deg` is sent instead of north. An entry with `box` (north, east, half a side) or
+    `polygon` (corners) is an exclusion, or with `inclusion` an inclusion.
+    """
+    items: list[Fields] = []
+    for entry in plan:
+        item = dict(entry)
+        corners = item.pop("polygon", ())
+        if "box" in item:
+            north, east, half = item.pop("box")
+            corners = [(north + half * x, east + half * y) for x, y in _BOX]
+        if corners:
+            side = "INCLUSION" if item.pop("inclusion", False) else "EXCLUSION"
+            command = f"NAV_FENCE_POLYGON_VERTEX_{side}"
+            fence = {"command": command, "frame": 0, "z": 0.0, "params": (len(corners), 0, 0, 0)}
+            items += [fence | item | {"at": corner} for corner in corners]
+        else:
+            items.append(item)
+    return items
+
+
+def _message(session: Session, item: Fields) -> Fields:
+    """Fields of MISSION_ITEM_INT: by default of a waypoint 15 m above home."""
+    fields = dict(item)
+    latitude, longitude = session.degrees(*fields.pop("at", (0.0, 0.0)))
+    latitude = fields.pop("latitude_deg", latitude)
+    params = fields.pop("params", (0.0, 0.0, 0.0, math.nan))
+    place: Fields = {"x": round(latitude * 1e7), "y": round(longitude * 1e7), "z": 15.0}
+    usual = place | {"command": "NAV_WAYPOINT", "frame": 6, "autocontinue": 1}
+    usual |= {f"param{number}": value for number, value in enumerate(params, 1)}
+    return usual | fields
+
+
+def _next_answer(session: Session, names: tuple[str, ...]) -> Heard | None:
+    answers: list[Heard] = []
+
+    def come() -> bool:
+        answers[:] = [heard for name in names for heard in session.since(name)]
+        return bool(answers)
+
+    return min(answers, key=lambda heard: heard.at_s) if session.run(_PATIENCE_S, come) else None
