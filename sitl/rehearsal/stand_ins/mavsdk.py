@@ -47,10 +47,7 @@ _ACKS: Final = {
     14: MissionRawResult.DENIED,
     15: MissionRawResult.TRANSFER_CANCELLED,
 }
-_ITEM: Final = (
-    *("seq", "frame", "command", "current", "autocontinue", "param1", "param2", "param3"),
-    *("param4", "x", "y", "z", "mission_type"),
-)
+_ITEM: Final = tuple(vars(MissionItem()))  # names of its fields
 _HEARTBEAT: Final = {
     "type": 18,  # MAV_TYPE_ONBOARD_CONTROLLER
     "autopilot": 8,  # MAV_AUTOPILOT_INVALID
@@ -288,7 +285,7 @@ class _Raw(_Plugin):
         self.clear_mission_async = partial(self._carry_out, _Transfer.clear, _MISSION)
 
     def _upload(self, kind: int, items: list[MissionItem], callback: Callable[..., None]) -> None:
-        fields = [{name: getattr(item, name) for name in _ITEM} for item in items]
+        fields = [dict(vars(item)) for item in items]
         self._carry_out(lambda transfer: transfer.upload(fields), kind, callback)
 
     def _carry_out(
