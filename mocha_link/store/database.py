@@ -5,20 +5,24 @@ In memory; `mocha_link.store.storage` keeps a copy on disk.
 Two orders hold it together. Every message that enters gets the next *sequence number*, so "what
 came after number n" is a short answer. And the *wire order* (most urgent first, then newest first)
 is the one in which an original node is told what there is.
+
+Topics of robots are numbered here: key = robot id * 256 + topic id, as the first two bytes of a
+header read.
 """
 
 from __future__ import annotations
 
 import secrets
+import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from hashlib import blake2b
 from math import isfinite
-from operator import xor
+from operator import attrgetter, xor
 
-from mocha_link.store.record import Floors, Kept, Knowledge, Record, WireOrder, follows
+from mocha_link.store.record import Kept, Knowledge, Record, follows
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
 from mocha_link.store.wire import WRAP_MS, Header, latest_ms
@@ -32,13 +36,14 @@ _STAMP_LIMIT_MS = 1 << STAMP_BITS
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
 _GAP = 1 << 32
+_FIELDS = struct.Struct(">HHH")  # of a header: topic key, seconds, milliseconds
 
 
 class Database:
     """Messages by robot and topic: the newest `history` versions of each. Any thread may use it.
 
     Args:
-        histories: how many versions to keep, by topic key (see `record`); 1 of those not in it.
+        histories: how many versions to keep, by topic key; 1 of those not in it.
         storage: where a copy is kept; what it has is here at once. Its owner closes it.
     """
 
@@ -53,8 +58,7 @@ class Database:
         self._versions: dict[int, list[Kept]] = {}  # by topic key, newest first
         self._by_raw: dict[bytes, Kept] = {}  # by their headers
         self._by_number: dict[int, Kept] = {}  # in the order of the numbers
-        self._floors = Floors()
-        self._wire = WireOrder()
+        self._ordered: list[Kept] | None = None  # the newest in wire order; None: to be sorted anew
         self._groups: dict[int, list[int]] = {}  # digests by robot id
         self._knowledge: dict[str, Knowledge] = {}  # of peers' databases
         if storage:
@@ -90,7 +94,7 @@ class Database:
     def records(self) -> tuple[Record, ...]:
         """The newest message of every topic in the order of the wire."""
         with self._lock:
-            return self._wire.records(self._versions)
+            return tuple(kept.record for kept in self._in_wire_order())
 
     def kept(self) -> tuple[Record, ...]:
         """All versions of all messages, in the order in which they entered."""
@@ -100,21 +104,29 @@ class Database:
     def header_list(self) -> bytes:
         """The headers of `records()`, 6 bytes each, as an original node wants them."""
         with self._lock:
-            return self._wire.headers(self._versions)
+            return b"".join([kept.raw for kept in self._in_wire_order()])
 
     def snapshot(self) -> Mapping[bytes, Kept]:
         """All that is kept now, by its 6-byte header; it does not change any more."""
         with self._lock:
             return dict(self._by_raw)
 
-    def wants(self, header: Header, now_s: float) -> bool:
-        """Whether a message of that header would be stored, seen at Unix `now_s`."""
-        key = header.robot_id << 8 | header.topic_id
+    def wants(self, header: Header, now_s: float, stamp_ms: int | None = None) -> bool:
+        """Whether a message of that header would be stored, seen at Unix `now_s`.
+
+        `stamp_ms` is its time, where that is known in full.
+        """
         with self._lock:
             if header.pack() in self._by_raw:
                 return False
-            floor_ms = self._floors.stamps_ms[key]
-            return follows(header.stamp_ms(now_s), floor_ms, latest_ms(now_s))
+            oldest = self._oldest(header.robot_id << 8 | header.topic_id)
+            if oldest is None:
+                return True
+            if stamp_ms is None:
+                stamp_ms = header.stamp_ms(now_s)
+            elif not oldest.extrapolated:
+                return stamp_ms > oldest.stamp_ms
+            return follows(stamp_ms, oldest.stamp_ms, latest_ms(now_s))
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -124,26 +136,21 @@ class Database:
         `header_list` has a multiple of 6 bytes.
         """
         latest = latest_ms(now_s)
+        newest: dict[int, tuple[int, bytes]] = {}  # by topic key: stamp, header
         with self._lock:
-            newer = self._floors.exceeded(header_list, latest)
-            wanted = [raw for raw in newer if raw not in self._by_raw]
-        return self._floors.newest_of_each(wanted, latest)
-
-    def wants_stamp(
-        self, robot_id: int, topic_id: int, stamp_ms: int, now_s: float | None = None
-    ) -> bool:
-        """Whether a message of that full stamp would be stored.
-
-        With `now_s` a stored stamp that was inferred is seen with today's eyes, as `wants` does.
-        """
-        key = robot_id << 8 | topic_id
-        with self._lock:
-            if Header.at(robot_id, topic_id, stamp_ms).pack() in self._by_raw:
-                return False
-            floor_ms = self._floors.stamps_ms[key]
-            if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.extrapolated:
-                return stamp_ms > floor_ms
-            return follows(stamp_ms, floor_ms, latest_ms(now_s))
+            for place, fields in enumerate(_FIELDS.iter_unpack(header_list)):
+                raw = header_list[place * Header.SIZE : (place + 1) * Header.SIZE]
+                if raw in self._by_raw:
+                    continue
+                key, seconds, milliseconds = fields
+                stamp_ms = latest - (latest - seconds * 1000 - milliseconds) % WRAP_MS
+                oldest = self._oldest(key)
+                stays = oldest and not follows(stamp_ms, oldest.stamp_ms, latest)
+                if stays and milliseconds < 1000:
+                    continue
+                if key not in newest or stamp_ms > newest[key][0]:
+                    newest[key] = stamp_ms, raw
+        return [raw for _, raw in newest.values()]
 
     def insert(self, record: Record, now_s: float) -> bool:
         """Store a message if it is among the newest of its topic; says whether it was.
@@ -214,6 +221,22 @@ class Database:
             if self._storage:
                 self._storage.learn(peer, knowledge)
 
+    def _in_wire_order(self) -> list[Kept]:
+        """The newest version of every topic."""
+        if self._ordered is None:
+            newest = (versions[0] for versions in self._versions.values())
+            self._ordered = sorted(newest, key=attrgetter("rank"))
+        return self._ordered
+
+    def _depth(self, key: int) -> int:
+        """How many versions of a topic are kept."""
+        return max(1, self._histories.get(key, 1))
+
+    def _oldest(self, key: int) -> Record | None:
+        """What another version of a topic has to follow; None: there is room for any."""
+        versions = self._versions.get(key, ())
+        return versions[-1].record if len(versions) >= self._depth(key) else None
+
     def _keep(self, record: Record, number: int, now_s: float) -> bool:
         header = record.header
         raw = header.pack()
@@ -221,7 +244,7 @@ class Database:
             return False
         key = header.robot_id << 8 | header.topic_id
         versions = self._versions.get(key, [])
-        depth = max(1, self._histories.get(key, 1))
+        depth = self._depth(key)
         place = len(versions)
         while place and _newer(record, versions[place - 1].record, now_s):
             place -= 1
@@ -231,7 +254,7 @@ class Database:
         # Sorts as the wire does: most urgent first, then newest first, then by key.
         rank = -((record.priority << STAMP_BITS | record.stamp_ms) << 16 | key)
         if place == 0:
-            self._wire.changed.setdefault(key, versions[0].rank if versions else None)
+            self._ordered = None
         kept = Kept(record, raw, rank, number)
         versions.insert(place, kept)
         self._versions[key] = versions
@@ -242,8 +265,6 @@ class Database:
             self._storage.put(number, record)
         while len(versions) > depth:
             self._drop(versions.pop(), group)
-        if len(versions) == depth:
-            self._floors.stamps_ms[key] = versions[-1].record.stamp_ms
         return True
 
     def _drop(self, old: Kept, group: list[int]) -> None:

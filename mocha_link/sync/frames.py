@@ -16,7 +16,7 @@ from typing import NamedTuple
 from mocha_link.errors import MochaLinkError
 from mocha_link.store.reassembly_buffer import Fragment
 from mocha_link.store.record import Record
-from mocha_link.store.wire import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS
+from mocha_link.store.wire import MAX_BODY_BYTES, STAMP_MASK, STAMPS_MS, Header
 from mocha_link.sync.protocol import Frame
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS = range(1, 11)  # kinds
@@ -42,6 +42,11 @@ class SyncFrameError(MochaLinkError):
 def message_id_of(robot_id: int, topic_id: int, stamp_ms: int) -> int:
     """The id of a message of a robot."""
     return robot_id << 56 | topic_id << 48 | stamp_ms
+
+
+def header_of(message_id: int) -> Header:
+    """The header of a message."""
+    return Header.at(message_id >> 56, message_id >> 48 & 0xFF, message_id & STAMP_MASK)
 
 
 def record_id(record: Record) -> int:

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Container
 
 from mocha_link.clock import Instant
-from mocha_link.store import wire
-from mocha_link.sync.frames import record_id
+from mocha_link.store.wire import STAMP_MASK
+from mocha_link.sync.frames import header_of, record_id
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.sync_messages import (
     MAX_FRAGMENTS,
@@ -122,6 +122,4 @@ class Holdings:
 
     def wants(self, message_id: int, now_s: float) -> bool:
         """Whether a message would be new at Unix time `now_s`."""
-        return self._database.wants_stamp(
-            message_id >> 56, message_id >> 48 & 0xFF, message_id & wire.STAMP_MASK, now_s
-        )
+        return self._database.wants(header_of(message_id), now_s, message_id & STAMP_MASK)

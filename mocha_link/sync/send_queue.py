@@ -8,9 +8,8 @@ from collections.abc import Iterable
 from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import Range
 from mocha_link.store.record import Record
-from mocha_link.store.wire import Header
 from mocha_link.sync import frames as sync
-from mocha_link.sync.frames import record_id
+from mocha_link.sync.frames import header_of, record_id
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import FragmentRequest
@@ -64,12 +63,7 @@ class SendQueue:
         """Go on with messages of which the peer has a part."""
         begun = []
         for message_id, total, missing in requests:
-            record = self._peer.begun(message_id)
-            if record is None:
-                header = Header.at(
-                    message_id >> 56, message_id >> 48 & 0xFF, message_id & wire.STAMP_MASK
-                )
-                record = self._database.get(header)
+            record = self._peer.begun(message_id) or self._database.get(header_of(message_id))
             is_same = record and len(record.body) == total and record_id(record) == message_id
             if record and is_same and message_id not in self._missing:
                 begun.append(message_id)

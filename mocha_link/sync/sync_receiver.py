@@ -12,7 +12,7 @@ from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.config_hash import difference
 from mocha_link.store.record import Knowledge, Record
-from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, Header, PayloadError
+from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError
@@ -293,8 +293,7 @@ class SyncReceiver:
                 self._failed.add(message_id)
             self._flawed = True
         else:
-            header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
-            now_s = self._now.unix_s
+            header, now_s = sync.header_of(message_id), self._now.unix_s
             record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
             peer.holds(message_id)
             if not self.over and len(self._given) < _MAX_GIVEN:
