@@ -9,14 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link.node import kernel, zmtp
 from mocha_link.node.curve import protect_contact
-from mocha_link.node.kernel import Polled, Watcher
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
 from mocha_link.team.keys import PublicKey, SecretKey
@@ -75,15 +75,16 @@ class TcpConnection:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
 
-    def watch(self, poller: Watcher) -> None:
-        """Have the poller wait for what this waits for."""
+    def watch(self, poller: Poller, owner: str) -> None:
+        """Have the poller wait for what this waits for, which belongs to an owner."""
         if self._watched is not self._socket:
             self.forget(poller)  # the first connection
             self._watched = self._socket
         writing = self._connected_s is None or self._out
-        poller.register(self._socket.fileno(), zmq.POLLIN | (zmq.POLLOUT if writing else 0))
+        flags = zmq.POLLIN | (zmq.POLLOUT if writing else 0)
+        poller.register(self._socket.fileno(), flags, owner)
 
-    def forget(self, poller: Watcher) -> None:
+    def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
         watched, self._watched = self._watched, None
         if watched is not None:
@@ -97,7 +98,7 @@ class TcpConnection:
         """Whether there may be something to do though nothing comes."""
         return self.failure is not None or bool(self._waiting)
 
-    def is_ready(self, ready: set[Polled], now_s: float) -> bool:
+    def is_ready(self, ready: Container[Polled], now_s: float) -> bool:
         """Whether there is something to do."""
         late = bool(self._waiting) and self._may_ask(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
@@ -267,12 +268,12 @@ class CurveConnection:
         self._full = False  # libzmq takes no more
         self._socket.connect(f"tcp://{address}:{port}")
 
-    def watch(self, poller: Watcher) -> None:
-        """Have the poller wait for what this waits for."""
-        poller.register(self._socket, zmq.POLLIN)
-        poller.register(self._monitor, zmq.POLLIN)
+    def watch(self, poller: Poller, owner: str) -> None:
+        """Have the poller wait for what this waits for, which belongs to an owner."""
+        poller.register(self._socket, zmq.POLLIN, owner)
+        poller.register(self._monitor, zmq.POLLIN, owner)
 
-    def forget(self, poller: Watcher) -> None:
+    def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
         for each in (self._socket, self._monitor):
             with contextlib.suppress(KeyError):
@@ -288,7 +289,7 @@ class CurveConnection:
         """Whether there may be something to do though nothing comes."""
         return self._full or self.failure is not None
 
-    def is_ready(self, ready: set[Polled], _now_s: float) -> bool:
+    def is_ready(self, ready: Container[Polled], _now_s: float) -> bool:
         """Whether there is something to do."""
         return self.is_restless or self._socket in ready or self._monitor in ready
 

@@ -8,13 +8,13 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 
 import zmq
 
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
-from mocha_link.node.kernel import Poller, Ready
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import BURST
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Robot, Team
@@ -167,25 +167,25 @@ class Dialer:
             now_s = time.monotonic()
             if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
                 self._patient_until_s[peer] = now_s + PATIENT_S
-            connection.forget(self._poller.of(peer))
+            connection.forget(self._poller)
             if void:
                 connection.abort()
             else:
                 connection.close()
 
     def ready(
-        self, ready: Ready, now_s: float, *, observe: bool
+        self, ready: Mapping[Polled, Hashable], now_s: float, *, observe: bool
     ) -> Iterator[tuple[str, Connection]]:
         """The connections to look after; opens those of known address.
 
         To `observe` is to look at all of those of which the poller does not tell everything.
         """
-        due = self._restless | {each for each in ready.owners if isinstance(each, str)}
+        due = self._restless | {each for each in ready.values() if isinstance(each, str)}
         for peer in due | (self._keys.keys() if observe else set()):
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
-            elif connection and (observe or connection.is_ready(ready.sockets, now_s)):
+            elif connection and (observe or connection.is_ready(ready, now_s)):
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
@@ -210,7 +210,7 @@ class Dialer:
         return min(waits_s)
 
     def _watch(self, peer: str, connection: Connection) -> None:
-        connection.watch(self._poller.of(peer))
+        connection.watch(self._poller, peer)
         if connection.is_restless:
             self._restless.add(peer)
         else:
@@ -258,9 +258,9 @@ class Dialer:
             with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
                 self._datagrams.sendto(seal.seal(packet) if seal else packet, place)
 
-    def packets(self, ready: Ready) -> Iterator[tuple[str, bytes]]:
+    def packets(self, ready: Container[Polled]) -> Iterator[tuple[str, bytes]]:
         """The datagrams that peers have sent in answer to ours, and whose they are."""
-        if self._datagrams is None or self._datagrams.fileno() not in ready.sockets:
+        if self._datagrams is None or self._datagrams.fileno() not in ready:
             return
         for packet, source in kernel.received(self._datagrams, BURST):
             peer = self._peers_at.get(source)

@@ -10,9 +10,7 @@ import socket
 import struct
 import sys
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import zmq
 
@@ -187,24 +185,6 @@ Polled = int | zmq.Socket[bytes]
 """A descriptor, or a socket of libzmq."""
 
 
-class Watcher(Protocol):
-    """What a socket is given to, to be waited for; a `zmq.Poller` is one, too."""
-
-    def register(self, each: Polled, flags: int) -> None:
-        """Wait for it, from now on for these events."""
-
-    def unregister(self, each: Polled) -> None:
-        """Wait for it no longer. KeyError if it is not waited for."""
-
-
-@dataclass(slots=True)
-class Ready:
-    """What a wait has ended with."""
-
-    sockets: set[Polled] = field(default_factory=set)
-    owners: set[Hashable] = field(default_factory=set)  # whose these are
-
-
 class Poller:
     """Waits for descriptors, and for libzmq's sockets to become readable.
 
@@ -215,12 +195,8 @@ class Poller:
         self._selector = selectors.DefaultSelector()
         self._zmq: dict[zmq.Socket[bytes], tuple[int, Hashable]] = {}  # descriptor, owner
 
-    def of(self, owner: Hashable) -> Watcher:
-        """Registers what belongs to an owner."""
-        return _Owned(self, owner)
-
     def register(self, each: Polled, flags: int, owner: Hashable = None) -> None:
-        """Wait for a socket, from now on for these events."""
+        """Wait for a socket that belongs to an owner, from now on for these events."""
         if isinstance(each, zmq.Socket):
             if each not in self._zmq:
                 number = int(each.getsockopt(zmq.FD))
@@ -243,44 +219,22 @@ class Poller:
         number = self._zmq.pop(each)[0] if isinstance(each, zmq.Socket) else each
         self._selector.unregister(number)
 
-    def poll(self, wait_ms: int) -> Ready:
-        """Wait until something is ready, at most so many milliseconds."""
-        ready = Ready()
+    def poll(self, wait_ms: int) -> dict[Polled, Hashable]:
+        """Wait until something is ready, at most so many milliseconds: the sockets and owners."""
+        ready = self._readable()
         # Their descriptors tell only of changes; what is there has to be asked for before a wait.
-        if self._zmq and self._ask_zmq(ready):
-            wait_ms = 0
-        for key, _ in self._selector.select(wait_ms / 1000):
-            if key.data is not None:
-                ready.owners.add(key.data)
-            ready.sockets.add(key.fd)
-        if self._zmq:
-            self._ask_zmq(ready)
-        return ready
+        for key, _ in self._selector.select(0 if ready else wait_ms / 1000):
+            ready[key.fd] = key.data
+        return ready | self._readable()
 
     def close(self) -> None:
         """Give up everything."""
         self._selector.close()
 
-    def _ask_zmq(self, ready: Ready) -> bool:
-        for each, (_, owner) in self._zmq.items():
-            if int(each.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
-                ready.sockets.add(each)
-                if owner is not None:
-                    ready.owners.add(owner)
-        return bool(ready.sockets)
-
-
-@dataclass(frozen=True, slots=True)
-class _Owned:
-    """Registers what belongs to one owner."""
-
-    _poller: Poller
-    _owner: Hashable
-
-    def register(self, each: Polled, flags: int) -> None:
-        """Wait for it, from now on for these events."""
-        self._poller.register(each, flags, self._owner)
-
-    def unregister(self, each: Polled) -> None:
-        """Wait for it no longer. KeyError if it is not waited for."""
-        self._poller.unregister(each)
+    def _readable(self) -> dict[Polled, Hashable]:
+        """The sockets of libzmq for which a message waits."""
+        return {
+            each: owner
+            for each, (_, owner) in self._zmq.items()
+            if int(each.getsockopt(zmq.EVENTS)) & zmq.POLLIN
+        }

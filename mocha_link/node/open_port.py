@@ -14,12 +14,12 @@ import itertools
 import socket
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 
 import zmq
 
 from mocha_link.node import kernel
-from mocha_link.node.kernel import Polled, Watcher
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.port import (
     BURST,
     DEAD_PEER_S,
@@ -163,7 +163,7 @@ class OpenPort(Port):
 
     DESCRIPTORS = 2  # a listener and datagrams
 
-    def __init__(self, poller: Watcher, callers: Callers, me: Robot, peer: str) -> None:
+    def __init__(self, poller: Poller, callers: Callers, me: Robot, peer: str) -> None:
         self._poller = poller
         self._callers = callers
         self._inside: dict[bytes, Caller] = {}  # by name
@@ -181,17 +181,17 @@ class OpenPort(Port):
                 raise
             self._listener = early_listener(me, number, error)
 
-    def watch(self, poller: Watcher) -> None:
+    def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
         super().watch(poller)
-        poller.register(self._listener.fileno(), zmq.POLLIN)
+        poller.register(self._listener.fileno(), zmq.POLLIN, self)
 
     @staticmethod
-    def _has_turn(caller: Caller, ready: set[Polled]) -> bool:
+    def _has_turn(caller: Caller, ready: Container[Polled]) -> bool:
         return caller.number in ready or bool(caller.requests and not caller.is_late)
 
-    def requests(self, ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
-        """Those whose turn it is: on which connection each came, and its body parts."""
+    def requests(self, ready: Container[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
+        """Those whose turn it is; see `ProtectedPort.requests`."""
         if self._listener.fileno() in ready:
             self._accept()
         for caller in [each for each in self._inside.values() if self._has_turn(each, ready)]:
@@ -205,7 +205,7 @@ class OpenPort(Port):
                     self._settle(caller)
 
     def _requests_of(
-        self, caller: Caller, ready: set[Polled]
+        self, caller: Caller, ready: Container[Polled]
     ) -> Iterator[tuple[Route, list[bytes]]]:
         if caller.number in ready and not caller.requests and not caller.is_late:
             try:
@@ -268,7 +268,7 @@ class OpenPort(Port):
         wanted |= zmq.POLLOUT if caller.waiting_bytes else 0
         if wanted != caller.watched:
             caller.watched = wanted
-            self._poller.register(caller.number, wanted)
+            self._poller.register(caller.number, wanted, self)
 
     def send_away(self, caller: Caller, why: str) -> None:
         """Close a connection that does what no node does."""
@@ -286,7 +286,7 @@ class OpenPort(Port):
     @property
     def wait_ms(self) -> int:
         """How long nothing is to be done here if nothing comes."""
-        return 0 if any(self._has_turn(each, set()) for each in self._inside.values()) else IDLE_MS
+        return 0 if any(self._has_turn(each, ()) for each in self._inside.values()) else IDLE_MS
 
     def look(self, now_s: float) -> list[str]:
         """Who was sent away since the last call; call it a few times a second."""

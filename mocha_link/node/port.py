@@ -1,6 +1,6 @@
 """The ports of a node, one for each peer: requests over ZeroMQ, datagrams of the same number.
 
-`Port` is what both kinds have in common. A `ProtectedPort` is libzmq's, which encrypts; for peers
+`Port` is what both kinds are made from. A `ProtectedPort` is libzmq's, which encrypts; for peers
 without a key see `open_port`.
 """
 
@@ -12,7 +12,7 @@ import logging
 import socket
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 
 import zmq
@@ -20,7 +20,7 @@ import zmq
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
 from mocha_link.node.curve import protect_port
-from mocha_link.node.kernel import Polled, Watcher
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.zmtp import Part
 from mocha_link.sync.protocol import Route
 from mocha_link.team.keys import SecretKey
@@ -60,44 +60,14 @@ class Port(ABC):
     def _listen(self, me: Robot, number: int) -> None:
         """Bind. Raises OSError or ZMQError."""
 
-    def watch(self, poller: Watcher) -> None:
+    def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
         if self._datagrams:
-            poller.register(self._datagrams.fileno(), zmq.POLLIN)
-
-    @abstractmethod
-    def requests(self, ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
-        """Those whose turn it is: on which connection each came, and its body parts.
-
-        Reply before you fetch the next. Those of a connection that does not take its replies wait,
-        as with REP, whose turn does not come while its reply does not leave.
-        """
-
-    @property
-    @abstractmethod
-    def wait_ms(self) -> int:
-        """How long nothing is to be done here if nothing comes."""
-
-    @property
-    def push_wait_ms(self) -> int:
-        """Likewise while `flush` says no."""
-        return self.wait_ms
+            poller.register(self._datagrams.fileno(), zmq.POLLIN, self)
 
     def look(self, _now_s: float) -> list[str]:
         """Who was sent away since the last call, and why; call it a few times a second."""
         return []
-
-    @abstractmethod
-    def reply(self, route: Route, frame: bytes) -> None:
-        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
-
-    @abstractmethod
-    def push(self, route: Route, parts: list[Part]) -> None:
-        """Send a frame of a sync, or keep it until `flush` gets it out."""
-
-    @abstractmethod
-    def flush(self, route: Route | None) -> bool:
-        """Try to send what waits for a connection; whether it takes more."""
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
         """The datagrams that have come, and where from."""
@@ -163,13 +133,17 @@ class ProtectedPort(Port):
             self.socket.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
             self.socket.bind(endpoint)
 
-    def watch(self, poller: Watcher) -> None:
+    def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
         super().watch(poller)
-        poller.register(self.socket, zmq.POLLIN)
+        poller.register(self.socket, zmq.POLLIN, self)
 
-    def requests(self, _ready: set[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
-        """Those whose turn it is: on which connection each came, and its body parts."""
+    def requests(self, _ready: Container[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
+        """Those whose turn it is: on which connection each came, and its body parts.
+
+        Reply before you fetch the next. Those of a connection that does not take its replies wait,
+        as with REP, whose turn does not come while its reply does not leave.
+        """
         yield from self._resumed()
         for _ in range(BURST):
             try:
@@ -198,12 +172,9 @@ class ProtectedPort(Port):
     @property
     def wait_ms(self) -> int:
         """How long nothing is to be done here if nothing comes."""
+        if self._stuck:
+            return _FULL_MS
         return _LATE_MS if self._late else IDLE_MS
-
-    @property
-    def push_wait_ms(self) -> int:
-        """Likewise while `flush` says no."""
-        return _FULL_MS
 
     def reply(self, route: Route, frame: bytes) -> None:
         """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""

@@ -6,8 +6,7 @@ import contextlib
 import logging
 import socket
 import threading
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Container, Hashable, Mapping
 
 import zmq
 
@@ -19,7 +18,7 @@ from mocha_link.node.connection import Connection
 from mocha_link.node.curve import MAX_STRANGERS, ZapHandler
 from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
-from mocha_link.node.kernel import Poller, Ready
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
 from mocha_link.sync.protocol import (
@@ -41,12 +40,6 @@ LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
 
 LOG = logging.getLogger("mocha_link")
-
-
-class _PortFor(NamedTuple):
-    """In the poller the owner of all that belongs to a port; connections belong to peers' names."""
-
-    peer: str
 
 
 class Transport:
@@ -81,7 +74,7 @@ class Transport:
         self._serves = serves  # has ports; otherwise it only asks
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of all its sockets
         self._poller = Poller()
-        self._ports: dict[str, Port] = {}  # by peer
+        self._ports: dict[str, OpenPort | ProtectedPort] = {}  # by peer
         self._unfinished: set[str] = set()  # peers at whose port there is more to do
         self._callers = Callers()  # of those without a key
         self._gate: ZapHandler | None = None  # None: no peer is protected
@@ -122,16 +115,16 @@ class Transport:
             raise
         self._waker.setblocking(False)
         self._woken.setblocking(False)
-        for peer, port in self._ports.items():
-            port.watch(self._poller.of(_PortFor(peer)))
+        for port in self._ports.values():
+            port.watch(self._poller)
         for each in self._gate.sockets if self._gate else ():
             self._poller.register(each, zmq.POLLIN)
         self._poller.register(self._woken.fileno(), zmq.POLLIN)
         self._thread.start()
 
-    def _new_port(self, peer: str) -> Port:
+    def _new_port(self, peer: str) -> OpenPort | ProtectedPort:
         if not self._secret or not self._gate or peer not in self._keys:
-            return OpenPort(self._poller.of(_PortFor(peer)), self._callers, self._me, peer)
+            return OpenPort(self._poller, self._callers, self._me, peer)
         port = ProtectedPort(self._context, self._me, peer, self._secret)
         self._gate.watch(port.socket, peer)
         return port
@@ -188,17 +181,17 @@ class Transport:
         finally:
             self._close_all()
 
-    def _turn(self, ready: Ready) -> int:
+    def _turn(self, ready: Mapping[Polled, Hashable]) -> int:
         """Do what is to be done; how many milliseconds to wait for more."""
-        if self._woken.fileno() in ready.sockets:
+        if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
-        asked = {each.peer for each in ready.owners if isinstance(each, _PortFor)}
+        asked = {each.peer for each in ready.values() if isinstance(each, Port)}
         asked |= self._unfinished
         for peer in asked:
             with self._guard:
                 self._serve(self._ports[peer], ready)
-        if self._gate and not ready.sockets.isdisjoint(self._gate.sockets):
+        if self._gate and not ready.keys().isdisjoint(self._gate.sockets):
             self._admit(self._gate)
         for peer, packet in self._dialer.packets(ready):
             with self._guard, self._lock:
@@ -235,8 +228,8 @@ class Transport:
             waits_s.append(wake_s - now.steady_s)
         return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
-    def _serve(self, port: Port, ready: Ready) -> None:
-        for route, parts in port.requests(ready.sockets):
+    def _serve(self, port: OpenPort | ProtectedPort, ready: Container[Polled]) -> None:
+        for route, parts in port.requests(ready):
             with self._guard, self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._act()
@@ -258,14 +251,14 @@ class Transport:
                 with self._lock:
                     self._gossip.refused(port.peer, why)
 
-    def _supply(self, port: Port) -> int:
+    def _supply(self, port: OpenPort | ProtectedPort) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
         with self._guard:
             for _ in range(BURST):
                 with self._lock:
                     route = self._gossip.route(port.peer)
                 if not port.flush(route):
-                    return port.push_wait_ms
+                    return port.wait_ms
                 with self._lock:
                     supplied = self._gossip.supply(port.peer)
                 if supplied is None:

@@ -16,6 +16,7 @@ from mocha_link.node import connection as module
 from mocha_link.node import curve
 from mocha_link.node.connection import EAGER_S, Connection, CurveConnection, TcpConnection
 from mocha_link.node.curve import CurveUnavailableError, Refusal, ZapHandler
+from mocha_link.node.kernel import Poller
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.keys import SecretKey
 from tests.mocha_link.conftest import own_host
@@ -90,16 +91,16 @@ def nothing_to_read(connection: socket.socket) -> bool:
 
 def turn_until(line: Connection, done: Callable[[], bool], now_s: float | None = None) -> None:
     """What the transport does with it, by the real time or at a moment that stands still."""
-    poller = zmq.Poller()
     limit_s = time.monotonic() + WAIT_S
-    while not done():
-        assert time.monotonic() < limit_s, "hangs"
-        line.watch(poller)
-        ready = {each for each, _ in poller.poll(10)}
-        now = time.monotonic() if now_s is None else now_s
-        if line.is_ready(ready, now):
-            line.turn(now)
-    line.forget(poller)
+    with contextlib.closing(Poller()) as poller:
+        while not done():
+            assert time.monotonic() < limit_s, "hangs"
+            line.watch(poller, "io")
+            ready = poller.poll(10)
+            now = time.monotonic() if now_s is None else now_s
+            if line.is_ready(ready, now):
+                line.turn(now)
+        line.forget(poller)
 
 
 def replies_of(line: Connection, count: int) -> list[list[bytes]]:
@@ -172,8 +173,8 @@ def test_requests_that_came_together_with_the_handshake_are_sent_again(line, pee
 
 def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
     """Its number is given to nothing else before it is out: the poller would take that for it."""
-    poller = zmq.Poller()
-    line.watch(poller)
+    poller = Poller()
+    line.watch(poller, "io")
     line.send(b"one")
     line.turn(100.0)
     line.turn(101.0)
@@ -194,10 +195,11 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
         line.turn(102.0)
     monkeypatch.undo()
     assert before not in taken
-    line.watch(poller)
+    line.watch(poller, "io")
     with pytest.raises(OSError, match="Bad file"):
         os.fstat(before)
-    assert [each for each, _ in poller.sockets] == [line._socket.fileno()]
+    assert list(poller._selector.get_map()) == [line._socket.fileno()]
+    poller.close()
     line.forget(poller)
     assert not poller.sockets
     os.close(taken[0])

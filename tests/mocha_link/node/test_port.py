@@ -8,7 +8,7 @@ import socket
 import struct
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 
 import pytest
 import zmq
@@ -17,6 +17,7 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.node import port as port_module
 from mocha_link.node.curve import CurveUnavailableError, protect_contact
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.open_port import Callers, OpenPort
 from mocha_link.node.port import (
     BURST,
@@ -51,7 +52,7 @@ class Shell:
     """What drives a port: a poller, and the loop around `requests`."""
 
     def __init__(self, kind: type[Port], titan: Robot) -> None:
-        self.poller = zmq.Poller()
+        self.poller = Poller()
         self._context = zmq.Context()
         try:
             if kind is OpenPort:
@@ -65,12 +66,12 @@ class Shell:
 
     def turn(self, wait_ms: int = 0) -> list[tuple[tuple[bytes, ...], list[bytes]]]:
         """The requests of one turn; none of them is answered in it."""
-        ready = {each for each, _ in self.poller.poll(min(wait_ms, self.port.wait_ms))}
+        ready = self.poller.poll(min(wait_ms, self.port.wait_ms))
         return list(self.port.requests(ready))
 
     def serve(self, answer: bytes) -> list[bytes]:
         """Answer what is asked in one turn; the requests."""
-        ready = {each for each, _ in self.poller.poll(0)}
+        ready = self.poller.poll(0)
         served = []
         for route, (request,) in self.port.requests(ready):
             served.append(request)
@@ -89,6 +90,7 @@ class Shell:
     def close(self) -> None:
         self.port.close()
         self._context.term()
+        self.poller.close()
 
 
 @pytest.fixture(params=[OpenPort, ProtectedPort])
@@ -337,10 +339,10 @@ def sender(titan) -> Iterator[socket.socket]:
         yield sender
 
 
-def ready(port: Port) -> set[object]:
-    poller = zmq.Poller()
-    port.watch(poller)
-    return {each for each, _ in poller.poll(WAIT_MS)}
+def ready(port: Port) -> dict[Polled, Hashable]:
+    with contextlib.closing(Poller()) as poller:
+        port.watch(poller)
+        return poller.poll(WAIT_MS)
 
 
 def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
