@@ -60,6 +60,7 @@ class Flow:
         self.proven = proven
         self.refused = 0  # packets that were none
         self.repeated = 0  # packets whose frames had arrived before
+        self.down = False  # nothing is heard though it should be
         self._bytes_in = self._bytes_out = 0  # limit what leaves to an unproven address
         self._source = source
         self._packet = packet_bytes  # bytes of a full packet
@@ -71,7 +72,6 @@ class Flow:
         self._dry = False  # the source had nothing
         self._progress_s = self._sent_s = 0.0  # of the last acknowledgement, of the last packet
         self._tail = False  # a probe for a lost tail is under way
-        self._down = False  # nothing is heard though it should be
         self._probe_s = 0.0  # when the next probe leaves
         self._probe_every_s = PROBE_S  # grows while it is down
         self._blind = False  # what of the last flight arrived is not known yet: it goes later
@@ -91,11 +91,6 @@ class Flow:
         return self._link.rate if self._pacing.proven else None
 
     @property
-    def in_flight_bytes(self) -> int:
-        """Sent, and neither acknowledged nor lost."""
-        return self._outbox.in_flight_bytes
-
-    @property
     def arrived(self) -> int:
         """How many numbered packets of the peer have come; copies of them count for nothing."""
         return self._arrivals.count
@@ -106,17 +101,12 @@ class Flow:
         return self._outbox.settled
 
     @property
-    def down(self) -> bool:
-        """Whether the link seems to be down: nothing was heard, though it should have been."""
-        return self._down
-
-    @property
     def wake_s(self) -> float | None:
         """When to call `transmit` if nothing arrives before; None: no need."""
         if self._hello:
             return 0.0
         times = [] if self._arrivals.due_s is None else [self._arrivals.due_s]
-        if self._down:
+        if self.down:
             return min([self._probe_s, *times])
         if self._outbox.under_way():
             times.append(self._alarm_s())
@@ -140,7 +130,7 @@ class Flow:
         self._bytes_in += len(packet)
         if parsed.ack:
             self._acknowledged(parsed.ack, now_s)
-        if self._down:
+        if self.down:
             self._resume(now_s)
         self._progress_s = now_s
         self._blind = False
@@ -158,7 +148,7 @@ class Flow:
         if heard.stamps and not self.proven:
             self._prove(heard, ack, now_s)
             return
-        if not heard.stamps or self._down:  # after a gap its length would be measured
+        if not heard.stamps or self.down:  # after a gap its length would be measured
             return
         self._tail = False
         rtt_s = None
@@ -194,7 +184,7 @@ class Flow:
     def _resume(self, now_s: float) -> None:
         """The link is back after a gap: what was under way is lost."""
         self._outbox.give_up()
-        self._down = self._tail = False
+        self.down = self._tail = False
         self._pacing.resume(now_s)
 
     def on_contact(self, now_s: float) -> None:
@@ -215,7 +205,7 @@ class Flow:
         """The datagrams to send now."""
         out: list[bytes] = []
         self._watch(now_s, out)
-        if not self._down:
+        if not self.down:
             self._dry = False
             while self._may_send() and self._pacing.due_s <= now_s + AHEAD_S:
                 packet = self._fill(now_s)
@@ -272,7 +262,7 @@ class Flow:
     def _watch(self, now_s: float, out: list[bytes]) -> None:
         """Look at the clock: overtaken packets, a lost tail, a link that is down."""
         outbox = self._outbox
-        if self._down or not outbox.under_way():
+        if self.down or not outbox.under_way():
             return
         overtaken_s = outbox.overtaken_s()
         if overtaken_s is not None and overtaken_s + self._patience_s() <= now_s:
@@ -280,7 +270,7 @@ class Flow:
         if not outbox.under_way() or now_s < self._alarm_s():
             return
         if self._tail:
-            self._down = True
+            self.down = True
             self._probe_every_s = PROBE_S
             self._probe_s = now_s
         else:

@@ -44,17 +44,16 @@ class Train(NamedTuple):
     risen: bool  # even the fastest of the last ones had to wait somewhere
 
 
+@dataclass(slots=True)
 class Round:
     """The sums of one round trip."""
 
-    __slots__ = ("began_s", "delivered", "limited", "lost", "rate", "rtt_s")
-
-    def __init__(self, began_s: float) -> None:
-        self.began_s = began_s
-        self.delivered = self.lost = 0  # bytes
-        self.rate = 0.0  # the highest measured, bytes/s
-        self.rtt_s: float | None = None  # the lowest of this round
-        self.limited = True  # there was too little to send to see the rate
+    began_s: float
+    delivered: int = 0  # bytes
+    lost: int = 0  # bytes
+    rate: float = 0.0  # the highest measured, bytes/s
+    rtt_s: float | None = None  # the lowest of this round
+    limited: bool = True  # there was too little to send to see the rate
 
     @property
     def loss(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from mocha_link.datagram.delivery import Stamp
@@ -12,29 +13,25 @@ REORDERED = 3  # packets that may overtake another before it counts as lost
 MAX_REORDERED = 128
 
 
+@dataclass(slots=True, eq=False)
 class Content:
-    """Frames as they stand in a packet; `number` is that of the first packet that carried them."""
+    """Frames as they stand in a packet."""
 
-    __slots__ = ("arrived", "body", "last", "number", "waiting")
-
-    def __init__(self, number: int, body: bytes) -> None:
-        self.number = number
-        self.last = number  # the number of the last packet that carried them
-        self.body = body
-        self.arrived = False  # by any of the packets that carried it
-        self.waiting = False  # to be sent again
+    number: int  # of the first packet that carried them
+    last: int  # the number of the last one
+    body: bytes
+    arrived: bool = False  # by any of the packets that carried it
+    waiting: bool = False  # to be sent again
 
 
+@dataclass(slots=True, eq=False)
 class _Sent:
     """One packet under way; without content it is a probe."""
 
-    __slots__ = ("content", "number", "settled", "stamp")
-
-    def __init__(self, number: int, content: Content | None, stamp: Stamp) -> None:
-        self.number = number
-        self.content = content
-        self.stamp = stamp
-        self.settled = False  # arrived or lost
+    number: int
+    content: Content | None
+    stamp: Stamp
+    settled: bool = False  # arrived or lost
 
 
 class Heard(NamedTuple):
@@ -89,7 +86,7 @@ class Outbox:
 
     def content(self, body: bytes) -> Content:
         """New frames, which the next packet will carry."""
-        content = self._contents[self.next] = Content(self.next, body)
+        content = self._contents[self.next] = Content(self.next, self.next, body)
         return content
 
     def bodies(self) -> list[bytes]:

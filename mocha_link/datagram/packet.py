@@ -48,40 +48,34 @@ class Packet(NamedTuple):
     frames: list[bytes]  # what it carries
 
 
-def token_of(packet: bytes) -> bytes | None:
-    """To which flow a packet belongs; None if it is none of ours."""
-    if len(packet) < _PREFIX.size or packet[0] & ~FLAGS != VERSION:
-        return None
-    return packet[1 : 1 + TOKEN_BYTES]
-
-
-def parse(packet: bytes) -> Packet | None:  # noqa: C901, PLR0911 - every check is a way out
+def parse(packet: bytes) -> Packet | None:
     """Take a packet apart; None if anything in it is not as it has to be."""
-    if token_of(packet) is None:
+    try:
+        return _parsed(packet)
+    except struct.error:  # it ends too early
         return None
-    flags, size = packet[0], len(packet)
+
+
+def _parsed(packet: bytes) -> Packet | None:
+    flags, _ = _PREFIX.unpack_from(packet)
+    if flags & ~FLAGS != VERSION:
+        return None
     at = _PREFIX.size
     ack = None
     if flags & ACK:
-        if size < at + ACK_BYTES:
-            return None
         below, skip, delay, length = _ACK.unpack_from(packet, at)
-        at += ACK_BYTES
-        if length > MAX_MASK or skip > WINDOW or size < at + length:
+        bits = packet[at + ACK_BYTES : at + ACK_BYTES + length]
+        at += ACK_BYTES + length
+        if length > MAX_MASK or skip > WINDOW or at > len(packet):
             return None
-        bits = int.from_bytes(packet[at : at + length], "little")
-        ack = Ack(below, below + skip, bits, delay * _TICK_S)
-        at += length
+        ack = Ack(below, below + skip, int.from_bytes(bits, "little"), delay * _TICK_S)
     if not flags & DATA:
-        return Packet(ack, None, 0, 0, []) if ack and size == at and not flags & AGAIN else None
-    if size < at + _DATA.size:
-        return None
+        alone = ack and at == len(packet) and not flags & AGAIN
+        return Packet(ack, None, 0, 0, []) if alone else None
     number, behind = _DATA.unpack_from(packet, at)
     at += _DATA.size
     back = 0
     if flags & AGAIN:
-        if size < at + _SHORT.size:
-            return None
         (back,) = _SHORT.unpack_from(packet, at)
         at += _SHORT.size
     if number > MAX_NUMBER or behind >= WINDOW or behind > number:
@@ -89,9 +83,7 @@ def parse(packet: bytes) -> Packet | None:  # noqa: C901, PLR0911 - every check 
     if back > behind or (back == 0) != (not flags & AGAIN):
         return None
     frames = split(packet, at)
-    if frames is None:
-        return None
-    return Packet(ack, number, number - behind, number - back, frames)
+    return None if frames is None else Packet(ack, number, number - behind, number - back, frames)
 
 
 def split(packet: bytes, at: int) -> list[bytes] | None:

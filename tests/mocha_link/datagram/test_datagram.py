@@ -211,7 +211,7 @@ def test_every_frame_arrives_once(loss):
     world.run(60)
     assert sorted(int.from_bytes(frame[:4], "big") for frame in b.got) == list(range(300))
     assert a.flow.settled
-    assert a.flow.in_flight_bytes == 0
+    assert a.flow._outbox.in_flight_bytes == 0
     assert (a.flow.refused, b.flow.refused) == (0, 0)
 
 
@@ -404,7 +404,7 @@ def test_acknowledgements_of_what_was_never_sent_are_refused():
         assert flow.receive(wire.only_ack(TOKEN, ack), 0.1) == []
     assert flow.refused == 4
     assert not flow.settled
-    assert flow.in_flight_bytes > 0
+    assert flow._outbox.in_flight_bytes > 0
 
 
 @given(
