@@ -48,7 +48,7 @@ def difference(peer: str) -> str:
 class TeamConfig:
     """Ids follow from names by their order, so with another team file they may mean others.
 
-    `names` says what each topic key (see `index`) stands for; `accepted` is whatever else decides
+    `names` says what each topic key (see `Header`) stands for; `accepted` is whatever else decides
     on what is taken from peers.
     """
 
@@ -86,5 +86,4 @@ class TeamConfig:
 
     def keeps(self, header: Header, earlier: Mapping[int, str]) -> bool:
         """Whether the ids of a message mean what they meant under earlier names."""
-        key = header.robot_id << 8 | header.topic_id
-        return key in self.names and self.names[key] == earlier.get(key)
+        return header.key in self.names and self.names[header.key] == earlier.get(header.key)

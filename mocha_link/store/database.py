@@ -5,9 +5,6 @@ In memory; `mocha_link.store.storage` keeps a copy on disk.
 Two orders hold it together. Every message that enters gets the next *sequence number*, so "what
 came after number n" is a short answer. And the *wire order* (most urgent first, then newest first)
 is the one in which an original node is told what there is.
-
-Topics of robots are numbered here: key = robot id * 256 + topic id, as the first two bytes of a
-header read.
 """
 
 from __future__ import annotations
@@ -43,7 +40,7 @@ class Database:
     """Messages by robot and topic: the newest `history` versions of each. Any thread may use it.
 
     Args:
-        histories: how many versions to keep, by topic key; 1 of those not in it.
+        histories: how many versions to keep, by topic key (see `Header`); 1 of those not in it.
         storage: where a copy is kept; what it has is here at once. Its owner closes it.
     """
 
@@ -106,10 +103,10 @@ class Database:
         with self._lock:
             return b"".join([kept.raw for kept in self._in_wire_order()])
 
-    def snapshot(self) -> Mapping[bytes, Kept]:
+    def snapshot(self) -> Mapping[bytes, Record]:
         """All that is kept now, by its 6-byte header; it does not change any more."""
         with self._lock:
-            return dict(self._by_raw)
+            return {raw: kept.record for raw, kept in self._by_raw.items()}
 
     def wants(self, header: Header, now_s: float, stamp_ms: int | None = None) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`.
@@ -119,7 +116,7 @@ class Database:
         with self._lock:
             if header.pack() in self._by_raw:
                 return False
-            oldest = self._oldest(header.robot_id << 8 | header.topic_id)
+            oldest = self._oldest(header.key)
             if oldest is None:
                 return True
             if stamp_ms is None:
@@ -242,7 +239,7 @@ class Database:
         raw = header.pack()
         if raw in self._by_raw:
             return False
-        key = header.robot_id << 8 | header.topic_id
+        key = header.key
         versions = self._versions.get(key, [])
         depth = self._depth(key)
         place = len(versions)

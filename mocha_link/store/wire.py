@@ -100,6 +100,11 @@ class Header:
         return _HEADER.pack(self.robot_id, self.topic_id, self.seconds, self.milliseconds)
 
     @property
+    def key(self) -> int:
+        """Its topic as one number, robot id * 256 + topic id: as its first two bytes read."""
+        return self.robot_id << 8 | self.topic_id
+
+    @property
     def hangs_old_nodes(self) -> bool:
         """Whether its time is in the first second after a wrap (see UNSAFE_MS)."""
         return self.wrapped_ms <= UNSAFE_MS

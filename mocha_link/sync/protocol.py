@@ -43,11 +43,6 @@ def _random_boot_id() -> int:
     return int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
 
 
-def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
-    """A request frame."""
-    return request_id + code + argument
-
-
 @dataclass(frozen=True, slots=True)
 class Connect:
     """Open a fresh connection to a peer, for one pull."""

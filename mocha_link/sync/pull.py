@@ -16,7 +16,7 @@ from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.link_events import Direction
 from mocha_link.links.link_table import throughput_bytes_s
-from mocha_link.sync.original_client import ClientSession
+from mocha_link.sync.original import ClientSession
 from mocha_link.sync.peer import Credit, Peer
 from mocha_link.sync.protocol import (
     ID_BYTES,
@@ -26,7 +26,6 @@ from mocha_link.sync.protocol import (
     SYNCF,
     Frame,
     SendDatagram,
-    request,
 )
 from mocha_link.sync.sync_receiver import SyncReceiver
 
@@ -88,7 +87,7 @@ class Pull:
         self.id = headers_request[:ID_BYTES]
         acquainted = self._peer.address_token != 0
         opening = self._receiver.open(now)
-        self._peer.send(request(self.id, SYNC1, self._credit.grant + opening[0]))
+        self._peer.send(self.id + SYNC1 + self._credit.grant + opening[0])
         self._send_frames(opening[1:])
         if not self.standing:
             self._peer.send(headers_request)
@@ -132,7 +131,7 @@ class Pull:
                 self._send_frames(frames)
             size = sum(map(len, parts))
             if self._credit.take(size, now.steady_s, self._peer.rtt_s) and self.goes_on:
-                self._peer.send(request(self.id, SYNCC, self._credit.grant))
+                self._peer.send(self.id + SYNCC + self._credit.grant)
 
     def hush(self) -> None:
         """Say nothing more on the connection: the next pull has begun there, and the peer knows."""
@@ -326,7 +325,7 @@ class Pull:
 
     def _send_frames(self, frames: Sequence[bytes]) -> None:
         for frame in frames:
-            self._peer.send(request(self.id, SYNCF, frame))
+            self._peer.send(self.id + SYNCF + frame)
 
     def _next_frame(self, _room: int) -> bytes | None:
         return self._outbox.popleft() if self._outbox else None

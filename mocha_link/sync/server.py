@@ -15,7 +15,7 @@ from mocha_link.datagram.datagram import Flow
 from mocha_link.links.link_events import Direction
 from mocha_link.store.config_hash import difference
 from mocha_link.sync.frames import HELLO, message_frame
-from mocha_link.sync.original_server import ServerSession
+from mocha_link.sync.original import ServerSession
 from mocha_link.sync.peer import GRANT, Peer
 from mocha_link.sync.protocol import (
     CODE_BYTES,

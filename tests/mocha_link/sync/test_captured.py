@@ -15,9 +15,8 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.sync import original_client
-from mocha_link.sync.original_client import ClientSession
-from mocha_link.sync.original_server import ServerSession
+from mocha_link.sync import original
+from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
 from tests.mocha_link.network import peer_of
 
@@ -126,8 +125,8 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
 def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
-    monkeypatch.setattr(original_client, "MIN_WINDOW", window)
-    monkeypatch.setattr(original_client, "MAX_WINDOW", window)
+    monkeypatch.setattr(original, "MIN_WINDOW", window)
+    monkeypatch.setattr(original, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
     ids = iter(request[:6] for request, _ in recorded)
     own = database(recorded_team, bodies, *pull.client_holds)

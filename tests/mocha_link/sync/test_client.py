@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from mocha_link.clock import Instant
 from mocha_link.store import wire
 from mocha_link.store.wire import Header, PayloadError
-from mocha_link.sync.original_client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.original import MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import pair_of
 
 NOW_S = 1_795_175_900.0
 TOPICS = 200
+FIRST_WINDOW = 128  # requests of 512 bytes in 64 KB, as no message has come
 TEAM = pair_of(TOPICS)
 IO, TITAN = 0, 1
 

@@ -11,7 +11,7 @@ from mocha_link.links.metrics import Direction, SyncStarted, SyncTimedOut
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
 from mocha_link.store.wire import Header
-from mocha_link.sync.original_server import ServerSession
+from mocha_link.sync.original import ServerSession
 from tests.mocha_link.network import peer_of
 
 OUT = Direction.OUT

@@ -1,4 +1,4 @@
-"""The asking side of a sync with an original node. No sockets here.
+"""Either side of a sync with an original node. No sockets here.
 
 A pull is GHEAD (the list of headers), one GDATA per wanted message, DENDT.
 """
@@ -6,22 +6,25 @@ A pull is GHEAD (the list of headers), one GDATA per wanted message, DENDT.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from mocha_link.clock import Instant
+from mocha_link.links.link_events import Direction
 from mocha_link.store import wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import WRAP_MS, Header, HeaderError, PayloadError
 from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import (
     ACK,
+    CODE_BYTES,
     DENDT,
     GDATA,
     GHEAD,
     ID_BYTES,
+    PATIENCE_S,
     SERRM,
     Frame,
-    request,
 )
 
 MAX_HEADERS = 65_536
@@ -31,9 +34,12 @@ MIN_WINDOW, MAX_WINDOW = 16, 256
 _GUESS_BYTES = 512  # of a message, while none has come
 _LARGE_BYTES = 8192  # the same where more must not come than was meant to
 _AHEAD_BYTES = 64 * 1024
-FIRST_WINDOW = _AHEAD_BYTES // _GUESS_BYTES
 _AHEAD_S = 0.25
 _WEIGHT = 0.125  # of a new size in the average
+FORGET_S = 60.0  # after so long a silence nothing of a client can be on its way either
+# An original client lets go of an answer that takes more than 6 s, and of all that stands behind
+# it in the list. Smaller ones take so long on no link that is worth the name.
+LATE_BYTES = 32 * 1024
 
 
 class ClientSession:
@@ -99,7 +105,7 @@ class ClientSession:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
             self._size += _WEIGHT * (len(frame) - self._size)
-            self._peer.cut.pop(_topic_of(header), None)
+            self._peer.cut.pop(header.key, None)
             self._store(header, body, now)
         else:
             self.rtt_s = now.steady_s - asked_s
@@ -130,8 +136,7 @@ class ClientSession:
         self._learn_rate()
         cut = next((header for _, header, _ in self._asked.values() if header), None)
         if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
-            topic = _topic_of(cut)
-            self._peer.cut[topic] = self._peer.cut.get(topic, 0) + 1
+            self._peer.cut[cut.key] = self._peer.cut.get(cut.key, 0) + 1
 
     @property
     def bandwidth_bytes_s(self) -> float | None:
@@ -143,13 +148,13 @@ class ClientSession:
         self._peer.rate_bytes_s = self.bandwidth_bytes_s or self._peer.rate_bytes_s
 
     def _request(self, now: Instant, code: bytes, header: Header | None = None) -> bytes:
-        new_id, own = self._peer.node.new_id, self._peer.node.name
-        request_id = new_id()
+        node = self._peer.node
+        request_id = node.new_id()
         while request_id in self._asked:
-            request_id = new_id()
-        argument = header.pack() if header else own.encode() if code == DENDT else b""
+            request_id = node.new_id()
+        argument = header.pack() if header else node.name.encode() if code == DENDT else b""
         self._asked[request_id] = (code, header, now.steady_s)
-        return request(request_id, code, argument)
+        return request_id + code + argument
 
     def _list(self, body: bytes, now: Instant) -> None:
         refusals, cut = self._peer.refusals, self._peer.cut
@@ -164,18 +169,18 @@ class ClientSession:
             except HeaderError as error:
                 refusals.append(str(error))
                 continue
-            if _topic_of(header) not in self._peer.node.team.topics_by_key:
+            if header.key not in self._peer.node.team.topics_by_key:
                 refusals.append(f"header {header}: no such robot or topic in the team")
             elif header.hangs_old_nodes:
                 refusals.append(f"header {header}: original nodes would stop over its time")
             else:
-                found.append((cut.get(_topic_of(header), 0), header))
+                found.append((cut.get(header.key, 0), header))
         # What a contact was too short for comes last: it must not starve the others again.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
 
     def _store(self, header: Header, body: Frame, now: Instant) -> None:
-        known = self._peer.node.team.topics_by_key.get(_topic_of(header))
+        known = self._peer.node.team.topics_by_key.get(header.key)
         if body == SERRM or known is None:
             return  # replaced at the peer meanwhile; the next list has the newer one
         robot, topic = known
@@ -222,5 +227,123 @@ def _check_time(header: Header, stamp_ms: int) -> None:
         raise PayloadError("of an impossible time")
 
 
-def _topic_of(header: Header) -> int:
-    return header.robot_id << 8 | header.topic_id
+@dataclass(slots=True)
+class _Served:
+    """What the peer has pulled since its GHEAD."""
+
+    since_s: float  # of its GHEAD, steady clock
+    messages: int = 0  # given out
+    bytes: int = 0  # of replies
+    given_up: bool = False  # it was told as timed out
+
+
+class ServerSession:
+    """Answers one peer that asks as original nodes do, and tells when its pulls start and end.
+
+    Topics whose messages the peer did not stay for come last in the lists, and starve nothing else.
+    """
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self._database = peer.node.database
+        self._pull: _Served | None = None  # None: none since the last DENDT
+        self._heard_s = 0.0  # steady clock
+        # What was offered stays available, though newer messages replace it, until well after the
+        # peer has asked for another list.
+        self._offered: Mapping[bytes, Record] = {}
+        self._offered_before: Mapping[bytes, Record] = {}  # by the list before this
+        self._listed_s = 0.0  # when the last list left
+        self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
+        self._under_way = b""  # topic of the large answer that is not known to have arrived
+
+    def answer(self, parts: Sequence[bytes], now: Instant) -> bytes:
+        """The reply to the body parts of a request (a good one has one part)."""
+        self._heard_s = now.steady_s
+        frame = parts[0] if parts else b""
+        request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
+        argument = frame[ID_BYTES + CODE_BYTES :]
+        body: Frame = SERRM
+        self._note_arrival(code)
+        if len(parts) != 1:
+            pass
+        elif code == GHEAD:
+            self._give_up(now, "the peer began anew")
+            self._pull = _Served(now.steady_s)
+            self._peer.tell_start(Direction.OUT, now)
+            body = self._list(now)
+        elif code == GDATA:
+            body = self._data(argument, now)
+        elif code == DENDT:
+            body = ACK
+            self._end(now)
+        if self._pull:
+            self._pull.bytes += ID_BYTES + len(body)
+        return b"".join((request_id, body))
+
+    def tick(self, now: Instant) -> None:
+        """What the peer's silence ends."""
+        silence_s = now.steady_s - self._heard_s
+        if silence_s <= PATIENCE_S:
+            return
+        if silence_s > FORGET_S and self._offered:  # a peer that is gone must not keep it all
+            self._offered = self._offered_before = {}
+        self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
+
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `tick` at the latest, in steady seconds; None: the time brings nothing."""
+        if self._pull and not self._pull.given_up:
+            return self._heard_s + PATIENCE_S
+        return self._heard_s + FORGET_S if self._offered else None
+
+    def _note_arrival(self, code: bytes) -> None:
+        """Another request: the large answer that was under way has arrived, or was let go of."""
+        topic, self._under_way = self._under_way, b""
+        if topic and code == GHEAD:
+            self._late.add(topic)
+        else:
+            self._late.discard(topic)
+
+    def _end(self, now: Instant) -> None:
+        pull, self._pull = self._pull, None
+        if pull:
+            self._peer.tell_end(
+                Direction.OUT,
+                now,
+                began_s=pull.since_s,
+                messages=pull.messages,
+                size=pull.bytes + ID_BYTES + len(ACK),
+            )
+
+    def _give_up(self, now: Instant, reason: str) -> None:
+        """Count the pull as broken off; on a slow link its DENDT may still come."""
+        if self._pull and not self._pull.given_up:
+            self._pull.given_up = True
+            self._peer.tell_timeout(Direction.OUT, reason, now)
+
+    def _list(self, now: Instant) -> bytes:
+        self._offered_before, self._offered = self._offered, self._database.snapshot()
+        self._listed_s = now.steady_s
+        headers = self._database.header_list()
+        if not self._late:
+            return headers
+        starts = range(0, len(headers), Header.SIZE)
+        each = [headers[start : start + Header.SIZE] for start in starts]
+        each.sort(key=lambda header: header[:2] in self._late)
+        return b"".join(each)
+
+    def _data(self, argument: bytes, now: Instant) -> Frame:
+        if now.steady_s - self._listed_s > PATIENCE_S:
+            self._offered_before = {}
+        try:
+            record = self._database.get(Header.parse(argument))
+        except HeaderError:
+            return SERRM
+        record = record or self._offered.get(argument) or self._offered_before.get(argument)
+        if record is None:
+            return SERRM
+        if self._pull:
+            self._pull.messages += 1
+        if len(record.body) >= LATE_BYTES:
+            self._under_way = argument[:2]
+        return record.body
