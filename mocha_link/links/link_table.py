@@ -22,7 +22,7 @@ from mocha_link.links.link_events import (
 )
 from mocha_link.links.metrics import Contact, LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit, as_reading
-from mocha_link.store.config_hash import difference
+from mocha_link.store.trust import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32

@@ -23,11 +23,10 @@ from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
 from mocha_link.node.peer_link import PeerLink, PeerLinks
-from mocha_link.node.publisher import Publisher
-from mocha_link.store.config_hash import config_hash_of
+from mocha_link.node.publisher import Publisher, Sign
 from mocha_link.store.database import Database
 from mocha_link.store.record import Record
-from mocha_link.store.signature import Signer
+from mocha_link.store.trust import config_hash_of
 from mocha_link.store.wire import Header
 from mocha_link.sync.protocol import (
     Action,
@@ -54,7 +53,7 @@ class Gossip:
         timeout_s: seconds without a byte after which a pull breaks off.
         new_id: makes the 6 random bytes that name a request.
         database: where messages are kept; default: in memory.
-        signer: signs what the robot publishes.
+        sign: makes the signature of a message of a topic; None: they are not signed.
         datagrams: whether there are sockets for them.
         follow: take in at once what a peer stores between two pulls.
         protected: peers to which the links are encrypted.
@@ -73,7 +72,7 @@ class Gossip:
         timeout_s: float = TIMEOUT_S,
         new_id: Callable[[], bytes] = random_id,
         database: Database | None = None,
-        signer: Signer | None = None,
+        sign: Sign | None = None,
         datagrams: bool = True,
         follow: bool = True,
         protected: Collection[str] = (),
@@ -85,7 +84,7 @@ class Gossip:
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s, protected=protected)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
-        self._publisher = Publisher(self.me, team.topics_of(name), self.database, signer)
+        self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)
         self._context = NodeContext(
             name=name,
             team=team,

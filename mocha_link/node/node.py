@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from mocha_link.clock import Clock, Instant, SystemClock
@@ -17,12 +18,11 @@ from mocha_link.node.lifetime import Startable
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
 from mocha_link.store import wire
-from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
 from mocha_link.store.message import Message, message_of
-from mocha_link.store.signature import Signer
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import StorageError
+from mocha_link.store.trust import TeamConfig, sign
 from mocha_link.store.wire import Header
 from mocha_link.team.keys import peer_keys, secret_key
 from mocha_link.team.team import Robot, Team
@@ -101,7 +101,7 @@ class Node(Startable):
                 by_timer=radio is None,
                 timeout_s=timeout_s,
                 database=Database(team.histories, self._storage),
-                signer=Signer(self._secret, robot) if self._secret else None,
+                sign=partial(sign, self._secret, robot) if self._secret else None,
                 datagrams=datagrams,
                 protected=self._peer_keys,
             )

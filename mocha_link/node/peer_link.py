@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from mocha_link.links.link_table import LinkTable
-from mocha_link.store.signature import Verifier
+from mocha_link.store.trust import Verifier
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import NodeContext
 from mocha_link.sync.puller import Puller

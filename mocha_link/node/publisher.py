@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from hashlib import blake2b
 from math import inf
 
@@ -10,9 +12,10 @@ from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.message import pack_batch
 from mocha_link.store.record import Record
-from mocha_link.store.signature import Signer
 from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
 from mocha_link.team.team import Robot, Topic
+
+Sign = Callable[[Topic, bytes], bytes]
 
 LEAP_MS = 600_000
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
@@ -37,7 +40,7 @@ class Publisher:
     """Makes records of the robot's own messages and holds those that come too early.
 
     Args:
-        signer: signs the messages; None: they are not signed.
+        sign: makes the signature of a message of a topic; None: they are not signed.
     """
 
     def __init__(
@@ -45,13 +48,12 @@ class Publisher:
         robot: Robot,
         topics: tuple[Topic, ...],
         database: Database,
-        signer: Signer | None = None,
+        sign: Sign | None = None,
     ) -> None:
         self._robot = robot
         self._topics = {topic.name: topic for topic in topics}  # by name
         self._database = database
-        # of signed topics
-        self._signs = {topic.name: signer.of(topic) for topic in topics} if signer else {}
+        self._sign = sign
         self._last_ms: dict[str, int] = {}  # stamp promised last
         self._stored_s: dict[str, float] = {}  # Unix time of the last one
         self._held: dict[str, _Draft] = {}  # by topic, for its interval
@@ -152,7 +154,7 @@ class Publisher:
             pack_batch(draft.parts) if topic.aggregate else draft.parts[0],
             stamp_ms=draft.stamp_ms,
             ids=(self._robot.robot_id, topic.topic_id),
-            sign=self._signs.get(topic.name),
+            sign=partial(self._sign, topic) if self._sign else None,
             frame=draft.frame,
         )
         header = Header.at(self._robot.robot_id, topic.topic_id, draft.stamp_ms)

@@ -231,8 +231,8 @@ class Database:
 
     def _oldest(self, key: int) -> Record | None:
         """What another version of a topic has to follow; None: there is room for any."""
-        versions = self._versions.get(key, ())
-        return versions[-1].record if len(versions) >= self._depth(key) else None
+        versions = self._versions.get(key)
+        return versions[-1].record if versions and len(versions) >= self._depth(key) else None
 
     def _keep(self, record: Record, number: int, now_s: float) -> bool:
         header = record.header

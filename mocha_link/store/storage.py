@@ -19,7 +19,6 @@ from contextlib import suppress
 from pathlib import Path
 
 from mocha_link.store import storage_file
-from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage_file import (
     Changes,
@@ -32,6 +31,7 @@ from mocha_link.store.storage_file import (
     StorageUnreachableError,
     StorageVersionError,
 )
+from mocha_link.store.trust import TeamConfig
 
 LOG = logging.getLogger("mocha_link")
 

@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.trust import TeamConfig
 from mocha_link.store.wire import Header, HeaderError
 
 VERSION = 1

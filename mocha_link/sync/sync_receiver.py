@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from mocha_link.clock import Instant
 from mocha_link.store import wire
-from mocha_link.store.config_hash import difference
 from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.trust import difference
 from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages

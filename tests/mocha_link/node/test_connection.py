@@ -199,9 +199,9 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
     with pytest.raises(OSError, match="Bad file"):
         os.fstat(before)
     assert list(poller._selector.get_map()) == [line._socket.fileno()]
-    poller.close()
     line.forget(poller)
-    assert not poller.sockets
+    assert not poller._selector.get_map()
+    poller.close()
     os.close(taken[0])
 
 

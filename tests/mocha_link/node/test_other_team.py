@@ -8,7 +8,7 @@ import pytest
 
 from mocha_link.links.link_table import REMIND_S
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
-from mocha_link.store.config_hash import config_hash_of
+from mocha_link.store.trust import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync.protocol import Send
 from mocha_link.sync.sync_messages import Hello, Reception

@@ -131,16 +131,12 @@ def test_too_large_a_message_is_refused_before_anything(publisher, database, slo
 def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, database, often):
     signed: list[bytes] = []
 
-    class NotedSigner:
-        def of(self, topic):
-            def sign(covered: bytes) -> bytes:
-                signed.append(topic.name.encode() + covered)
-                return bytes([topic.topic_id]) * 64
-
-            return sign
+    def sign(topic, covered: bytes) -> bytes:
+        signed.append(topic.name.encode() + covered)
+        return bytes([topic.topic_id]) * 64
 
     titan = team.robot("titan")
-    publisher = Publisher(titan, team.topics_of("titan"), database, NotedSigner())
+    publisher = Publisher(titan, team.topics_of("titan"), database, sign)
     _, (record,) = publisher.publish(often, b"grid", T, at_once=False)
     assert wire.check(record.body, ids_of(record)).signature == bytes(64)
     assert len(signed) == 1

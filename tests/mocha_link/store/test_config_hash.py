@@ -11,7 +11,7 @@ import pytest
 
 from mocha_link.links.metrics import StorageFailed
 from mocha_link.node import node
-from mocha_link.store.config_hash import TeamConfig
+from mocha_link.store.trust import TeamConfig
 from tests.mocha_link.conftest import TEAM, team_of
 from tests.mocha_link.node.test_node_storage import pull, running
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from mocha_link.store import wire
-from mocha_link.store.signature import SignatureError, Signer, Verifier
+from mocha_link.store.trust import SignatureError, Verifier, sign
 from mocha_link.store.wire import Header, PayloadError
 from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Team, Trust
@@ -38,8 +39,8 @@ def message(  # noqa: PLR0913 - every part of a message
     data: bytes = b"data",
 ) -> tuple[Header, bytes]:
     known = team.topic(robot, topic)
-    sign = Signer(by, team.robot(robot)).of(known) if by else None
-    body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=sign)
+    signs = partial(sign, by, team.robot(robot), known) if by else None
+    body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=signs)
     header = Header.at(team.robot(robot).robot_id, known.topic_id, stamp_ms or STAMP_MS)
     return header, body
 

@@ -85,7 +85,7 @@ def test_a_robot_without_the_library_runs_without_keys():
     script = (
         "import sys; sys.modules['nacl'] = None\n"
         "import mocha_link, mocha_link.team.keys\n"
-        "import mocha_link.store.signature\n"
+        "import mocha_link.store.trust\n"
         "import mocha_link.node.curve, mocha_link.cli.cli\n"
         "assert not mocha_link.team.keys.available()\n"
     )
