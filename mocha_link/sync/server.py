@@ -32,8 +32,8 @@ from mocha_link.sync.protocol import (
     Frame,
     Route,
 )
-from mocha_link.sync.served_sync import ServedSync
 from mocha_link.sync.sync_messages import Hello, Reception
+from mocha_link.sync.sync_sender import SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
@@ -50,9 +50,9 @@ def _random_number() -> int:
     return int.from_bytes(os.urandom(4), "big") >> 2
 
 
-def _patience_s(sync: ServedSync) -> float:
+def _patience_s(sync: SyncSender) -> float:
     """How long the peer may say nothing."""
-    return FOLLOW_S if sync.follows else PATIENCE_S
+    return FOLLOW_S if sync.ended else PATIENCE_S
 
 
 class Server:
@@ -61,7 +61,7 @@ class Server:
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._session = ServerSession(peer)
-        self._sync: ServedSync | None = None  # under way, or followed
+        self._sync: SyncSender | None = None  # under way, or followed
         self._flow: Flow | None = None  # of datagrams, of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0  # of the last sync
@@ -120,12 +120,12 @@ class Server:
 
     def invite(self) -> None:
         """Have a peer that follows pull again."""
-        if self._sync and self._sync.follows:
-            self._sync.sender.invite()
+        if self._sync and self._sync.ended:
+            self._sync.invite()
 
     def heeds(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether the peer is to hear of new messages of these robots."""
-        return self._sync is not None and self._sync.sender.heeds(robot_ids)
+        return self._sync is not None and self._sync.heeds(robot_ids)
 
     @property
     def route(self) -> Route | None:
@@ -140,7 +140,7 @@ class Server:
         parts = sync.supply()
         return (sync.route, parts) if parts else None
 
-    def _datagrams_carry(self, sync: ServedSync) -> bool:
+    def _datagrams_carry(self, sync: SyncSender) -> bool:
         """Whether they carry what there is; to a near or fast peer its connection does from now on.
 
         One that got all by datagrams follows by them, and closes its connection.
@@ -149,7 +149,7 @@ class Server:
         if not sync.by_datagram or flow is None:
             return False
         near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
-        if sync.sender.done or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
+        if sync.done or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
             return True
         sync.by_datagram = sync.all_cast = False
         return False
@@ -173,7 +173,7 @@ class Server:
         if now.steady_s - sync.heard_s > _patience_s(sync):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
-    def _doubt_s(self, sync: ServedSync) -> float | None:
+    def _doubt_s(self, sync: SyncSender) -> float | None:
         """When it is clear that our datagrams do not get back to the peer: the connection serves.
 
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
@@ -194,7 +194,7 @@ class Server:
             self._opened.append((request_id, route))
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = ServedSync(request_id, self._peer, now)
+            sync = SyncSender(self._peer, request_id, now.steady_s)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not sync.open(argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
@@ -204,9 +204,10 @@ class Server:
             sync.grant(grant)
             self._begin(sync, now)
             return self._rejection(request_id)
-        sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
-            sync.start_over()  # its first connection broke, with all that was sent on it
+            # Its first connection broke, with all that was sent and granted on it.
+            sync = self._sync = SyncSender(self._peer, request_id, sync.began_s)
+        sync.heard_s = now.steady_s
         if sync.route is None or code == SYNC1:
             sync.carry_on(route, now)
             self._opened.append((request_id, route))
@@ -233,9 +234,9 @@ class Server:
         before = self._sync
         if before and before.id == token:
             return False  # the connection was first, so it serves
-        if before and not before.follows and now.steady_s - before.heard_s < REPLACED_S:
+        if before and not before.ended and now.steady_s - before.heard_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
-        sync = ServedSync(token, self._peer, now)
+        sync = SyncSender(self._peer, token, now.steady_s)
         flow = Flow(
             token,
             sync.next_for_datagram,
@@ -247,7 +248,7 @@ class Server:
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
         if not frames or not all(sync.open(frame) for frame in frames):
             return False
-        flow.proven = sync.sender.admitted
+        flow.proven = sync.admitted
         reached = before and (before.route or (self._flow and self._flow.proven))
         if reached and not flow.proven:
             return False  # nor ever what the peer gets; it may always begin anew by a connection
@@ -265,7 +266,7 @@ class Server:
             self._sync.take(frame)
             self._look(now)
 
-    def _begin(self, sync: ServedSync, now: Instant) -> None:
+    def _begin(self, sync: SyncSender, now: Instant) -> None:
         if self._sync:
             self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
@@ -275,12 +276,12 @@ class Server:
     def _look(self, now: Instant) -> None:
         """End the pull when the peer says that it is over, or may not have anything."""
         sync = self._sync
-        if sync and (sync.sender.over or sync.sender.follows) and not sync.follows:
+        if sync and (sync.over or sync.follows) and not sync.ended:
             self._end(sync, now)
-        elif self._sync and self._sync.sender.rejection is not None:
-            self._turn_away(self._sync, self._sync.sender.rejection, now)
+        elif sync and sync.rejection is not None:
+            self._turn_away(sync, sync.rejection, now)
 
-    def _turn_away(self, sync: ServedSync, why: Reception, now: Instant) -> None:
+    def _turn_away(self, sync: SyncSender, why: Reception, now: Instant) -> None:
         """A flow stays until it has said so."""
         self._sync = None
         self._past.append(sync.id)
@@ -293,8 +294,8 @@ class Server:
             )
         self._peer.tell_timeout(Direction.OUT, reason, now)
 
-    def _end(self, sync: ServedSync, now: Instant) -> None:
-        sync.follows = sync.sender.follows
+    def _end(self, sync: SyncSender, now: Instant) -> None:
+        sync.ended = True
         if self._flow is None:
             self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
         if not sync.follows:
@@ -305,20 +306,20 @@ class Server:
             Direction.OUT,
             now,
             began_s=sync.began_s,
-            messages=sync.sender.messages,
-            size=sync.sender.bytes,
-            complete=not sync.sender.cut_short,
+            messages=sync.messages,
+            size=sync.bytes,
+            complete=not sync.cut_short,
         )
 
-    def _break_off(self, sync: ServedSync, reason: str, now: Instant) -> None:
-        settled = sync.sender.done and sync.all_cast and self._flow and self._flow.settled
-        if settled and not sync.follows:
+    def _break_off(self, sync: SyncSender, reason: str, now: Instant) -> None:
+        settled = sync.done and sync.all_cast and self._flow and self._flow.settled
+        if settled and not sync.ended:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._sync = None
         self._past.append(sync.id)
         self._close_flow()
-        if not sync.follows:  # otherwise it has ended well, and was told
+        if not sync.ended:  # otherwise it has ended well, and was told
             self._peer.tell_timeout(Direction.OUT, reason, now)
 
     def _close_flow(self) -> None:

@@ -1,15 +1,20 @@
-"""The serving side of a sync between new nodes: one pull of one peer. No sockets here."""
+"""The serving side of a sync between new nodes: one pull of one peer, and on which way it goes.
+
+No sockets here.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
+from mocha_link.clock import Instant
 from mocha_link.store.record import Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.peer import Peer
-from mocha_link.sync.protocol import Frame
+from mocha_link.sync.peer import GRANT, MAX_CHUNK, MIN_CHUNK, Peer
+from mocha_link.sync.protocol import ID_BYTES, Frame, Route
 from mocha_link.sync.send_queue import SendQueue
 from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since, VersionError
 
@@ -28,9 +33,22 @@ class SyncSender:
     `Peer.pushed`, small ones, of no promise. Of others it is told, unless it follows who made them,
     and its next pull brings them.
 
+    Args:
+        request_id: what its frames begin with on a connection.
+        began_s: when the pull began, steady clock.
+
     Attributes:
+        id: the request id.
+        began_s: when the pull began, steady clock.
+        heard_s: when the newest frame of the peer came, steady clock.
+        route: the peer's connection, if it has one.
+        routed_s: when the pull came to that, steady clock.
+        sent: bytes on that connection.
+        by_datagram: frames come, and go, by datagrams.
+        all_cast: everything that was given out went by datagrams.
         over: the peer has said that it is.
         follows: all was given out, and the peer waits for more.
+        ended: the end of the pull was told; if it follows, what is stored later leaves at once.
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
         rejection: why the peer gets nothing, once it has opened.
@@ -38,9 +56,17 @@ class SyncSender:
         bytes: of all frames.
     """
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, request_id: bytes = b"", began_s: float = 0.0) -> None:
+        self.id = request_id
+        self.began_s = self.heard_s = began_s
+        self.route: Route | None = None
+        self.routed_s = 0.0
+        self.sent = 0
+        self.by_datagram = False
+        self.all_cast = False
         self.over = False
         self.follows = False
+        self.ended = False
         self.done = False
         self.cut_short = False
         self.rejection: Reception | None = None
@@ -60,11 +86,35 @@ class SyncSender:
         self._followed: frozenset[int] = frozenset()  # robots whose messages it gets from them
         self._queue = SendQueue(peer)  # of this round
         self._sequence = self._opened_at = 0  # what is stored later is new
+        self._again: deque[bytes] = deque()  # frames that datagrams may not have brought
+        self._allowed = 0  # bytes granted on the connection
+        self._chunk = MIN_CHUNK  # bytes of a reply there
 
     @property
     def messages(self) -> int:
         """How many were given out to the end."""
         return self._queue.messages
+
+    # --- what the peer says
+
+    def open(self, frame: bytes) -> bool:
+        """Take in the first frame; False if it is none that begins a sync."""
+        return frame[:1] == bytes((sync.OPEN,)) and self.take(frame)
+
+    def take(self, frame: bytes) -> bool:
+        """Take in a frame of the peer; False if it is none of a sync."""
+        try:
+            self.receive(frame)
+        except sync.SyncFrameError:
+            return False
+        return True
+
+    def grant(self, raw: bytes) -> None:
+        """Take in what may be sent on the connection."""
+        if len(raw) == GRANT.size:
+            allowed, chunk = GRANT.unpack(raw)
+            self._allowed = max(self._allowed, allowed)
+            self._chunk = min(max(chunk, MIN_CHUNK), MAX_CHUNK)
 
     def receive(self, frame: Frame) -> None:
         """Take in a frame of the peer. Raises SyncFrameError."""
@@ -86,6 +136,40 @@ class SyncSender:
         elif message.round == self._round:
             self._answer(sync_messages.decode_answers(message.content))
 
+    # --- the way to it
+
+    def carry_on(self, route: Route, now: Instant) -> None:
+        """What is sent from now on goes over this connection, on which nothing was sent."""
+        self.route, self.sent, self.routed_s = route, 0, now.steady_s
+
+    def leave_datagrams(self, lost: Iterable[bytes]) -> None:
+        """Go on over the connection alone, and send there again what datagrams may have lost."""
+        self.by_datagram = False
+        self.all_cast = self.done
+        self._again.extend(lost)
+
+    # --- what is to be sent
+
+    def supply(self) -> list[Frame] | None:
+        """The next frame for the connection, in parts; None: nothing now, or no credit for it."""
+        parts: list[Frame] | None
+        if self._again:
+            parts = [self.id + self._again.popleft()]
+        else:
+            room = self._allowed - self.sent
+            if room <= 0:
+                return None
+            room = min(self._chunk, max(room, MIN_ROOM + ID_BYTES))
+            parts = self._next_parts(room, self.id)
+        self.sent += sum(map(len, parts or ()))
+        return parts
+
+    def next_for_datagram(self, room: int) -> bytes | None:
+        """The next frame for a datagram of that many bytes; None: nothing now, or not this way."""
+        head = sync.MESSAGE_HEADER_BYTES
+        brief = bool(self._outbox) and head + len(self._outbox[0][1]) <= room
+        return self.next(room) if self.by_datagram and (room >= MIN_ROOM or brief) else None
+
     def invite(self) -> None:
         """Tell the peer that follows to pull, whatever it holds."""
         self._outbox.append((sync.NEWS, sync_messages.encode_news(()), 0))
@@ -95,22 +179,13 @@ class SyncSender:
         pushed = self._peer.pushed
         return not self.follows or any(r in pushed or r not in self._followed for r in robot_ids)
 
-    def next(self, room: int, prefix: bytes = b"") -> bytes | None:
-        """The next frame, of at most `room` bytes (at least MIN_ROOM) with `prefix` before it.
+    def next(self, room: int) -> bytes | None:
+        """The next frame, of at most `room` bytes (at least MIN_ROOM); None: nothing to say now."""
+        parts = self._next_parts(room)
+        return None if parts is None else b"".join(parts)
 
-        None: nothing to say now.
-        """
-        parts = self.next_parts(room, prefix)
-        if parts is None:
-            return None
-        return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
-
-    def is_brief(self, room: int) -> bool:
-        """Whether what comes next is a message of the sync of at most so many bytes."""
-        return bool(self._outbox) and sync.MESSAGE_HEADER_BYTES + len(self._outbox[0][1]) <= room
-
-    def next_parts(self, room: int, prefix: bytes = b"") -> list[Frame] | None:
-        """The same, with large data as parts of their own."""
+    def _next_parts(self, room: int, prefix: bytes = b"") -> list[Frame] | None:
+        """The same with `prefix` before it, and large data as parts of their own."""
         room -= len(prefix)
         if self.over or self._round < 0:
             return None
