@@ -98,7 +98,6 @@ class Gossip:
         self._events: list[LinkEvent] = []  # for listeners
         self._uncounted: list[LinkEvent] = []  # those that the link table has not had
         self._sequence = 0  # of the database, when peers were last pushed what is new
-        self._served: set[str] = set()  # peers for whose connection there may be a frame
 
     # --- the robot's own messages
 
@@ -222,10 +221,11 @@ class Gossip:
 
     # --- what the time brings, and what the node wants and says
 
-    def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> None:
+    def tick(self, now: Instant, guard: AbstractContextManager[object] = UNGUARDED) -> set[str]:
         """Do what is due by the time alone; call it at `wake_s`, in `due_in_s`, and after input.
 
-        What is done for each peer happens within `guard`.
+        What is done for each peer happens within `guard`. Returns the peers for which `supply` may
+        have a frame.
         """
         self._trigger.look(now.timer_s)
         self._tell_contacts(now)
@@ -245,10 +245,10 @@ class Gossip:
             with guard:
                 link.server.tick(now)
                 self._serve(link, now)
-            self._served.add(link.peer.name)
         self._pull_due(now)
         self._count(now)
         self._links.settle()
+        return {link.peer.name for link in busy}
 
     @property
     def wake_s(self) -> float | None:
@@ -258,11 +258,6 @@ class Gossip:
     def due_in_s(self, now: Instant) -> float:
         """In how many seconds `tick` has to store or to begin something; inf: nothing waits."""
         return min(self._trigger.due_s - now.timer_s, self._publisher.due_s - now.unix_s)
-
-    def take_served(self) -> set[str]:
-        """The peers for which `supply` may have a frame since the last call."""
-        served, self._served = self._served, set()
-        return served
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
@@ -288,8 +283,6 @@ class Gossip:
 
     def _count(self, now: Instant) -> None:
         """Bring the link table up to date."""
-        for peer, count in self._links.take_bytes():
-            self._link_table.count(peer, bytes_in=count)
         self._link_table.catch_up(self._uncounted, now)
         self._uncounted.clear()
 

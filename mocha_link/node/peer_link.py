@@ -60,14 +60,6 @@ class PeerLinks:
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self.by_peer.values())
 
-    def take_bytes(self) -> Iterator[tuple[str, int]]:
-        """How many bytes have come from peers since the last call."""
-        for peer in self.touched:
-            side = self.by_peer[peer].peer
-            if side.bytes_in:
-                yield peer, side.bytes_in
-                side.bytes_in = 0
-
     def ages_s(self, now_s: float) -> dict[str, dict[str, float]]:
         """The ages of the newest messages by peer and topic, at that Unix time."""
         newest = self._database.newest

@@ -206,8 +206,7 @@ class Transport:
             with self._guard:
                 self._attend(connection, peer, now)
         with self._lock:
-            self._gossip.tick(now, self._guard)
-            asked |= self._gossip.take_served()
+            asked |= self._gossip.tick(now, self._guard)
         self._act()
         waits_ms = {peer: self._supply(self._ports[peer]) for peer in asked & self._ports.keys()}
         self._unfinished = {peer for peer, wait_ms in waits_ms.items() if wait_ms < IDLE_MS}

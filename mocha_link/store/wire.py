@@ -164,29 +164,23 @@ def pack(  # noqa: PLR0913 - what a message is made from
     priority: int,
     data: bytes,
     *,
-    stamp_ms: int | None = None,
+    stamp_ms: int,
     ids: Ids | None = None,
     sign: Callable[[bytes], bytes] | None = None,
-    checksum: bool = True,
     frame: bytes | None = None,
 ) -> bytes:
-    """The body for data: with a trailer if `stamp_ms` is given, signed if `sign` is.
+    """The body for data, signed if `sign` is given: what original nodes make, and our trailer.
 
     Without `ids` the trailer is of version 1. `frame` is what `compress` made of the data, if
     the caller has called it already.
-
-    Without `stamp_ms` and `checksum` it is byte for byte what original nodes make. A body with a
-    trailer is covered by its CRC; one without has the LZ4 frame's own checksum.
 
     Raises:
         PayloadError: larger than any node would accept.
     """
     check_size(data)
     if frame is None:
-        frame = compress(data, checksum=checksum and stamp_ms is None)
+        frame = compress(data)
     prefix = bytes((dtype, priority))
-    if stamp_ms is None:
-        return prefix + frame
     if not 0 <= stamp_ms < STAMPS_MS:
         raise PayloadError(f"stamp {stamp_ms} ms is no time; set the clock")
     signature = sign(statement(prefix, stamp_ms, frame)) if sign else b""
@@ -200,9 +194,9 @@ def pack(  # noqa: PLR0913 - what a message is made from
     return b"".join((prefix, frame, head, signature, _CRC.pack(crc)))
 
 
-def compress(data: bytes, *, checksum: bool = False) -> bytes:
+def compress(data: bytes) -> bytes:
     """The LZ4 frame of data: the longest part of `pack`."""
-    frame: bytes = lz4.frame.compress(data, content_checksum=checksum)
+    frame: bytes = lz4.frame.compress(data)
     return frame
 
 

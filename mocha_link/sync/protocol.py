@@ -5,10 +5,11 @@ A request is ID (6 bytes, any) + CODE (5 letters) + argument; the reply repeats 
 
 from __future__ import annotations
 
-import os
+import secrets
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 from mocha_link.store.database import Database
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
@@ -16,7 +17,6 @@ from mocha_link.team.team import Team
 
 ID_BYTES = 6
 CODE_BYTES = 5
-BOOT_ID_BYTES = 8
 GHEAD, GDATA, DENDT = b"GHEAD", b"GDATA", b"DENDT"  # the list of headers, a message, the end
 # Between new nodes: open a sync, a later frame of it, more credit. Original nodes refuse them.
 SYNC1, SYNCF, SYNCC = b"SYNC1", b"SYNCF", b"SYNCC"
@@ -34,13 +34,8 @@ Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
 
 
-def random_id() -> bytes:
-    """What names a request, if a test says nothing else."""
-    return os.urandom(ID_BYTES)
-
-
-def _random_boot_id() -> int:
-    return int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
+random_id = partial(secrets.token_bytes, ID_BYTES)
+"""What names a request, if a test says nothing else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +115,7 @@ class NodeContext:
     database: Database
     reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
     new_id: Callable[[], bytes] = random_id
-    boot_id: int = field(default_factory=_random_boot_id)
+    boot_id: int = field(default_factory=partial(secrets.randbits, 64))
     config_hash: int = 0
     timeout_s: float = 5.0
     follow: bool = True

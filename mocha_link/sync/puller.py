@@ -40,7 +40,7 @@ class Puller:
         self.followed: Pull | None = None
         self.told: frozenset[int] = frozenset()
         self._peer = peer
-        self._link_table = link_table  # learns what a pull has measured
+        self._link_table = link_table  # learns what comes in, and what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
         self._ending: tuple[Flow, float] | None = None  # says END until that steady time
 
@@ -71,9 +71,7 @@ class Puller:
         if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
             pull = followed  # pushed before the peer had heard of the pull that is under way
         if pull:
-            size = sum(map(len, parts))
-            self._spent_bytes += size
-            self._peer.bytes_in += size
+            self._count(sum(map(len, parts)))
             pull.reply(parts, now)
             self._finish(pull, now)
 
@@ -81,8 +79,7 @@ class Puller:
         """Take in a datagram that the peer sent in answer to ours."""
         pull = self.pull or self.followed
         if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
-            self._spent_bytes += len(packet)
-            self._peer.bytes_in += len(packet)
+            self._count(len(packet))
             pull.packet(packet, now)
             self._finish(pull, now)
         elif self._ending:
@@ -158,6 +155,10 @@ class Puller:
             flow, until_s = self._ending
             times += [flow.wake_s, until_s]
         return min((each for each in times if each is not None), default=None)
+
+    def _count(self, size: int) -> None:
+        self._spent_bytes += size
+        self._link_table.count(self._peer.name, bytes_in=size)
 
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
         self.pull = pull

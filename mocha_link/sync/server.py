@@ -5,7 +5,7 @@ Nothing here touches sockets: requests and datagrams in, replies and frames out.
 
 from __future__ import annotations
 
-import os
+import secrets
 from collections import deque
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
@@ -44,10 +44,6 @@ PADDING = b"\0"  # what a frame without meaning begins with
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
 
 _HELLO_ROOM = 64
-
-
-def _random_number() -> int:
-    return int.from_bytes(os.urandom(4), "big") >> 2
 
 
 def _patience_s(sync: SyncSender) -> float:
@@ -242,7 +238,7 @@ class Server:
             sync.next_for_datagram,
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
-            first_number=_random_number(),
+            first_number=secrets.randbits(30),
             proven=False,
         )
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]

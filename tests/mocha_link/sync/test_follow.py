@@ -302,8 +302,9 @@ def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
     io.progress("titan", net.now)
     io.tick(net.now)
     assert looked == ["titan"]
-    publish(net, "titan", "/map", b"new")
-    assert net.nodes["titan"].take_served() == {"io"}
+    titan = net.nodes["titan"]
+    titan.publish(net.team.topic("titan", "/map"), b"new", net.now)
+    assert titan.tick(net.now) == {"io"}
     net.wait(FOLLOW_S + 1)
     assert "callisto" not in looked
 

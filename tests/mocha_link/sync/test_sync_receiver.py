@@ -18,11 +18,14 @@ from mocha_link.sync import sync_messages, sync_receiver
 from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from tests.mocha_link.network import NOW, START_MS, Node, Pull, mutated, peer_of
+from tests.mocha_link.original import packed
 
 EPOCH = 99
 
 
 def body(stamp_ms: int | None = START_MS, data: bytes = b"data", dtype: int = 0) -> bytes:
+    if stamp_ms is None:
+        return packed(dtype, 0, data)
     return wire.pack(dtype, 0, data, stamp_ms=stamp_ms)
 
 
