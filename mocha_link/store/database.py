@@ -22,13 +22,11 @@ from operator import attrgetter, xor
 from mocha_link.store.record import Kept, Knowledge, Record, follows
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
-from mocha_link.store.wire import WRAP_MS, Header, latest_ms
+from mocha_link.store.wire import STAMPS_MS, WRAP_MS, Header, latest_ms
 
 GROUPS = 16
 """A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
 
-STAMP_BITS = 47
-_STAMP_LIMIT_MS = 1 << STAMP_BITS
 # Numbers that a crash took back may have been told to peers: after a restart ours go on beyond
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
@@ -155,11 +153,9 @@ class Database:
         One with a header that is already here is the same message and not stored again; nor is
         one whose stamp is not the time of its header, or that was received at no time.
         """
-        header = record.header
-        wrapped_ms = header.seconds * 1000 + header.milliseconds
-        if record.stamp_ms % WRAP_MS != wrapped_ms or not 0 <= record.stamp_ms < _STAMP_LIMIT_MS:
-            return False
-        if not isfinite(record.received_s):
+        is_of_header = record.stamp_ms % WRAP_MS == record.header.wrapped_ms
+        is_time = 0 <= record.stamp_ms < STAMPS_MS and isfinite(record.received_s)
+        if not (is_of_header and is_time):
             return False
         with self._lock:
             return self._keep(record, self._sequence + 1, now_s)
@@ -249,7 +245,7 @@ class Database:
             return False
         self._sequence = number
         # Sorts as the wire does: most urgent first, then newest first, then by key.
-        rank = -((record.priority << STAMP_BITS | record.stamp_ms) << 16 | key)
+        rank = -((record.priority * STAMPS_MS + record.stamp_ms) << 16 | key)
         if place == 0:
             self._ordered = None
         kept = Kept(record, raw, rank, number)

@@ -152,12 +152,6 @@ class Storage:
             )
             return self._saved >= target
 
-    def retry(self) -> None:
-        """Try the file again now if there was a fault, e.g. because it has been put right."""
-        with self._changed:
-            self._hurried = self._fault is not None
-            self._changed.notify_all()
-
     def close(self, timeout_s: float = CLOSE_S) -> bool:
         """Write what is left and give up the file; whether all is on disk by then.
 
