@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import resource
 import selectors
 import socket
@@ -48,33 +47,18 @@ def borrowed(
 
     `remote` or `local` is the port at that end of it.
     """
-    found = _copy(fd) if fd is not None else None
-    if found is None:
+    try:
+        copy = socket.fromfd(-1 if fd is None else fd, socket.AF_INET, socket.SOCK_STREAM)
+    except OSError:  # there is none
         yield None
         return
-    with found as connection:
+    with copy as connection:
         try:
-            same = (
-                connection.getpeername()[1] == remote
-                if local is None
-                else connection.getsockname()[1] == local
-            )
-        except (OSError, IndexError, TypeError):
+            address = connection.getpeername() if local is None else connection.getsockname()
+            same = address[1] == (remote if local is None else local)
+        except (OSError, IndexError):  # it is something else by now
             same = False
         yield connection if same else None
-
-
-def _copy(fd: int) -> socket.socket | None:
-    """Another descriptor of a socket; None if there is none, or something else by now."""
-    try:
-        copy = os.dup(fd)
-    except OSError:
-        return None
-    try:
-        return socket.socket(fileno=copy)
-    except OSError:
-        os.close(copy)
-        return None
 
 
 def reset(connection: socket.socket | None) -> None:
