@@ -75,14 +75,14 @@ class TcpConnection:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
 
-    def watch(self, poller: Poller, owner: str) -> None:
-        """Have the poller wait for what this waits for, which belongs to an owner."""
+    def watch(self, poller: Poller) -> None:
+        """Have the poller wait for what this waits for."""
         if self._watched is not self._socket:
             self.forget(poller)  # the first connection
             self._watched = self._socket
         writing = self._connected_s is None or self._out
         flags = zmq.POLLIN | (zmq.POLLOUT if writing else 0)
-        poller.register(self._socket.fileno(), flags, owner)
+        poller.register(self._socket.fileno(), flags)
 
     def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
@@ -92,11 +92,6 @@ class TcpConnection:
                 poller.unregister(watched.fileno())
             if watched is not self._socket:
                 watched.close()
-
-    @property
-    def is_restless(self) -> bool:
-        """Whether there may be something to do though nothing comes."""
-        return self.failure is not None or bool(self._waiting)
 
     def is_ready(self, ready: Container[Polled], now_s: float) -> bool:
         """Whether there is something to do."""
@@ -268,10 +263,10 @@ class CurveConnection:
         self._full = False  # libzmq takes no more
         self._socket.connect(f"tcp://{address}:{port}")
 
-    def watch(self, poller: Poller, owner: str) -> None:
-        """Have the poller wait for what this waits for, which belongs to an owner."""
-        poller.register(self._socket, zmq.POLLIN, owner)
-        poller.register(self._monitor, zmq.POLLIN, owner)
+    def watch(self, poller: Poller) -> None:
+        """Have the poller wait for what this waits for."""
+        poller.register(self._socket, zmq.POLLIN)
+        poller.register(self._monitor, zmq.POLLIN)
 
     def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
@@ -284,14 +279,10 @@ class CurveConnection:
         """Nothing here goes by the clock."""
         return None
 
-    @property
-    def is_restless(self) -> bool:
-        """Whether there may be something to do though nothing comes."""
-        return self._full or self.failure is not None
-
     def is_ready(self, ready: Container[Polled], _now_s: float) -> bool:
         """Whether there is something to do."""
-        return self.is_restless or self._socket in ready or self._monitor in ready
+        over = self._full or self.failure is not None
+        return over or self._socket in ready or self._monitor in ready
 
     def turn(self, _now_s: float) -> bool:
         """Take in what ZeroMQ tells about the connection; says whether anything arrived."""

@@ -8,7 +8,7 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Container, Hashable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 
 import zmq
 
@@ -116,7 +116,6 @@ class Dialer:
         self._connections: dict[
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
-        self._restless: set[str] = set()  # peers whose connection does not wait for sockets alone
         self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._datagrams: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
@@ -147,7 +146,6 @@ class Dialer:
         """Replace the connection to a peer by a fresh one; it opens when something is sent."""
         self.hang_up(peer, void=True)
         self._connections[peer] = []
-        self._restless.add(peer)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -157,12 +155,11 @@ class Dialer:
             self._open(peer, connection)
         elif connection:
             connection.send(frame)
-            self._watch(peer, connection)
+            connection.watch(self._poller)
 
     def hang_up(self, peer: str, *, void: bool) -> None:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
         connection = self._connections.pop(peer, None)
-        self._restless.discard(peer)
         if connection and not isinstance(connection, list):
             now_s = time.monotonic()
             if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
@@ -174,18 +171,19 @@ class Dialer:
                 connection.close()
 
     def ready(
-        self, ready: Mapping[Polled, Hashable], now_s: float, *, observe: bool
+        self, ready: Container[Polled], now_s: float, *, observe: bool
     ) -> Iterator[tuple[str, Connection]]:
         """The connections to look after; opens those of known address.
 
         To `observe` is to look at all of those of which the poller does not tell everything.
         """
-        due = self._restless | {each for each in ready.values() if isinstance(each, str)}
-        for peer in due | (self._keys.keys() if observe else set()):
+        for peer in list(self._connections):
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
-            elif connection and (observe or connection.is_ready(ready, now_s)):
+            elif connection and (
+                connection.is_ready(ready, now_s) or (observe and peer in self._keys)
+            ):
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
@@ -195,26 +193,19 @@ class Dialer:
         if connection.failure:
             self.hang_up(peer, void=True)
         else:
-            self._watch(peer, connection)
+            connection.watch(self._poller)
 
     def wait_s(self, now_s: float) -> float:
         """How long nothing is to be done if nothing comes."""
         waits_s = [math.inf]
-        for connection in map(self._connections.get, self._restless):
+        for connection in self._connections.values():
             if isinstance(connection, list):
                 waits_s.append(LOOK_AGAIN_S)
-            elif connection and connection.failure is not None:
+            elif connection.failure is not None:
                 waits_s.append(0.0)
-            elif connection and connection.wake_s is not None:
+            elif connection.wake_s is not None:
                 waits_s.append(connection.wake_s - now_s)
         return min(waits_s)
-
-    def _watch(self, peer: str, connection: Connection) -> None:
-        connection.watch(self._poller, peer)
-        if connection.is_restless:
-            self._restless.add(peer)
-        else:
-            self._restless.discard(peer)
 
     def _open(self, peer: str, frames: list[bytes]) -> None:
         """Open the connection to a peer and send what waits for it, once its address is known."""
@@ -231,11 +222,10 @@ class Dialer:
                 self._connections[peer] = connection
                 for frame in frames:
                     connection.send(frame)
-                self._watch(peer, connection)
+                connection.watch(self._poller)
                 return
         if why:
             self._connections.pop(peer, None)
-            self._restless.discard(peer)
             self._lost(peer, why)
 
     def _new_connection(self, peer: str, address: str, port: int) -> Connection:

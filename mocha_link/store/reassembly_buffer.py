@@ -9,6 +9,8 @@ from __future__ import annotations
 import heapq
 import itertools
 from bisect import bisect_right
+from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
@@ -26,6 +28,26 @@ Range = tuple[int, int]
 """First byte and the one behind the last."""
 
 
+def is_alone(data: memoryview) -> bool:
+    """Whether a large piece has its buffer nearly for itself: to keep it keeps not much else."""
+    whole = len(data.obj)  # type: ignore[arg-type]
+    return len(data) >= _BLOCK_BYTES and len(data) * 8 >= whole * 7
+
+
+@dataclass(slots=True)
+class _Segment:
+    """Bytes in a row, and the peer that has brought them."""
+
+    start: int  # offset in the whole
+    data: bytearray | memoryview
+    peer: str
+
+    @property
+    def end(self) -> int:
+        """The offset behind them."""
+        return self.start + len(self.data)
+
+
 class Fragment:
     """Some bytes of a whole of `total`, from pieces in any order, repeated or overlapping.
 
@@ -33,14 +55,10 @@ class Fragment:
         held: how many bytes there are.
     """
 
-    __slots__ = ("_peers", "_segments", "_starts", "held", "total")
-
     def __init__(self, total: int) -> None:
         self.total = total
         self.held = 0
-        self._starts: list[int] = []  # of the segments, sorted
-        self._segments: list[bytearray | memoryview] = []  # that do not overlap
-        self._peers: list[str] = []  # that have brought them
+        self._segments: list[_Segment] = []  # sorted; they do not overlap
 
     @property
     def cost(self) -> int:
@@ -49,55 +67,50 @@ class Fragment:
 
     def add(self, offset: int, data: memoryview, peer: str = "") -> None:
         """Take in a piece, which must lie within the whole. A large one is kept as it is."""
-        starts, segments, peers = self._starts, self._segments, self._peers
+        segments = self._segments
         end = offset + len(data)
-        place = bisect_right(starts, offset)  # of the first segment behind the offset
+        place = bisect_right(segments, offset, key=attrgetter("start"))  # of the next segment
         while offset < end:
-            before_end = starts[place - 1] + len(segments[place - 1]) if place else -1
-            if before_end > offset:
-                data = data[before_end - offset :]
-                offset = before_end
+            before = segments[place - 1] if place else None
+            if before and before.end > offset:
+                data = data[before.end - offset :]
+                offset = before.end
                 continue
-            upto = min(end, starts[place]) if place < len(starts) else end
-            count = upto - offset
-            if count:
-                piece = data[:count]
-                goes_on = before_end == offset and peers[place - 1] == peer
-                last = segments[place - 1] if goes_on else None
-                if isinstance(last, bytearray) and len(last) < _BLOCK_BYTES:
-                    last += piece
-                else:
-                    whole = len(piece.obj)  # type: ignore[arg-type]
-                    is_alone = count >= _BLOCK_BYTES and count * 8 >= whole * 7
-                    starts.insert(place, offset)
-                    segments.insert(place, piece if is_alone else bytearray(piece))
-                    peers.insert(place, peer)
-                    place += 1
-                self.held += count
-                data = data[count:]
-                offset = upto
-            else:
-                place += 1
+            piece = data
+            if place < len(segments) and segments[place].start < end:
+                piece = data[: segments[place].start - offset]
+            last = before.data if before and (before.end, before.peer) == (offset, peer) else None
+            if isinstance(last, bytearray) and len(last) < _BLOCK_BYTES:
+                last += piece
+            elif piece:
+                kept = piece if is_alone(piece) else bytearray(piece)
+                segments.insert(place, _Segment(offset, kept, peer))
+            self.held += len(piece)
+            data = data[len(piece) :]
+            offset += len(piece)
+            place += 1
 
     def whole(self) -> bytes | None:
         """All of it, if nothing is missing."""
-        return b"".join(self._segments) if self.held == self.total else None
+        complete = self.held == self.total
+        return b"".join(each.data for each in self._segments) if complete else None
 
     def split(self) -> dict[str, Fragment]:
         """What each peer has brought of it."""
         parts: dict[str, Fragment] = {}
-        for start, segment, peer in zip(self._starts, self._segments, self._peers, strict=True):
-            parts.setdefault(peer, Fragment(self.total)).add(start, memoryview(segment), peer)
+        for each in self._segments:
+            part = parts.setdefault(each.peer, Fragment(self.total))
+            part.add(each.start, memoryview(each.data), each.peer)
         return parts
 
     def missing(self, limit: int = MAX_RANGES) -> list[Range]:
         """What has not come. Of more than `limit` ranges the closest are taken together."""
         gaps: list[Range] = []
         at = 0
-        for start, segment in zip(self._starts, self._segments, strict=True):
-            if start > at:
-                gaps.append((at, start))
-            at = start + len(segment)
+        for each in self._segments:
+            if each.start > at:
+                gaps.append((at, each.start))
+            at = each.end
         if at < self.total:
             gaps.append((at, self.total))
         if len(gaps) <= limit:

@@ -40,18 +40,12 @@ class Knowledge:
     """What we know of a peer's database.
 
     Everything that it held up to its number `sequence` of its `epoch` has been offered to us. What
-    we held then up to our own number `own_sequence` it was told, or gave us itself. Each is a u64;
-    ValueError otherwise.
+    we held then up to our own number `own_sequence` it was told, or gave us itself. Each is a u64.
     """
 
     epoch: int
     sequence: int
     own_sequence: int
-
-    def __post_init__(self) -> None:
-        for value in (self.epoch, self.sequence, self.own_sequence):
-            if not 0 <= value < 1 << 64:
-                raise ValueError(f"{value} is not within 0 to 2**64 - 1")
 
 
 @dataclass(slots=True)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from mocha_link.clock import Instant
 from mocha_link.store import wire
+from mocha_link.store.reassembly_buffer import is_alone
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.trust import difference
 from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, PayloadError
@@ -84,14 +85,6 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
     rest = zip(pieces, contents[whole_count:], strict=True)
     cut = [(*piece[:3], data) for piece, data in rest] if pieces else []
     return Chunks(round_, number, bodies, cut)
-
-
-def own(view: Frame) -> Frame:
-    """The same bytes, as something that does not keep much more than them in memory."""
-    whole = view.obj if isinstance(view, memoryview) else view
-    if len(view) >= sync.LARGE_BYTES and len(view) * 8 >= len(whole) * 7:  # type: ignore[arg-type]
-        return view
-    return bytes(view)
 
 
 class SyncReceiver:
@@ -238,7 +231,7 @@ class SyncReceiver:
         if chunks.round == self._round and not self._count(chunks.number):
             return
         for message_id, body in chunks.wholes:
-            self._take_message(message_id, own(body))
+            self._take_message(message_id, body if is_alone(body) else bytes(body))
         for piece in chunks.pieces:
             self._take_piece(*piece)
 

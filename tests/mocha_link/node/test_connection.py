@@ -95,7 +95,7 @@ def turn_until(line: Connection, done: Callable[[], bool], now_s: float | None =
     with contextlib.closing(Poller()) as poller:
         while not done():
             assert time.monotonic() < limit_s, "hangs"
-            line.watch(poller, "io")
+            line.watch(poller)
             ready = poller.poll(10)
             now = time.monotonic() if now_s is None else now_s
             if line.is_ready(ready, now):
@@ -174,7 +174,7 @@ def test_requests_that_came_together_with_the_handshake_are_sent_again(line, pee
 def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
     """Its number is given to nothing else before it is out: the poller would take that for it."""
     poller = Poller()
-    line.watch(poller, "io")
+    line.watch(poller)
     line.send(b"one")
     line.turn(100.0)
     line.turn(101.0)
@@ -195,7 +195,7 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
         line.turn(102.0)
     monkeypatch.undo()
     assert before not in taken
-    line.watch(poller, "io")
+    line.watch(poller)
     with pytest.raises(OSError, match="Bad file"):
         os.fstat(before)
     assert list(poller._selector.get_map()) == [line._socket.fileno()]

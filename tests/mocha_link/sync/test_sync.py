@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.store import wire
+from mocha_link.store.reassembly_buffer import is_alone
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import LARGE_BYTES, SyncFrameError
@@ -26,7 +27,7 @@ from mocha_link.sync.sync_messages import (
     Since,
     VersionError,
 )
-from mocha_link.sync.sync_receiver import Chunks, own, read_chunks
+from mocha_link.sync.sync_receiver import Chunks, read_chunks
 
 U64 = st.integers(0, 2**64 - 1)
 LONG = st.builds(
@@ -225,9 +226,9 @@ def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     assert [each for each in parts if any(each is one for one in large)] == large
     read = read_chunks(parts[0][6:], parts[1:])
     assert contents(read) == data
-    kept = [own(each) for each in contents(read)]
-    assert [each for each in kept if isinstance(each, memoryview)] == large
-    assert all(each.obj in large for each in kept if isinstance(each, memoryview))
+    kept = [each for each in contents(read) if is_alone(each)]
+    assert kept == large
+    assert all(each.obj in large for each in kept)
     whole = b"".join(parts)[6:]
     head = len(whole) - sum(map(len, data))
     cuts = sorted(rng.choices(range(head, len(whole) + 1), k=5))
