@@ -100,7 +100,7 @@ class TcpConnection:
 
     @property
     def wake_s(self) -> float | None:
-        """When requests leave though the peer's handshake has not come."""
+        """When requests leave though the peer's handshake has not come: not together with ours."""
         hurries = self.eager and not self._opened and not self._protocol.ready
         if self._connected_s is None or not hurries or not self._waiting or self._out:
             return None
@@ -158,21 +158,13 @@ class TcpConnection:
         return True
 
     def _may_ask(self, now_s: float) -> bool:
-        if self._protocol.ready:
-            return True
-        return (
-            self.eager
-            and self._connected_s is not None
-            and not self._opened
-            and now_s - self._connected_s >= EAGER_S
-        )
+        wake_s = self.wake_s
+        return self._protocol.ready or (wake_s is not None and now_s >= wake_s)
 
     def _ask(self, now_s: float) -> None:
         if not self._waiting or not self._may_ask(now_s):
             return
         if not self._protocol.ready:
-            if self._out:
-                return  # not together with the handshake
             self._unconfirmed = list(self._waiting)
             self._opened = True
         self._out += b"".join(self._waiting)

@@ -10,7 +10,6 @@ import contextlib
 import errno
 import logging
 import socket
-from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -47,11 +46,8 @@ class CurveUnavailableError(MochaLinkError):
     """Keys are configured, and the ZeroMQ library here cannot encrypt."""
 
 
-class Refusal(NamedTuple):
-    """A connection was not let in at the port that is for `peer`."""
-
-    peer: str
-    why: str
+Refusal = tuple[str, str]
+"""The peer at whose port a connection was not let in, and why."""
 
 
 def protect_port(port: zmq.Socket[bytes], own: SecretKey, peer: str) -> None:
@@ -104,12 +100,12 @@ class ZapHandler:
     def __init__(
         self, context: zmq.Context[zmq.Socket[bytes]], allowed: Mapping[str, PublicKey]
     ) -> None:
-        self.refused: Counter[str] = Counter()  # connections, by peer
         self._allowed = {peer.encode(): key.curve for peer, key in allowed.items()}
         self._watched: list[_Watched] = []
         # by peer and descriptor, the oldest first: when they came, steady seconds
         self._strangers: dict[tuple[str, int], float] = {}
         self._sent_away: set[tuple[str, int]] = set()  # by us, until libzmq tells that they left
+        self._warned: set[str] = set()  # peers of whose port one refusal was logged
         self._broken_off: set[str] = set()  # ports of which it tells next which connection did
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)
@@ -138,11 +134,11 @@ class ZapHandler:
         """Answer what is asked at this steady time, without waiting; who was refused since."""
         refusals = self._answer()
         for each in self._watched:
-            refusals += [Refusal(each.peer, why) for why in self._failures(each, now_s)]
-        for refusal in refusals:
-            if not self.refused[refusal.peer]:
-                LOG.warning("refused at the port for %s: it came %s", refusal.peer, refusal.why)
-            self.refused[refusal.peer] += 1
+            refusals += [(each.peer, why) for why in self._failures(each, now_s)]
+        for peer, why in refusals:
+            if peer not in self._warned:
+                self._warned.add(peer)
+                LOG.warning("refused at the port for %s: it came %s", peer, why)
         return refusals
 
     def close(self) -> None:
@@ -170,7 +166,7 @@ class ZapHandler:
             reply = [identity, b"", _ZAP_VERSION, request, *status, b""]
             self.socket.send_multipart(reply, zmq.NOBLOCK)
             if not allowed:
-                refusals.append(Refusal(domain.decode("utf-8", "replace"), _WRONG_KEY))
+                refusals.append((domain.decode("utf-8", "replace"), _WRONG_KEY))
         return refusals
 
     def _failures(self, watched: _Watched, now_s: float) -> list[str]:

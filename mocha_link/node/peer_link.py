@@ -51,11 +51,25 @@ class PeerLinks:
         self, context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
     ) -> None:
         self._database, self._team = context.database, context.team
-        self.by_peer = _links(context, me, link_table, datagrams=datagrams)
+        self.by_peer: dict[str, PeerLink] = {}
         self.touched: set[str] = set()
         self._followed = context.followed  # robots that push to us
         self._seen_followed: set[int] = set()  # of these, when it was looked last which peers push
         self._wakes_s: dict[str, float] = {}  # when the time brings something, steady seconds
+        team = context.team
+        verifier = Verifier(team)
+        verifies = team.trust is Trust.SIGNED or any(robot.key for robot in team.robots.values())
+        for name in me.peers:
+            peer = Peer(
+                name,
+                context,
+                verify=partial(verifier.verify, handed_by=name) if verifies else None,
+                original=team.robot(name).original,
+                datagrams=datagrams,
+                budget_bytes=team.trigger.budget_bytes or 0,
+                pushed=team.pushed(me, name),
+            )
+            self.by_peer[name] = PeerLink(peer, Puller(peer, link_table), Server(peer))
 
     def __iter__(self) -> Iterator[PeerLink]:
         return iter(self.by_peer.values())
@@ -113,24 +127,3 @@ class PeerLinks:
         """When the time brings something, in steady seconds; None: it does not."""
         self._note_wakes()
         return min(self._wakes_s.values(), default=None)
-
-
-def _links(
-    context: NodeContext, me: Robot, link_table: LinkTable, *, datagrams: bool
-) -> dict[str, PeerLink]:
-    team = context.team
-    verifier = Verifier(team)
-    verifies = team.trust is Trust.SIGNED or any(robot.key for robot in team.robots.values())
-    links = {}
-    for name in me.peers:
-        peer = Peer(
-            name,
-            context,
-            verify=partial(verifier.verify, handed_by=name) if verifies else None,
-            original=team.robot(name).original,
-            datagrams=datagrams,
-            budget_bytes=team.trigger.budget_bytes or 0,
-            pushed=team.pushed(me, name),
-        )
-        links[name] = PeerLink(peer, Puller(peer, link_table), Server(peer))
-    return links

@@ -54,7 +54,11 @@ class Port(ABC):
             self._listen(me, number)
         except (OSError, zmq.ZMQError) as error:
             raise _listen_error(me, peer, number, error) from None
-        self._datagrams = _datagram_socket(me, number)  # None: none are taken
+        self._datagrams: socket.socket | None = None  # None: the port is taken, all goes by ZeroMQ
+        try:
+            self._datagrams = kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
+        except OSError as error:
+            LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
 
     @abstractmethod
     def _listen(self, me: Robot, number: int) -> None:
@@ -228,15 +232,6 @@ def early_listener(me: Robot, number: int, error: OSError | zmq.ZMQError) -> soc
         me.name,
     )
     return listener
-
-
-def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
-    """None if the port is taken: then all goes over ZeroMQ."""
-    try:
-        return kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
-    except OSError as error:
-        LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
-        return None
 
 
 def _listen_error(

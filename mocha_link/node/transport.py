@@ -268,8 +268,8 @@ class Transport:
     def _admit(self, gate: ZapHandler) -> None:
         refusals = gate.serve(self._now().steady_s)
         with self._lock:
-            for refusal in refusals:
-                self._gossip.refused(refusal.peer, f"a client came {refusal.why}")
+            for peer, why in refusals:
+                self._gossip.refused(peer, f"a client came {why}")
 
     def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
         arrived = connection.turn(now.steady_s)

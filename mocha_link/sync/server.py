@@ -88,7 +88,9 @@ class Server:
             return self._packet_of_new(token, packet, now)
         refused, arrived = flow.refused, flow.arrived
         for frame in flow.receive(packet, now.steady_s):
-            self._feed_frame(frame, now)
+            if self._sync and self._sync.id == flow.token:
+                self._sync.take(frame)
+                self._look(now)
         if self._sync and flow.refused == refused:
             self._sync.heard_s = now.steady_s
         return flow.arrived > arrived
@@ -256,11 +258,6 @@ class Server:
             # An attacker may be opening in the name of the peer, which drowns in what we send it.
             self._deaf_until_s = now.steady_s + DEAF_S
         return True
-
-    def _feed_frame(self, frame: bytes, now: Instant) -> None:
-        if self._sync and self._flow and self._sync.id == self._flow.token:
-            self._sync.take(frame)
-            self._look(now)
 
     def _begin(self, sync: SyncSender, now: Instant) -> None:
         if self._sync:
