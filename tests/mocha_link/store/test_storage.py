@@ -42,6 +42,13 @@ def record(number: int, *, topic_id: int | None = None, body: bytes = b"\0\0body
     return Record(header, number % 4, body, T_MS + number, T_MS / 1000 + number / 7, number % 2 > 0)
 
 
+def hurry(storage):
+    """Have it try again now, not when the time has come."""
+    with storage._changed:
+        storage._hurried = storage.fault is not None
+        storage._changed.notify_all()
+
+
 class Shelter:
     """A database on a file, and what was said of it."""
 
@@ -56,10 +63,7 @@ class Shelter:
             assert self.database.insert(record(number), NOW_S)
 
     def retry(self):
-        """Try now, not when the time has come."""
-        with self.storage._changed:
-            self.storage._hurried = self.storage.fault is not None
-            self.storage._changed.notify_all()
+        hurry(self.storage)
         return self.storage.wait(60)
 
     def fault(self):

@@ -20,6 +20,7 @@ from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import StorageDamagedError
 from mocha_link.store.wire import Header
+from tests.mocha_link.store.test_storage import hurry
 
 T_MS = 1_795_000_000_000
 NOW_S = T_MS / 1000 + 1000
@@ -140,10 +141,10 @@ def test_nothing_hangs_and_nothing_raises_whatever_call_fails(memory, monkeypatc
             assert database.insert(record(number), NOW_S)
             database.learn("io", Knowledge(1, 2, 3))
             assert kept.wait(WAIT_S) or kept.fault
-            kept.retry()
+            hurry(kept)
         ours = database.kept()
         failed, disk.first, disk.lasting = disk.calls >= first, CALLS, False
-        kept.retry()
+        hurry(kept)
         saved = kept.wait(WAIT_S)
         assert saved or isinstance(kept.fault, StorageDamagedError)  # that may have to be moved
         assert kept.close(WAIT_S) == saved
