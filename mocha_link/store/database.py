@@ -101,11 +101,6 @@ class Database:
         with self._lock:
             return b"".join([kept.raw for kept in self._in_wire_order()])
 
-    def snapshot(self) -> Mapping[bytes, Record]:
-        """All that is kept now, by its 6-byte header; it does not change any more."""
-        with self._lock:
-            return {raw: kept.record for raw, kept in self._by_raw.items()}
-
     def wants(self, header: Header, now_s: float, stamp_ms: int | None = None) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`.
 

@@ -6,7 +6,7 @@ A pull is GHEAD (the list of headers), one GDATA per wanted message, DENDT.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mocha_link.clock import Instant
@@ -250,8 +250,8 @@ class ServerSession:
         self._heard_s = 0.0  # steady clock
         # What was offered stays available, though newer messages replace it, until well after the
         # peer has asked for another list.
-        self._offered: Mapping[bytes, Record] = {}
-        self._offered_before: Mapping[bytes, Record] = {}  # by the list before this
+        self._offered: dict[bytes, Record] = {}
+        self._offered_before: dict[bytes, Record] = {}  # by the list before this
         self._listed_s = 0.0  # when the last list left
         self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
         self._under_way = b""  # topic of the large answer that is not known to have arrived
@@ -322,7 +322,8 @@ class ServerSession:
             self._peer.tell_timeout(Direction.OUT, reason, now)
 
     def _list(self, now: Instant) -> bytes:
-        self._offered_before, self._offered = self._offered, self._database.snapshot()
+        self._offered_before = self._offered
+        self._offered = {each.header.pack(): each for each in self._database.kept()}
         self._listed_s = now.steady_s
         headers = self._database.header_list()
         if not self._late:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from mocha_link.store.database import GROUPS
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
 from mocha_link.store.wire import STAMP_MASK, STAMPS_MS
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, is_body, message_id_of
@@ -20,7 +21,6 @@ VERSION = 3
 MAX_NEWS = 32  # message ids in a NEWS, which is one small frame
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
-GROUP_COUNT = 16
 
 # Version, sort of knowledge, boot id, budget, configuration hash, address token.
 _OPEN = struct.Struct(">BBQQQQ")
@@ -32,7 +32,7 @@ _RANGE = struct.Struct(">II")
 _HELLO = struct.Struct(">BBQQ")  # reception, version, configuration hash, address token
 _SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
-_GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
+_GROUPS = struct.Struct(f">B{GROUPS}Q")
 _ANSWER = struct.Struct(">BHH")
 _TOPIC_STAMP = struct.Struct(">BHI")
 _KNOWS_SINCE, _KNOWS_HAVE, _KNOWS_DIGEST = 1, 2, 3

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
+from mocha_link.store.database import GROUPS
 from mocha_link.store.record import Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
@@ -295,7 +296,7 @@ class SyncSender:
             self._note(message_ids)
         for robot_id, groups, _ in answers:
             if robot_id in self._asked:
-                for group in range(sync_messages.GROUP_COUNT):
+                for group in range(GROUPS):
                     if groups >> group & 1:
                         self._queue.add(self._database.headers_in(robot_id, group))
         self._asked = frozenset()

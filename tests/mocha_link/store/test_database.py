@@ -154,7 +154,6 @@ def test_the_indexes_agree_with_a_plain_model(depth, inserts, others):
         late = [each for each in model.kept if numbers[each.header] > number]
         assert database.since(number) == late
         assert database.numbered_since(number) == [(numbers[r.header], r) for r in late]
-    assert database.snapshot() == {record.header.pack(): record for record in model.kept}
     for each in others:
         versions = model.history(each, model.kept)
         assert database.history(*topic(each)) == tuple(versions)
