@@ -9,7 +9,6 @@ most, and so much that waits for all of them together.
 from __future__ import annotations
 
 import contextlib
-import errno
 import itertools
 import socket
 import time
@@ -20,14 +19,7 @@ import zmq
 
 from mocha_link.node import kernel
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.port import (
-    BURST,
-    DEAD_PEER_S,
-    IDLE_MS,
-    MAX_REQUEST_BYTES,
-    Port,
-    early_listener,
-)
+from mocha_link.node.port import BURST, DEAD_PEER_S, IDLE_MS, MAX_REQUEST_BYTES, Port
 from mocha_link.node.zmtp import Part, ZmtpError, ZmtpSession, encoded
 from mocha_link.store import wire
 from mocha_link.sync.protocol import Route
@@ -172,15 +164,6 @@ class OpenPort(Port):
         self._served: Caller | None = None  # flushed when its requests are through
         super().__init__(me, peer)
 
-    def _listen(self, me: Robot, number: int) -> None:
-        address = "" if me.listen == "*" else me.listen
-        try:
-            self._listener = kernel.listener(address, number)
-        except OSError as error:
-            if error.errno != errno.EADDRNOTAVAIL:
-                raise
-            self._listener = early_listener(me, number, error)
-
     def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
         super().watch(poller)
@@ -323,4 +306,3 @@ class OpenPort(Port):
         super().close()
         for caller in list(self._inside.values()):
             self._drop(caller)
-        self._listener.close()

@@ -10,7 +10,6 @@ import contextlib
 import errno
 import logging
 import socket
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
@@ -40,7 +39,7 @@ _DATAGRAM_BUFFER_BYTES = 1024 * 1024
 LOG = logging.getLogger("mocha_link")
 
 
-class Port(ABC):
+class Port:
     """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
 
     `caller` is where the peer's datagrams come from. Raises PortInUseError or ListenError.
@@ -50,19 +49,12 @@ class Port(ABC):
         self.peer = peer
         self.caller: tuple[str, int] | None = None
         number = me.port_for(peer)
-        try:
-            self._listen(me, number)
-        except (OSError, zmq.ZMQError) as error:
-            raise _listen_error(me, peer, number, error) from None
+        self._listener = _listener(me, peer, number)
         self._datagrams: socket.socket | None = None  # None: the port is taken, all goes by ZeroMQ
         try:
             self._datagrams = kernel.datagram_socket(me.listen, number, _DATAGRAM_BUFFER_BYTES)
         except OSError as error:
             LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
-
-    @abstractmethod
-    def _listen(self, me: Robot, number: int) -> None:
-        """Bind. Raises OSError or ZMQError."""
 
     def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
@@ -85,6 +77,7 @@ class Port(ABC):
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
+        self._listener.close()
         if self._datagrams:
             self._datagrams.close()
 
@@ -105,6 +98,7 @@ class ProtectedPort(Port):
     def __init__(
         self, context: zmq.Context[zmq.Socket[bytes]], me: Robot, peer: str, secret: SecretKey
     ) -> None:
+        super().__init__(me, peer)
         # pushed frames that the socket did not take
         self._stuck: tuple[Route, list[Part]] | None = None
         self._late: dict[Route, _Late] = {}  # by connection
@@ -121,21 +115,11 @@ class ProtectedPort(Port):
             self.socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
             self.socket.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
             protect_port(self.socket, secret, peer)
-            super().__init__(me, peer)
+            self.socket.setsockopt(zmq.USE_FD, self._listener.detach())  # closed by libzmq
+            self.socket.bind(f"tcp://{me.listen}:{me.port_for(peer)}")
         except BaseException:
-            self.socket.close(0)
+            self.close()
             raise
-
-    def _listen(self, me: Robot, number: int) -> None:
-        endpoint = f"tcp://{me.listen}:{number}"
-        try:
-            self.socket.bind(endpoint)
-        except zmq.ZMQError as error:
-            if error.errno != errno.EADDRNOTAVAIL:
-                raise
-            listener = early_listener(me, number, error)
-            self.socket.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
-            self.socket.bind(endpoint)
 
     def watch(self, poller: Poller) -> None:
         """Have the poller wait for requests and datagrams."""
@@ -215,36 +199,38 @@ class ProtectedPort(Port):
         self.socket.close(0)
 
 
-def early_listener(me: Robot, number: int, error: OSError | zmq.ZMQError) -> socket.socket:
-    """At an address that the machine does not have (yet): be there when it comes.
+def _listener(me: Robot, peer: str, number: int) -> socket.socket:
+    """Listens for a peer, if need be at an address that the machine does not have (yet).
 
-    Raises OSError, or `error` where that cannot be.
+    Raises PortInUseError or ListenError.
     """
+    address = "" if me.listen == "*" else me.listen
     try:
-        listener = kernel.listener(me.listen, number, early=True)
-    except OSError as why:
-        raise (why if why.errno == errno.EADDRINUSE else error) from None
-    LOG.warning(
-        "%s is no address of this machine now: no peer reaches port %d of %s before it is "
-        "('listen' in the team file)",
-        me.listen,
-        number,
-        me.name,
-    )
-    return listener
-
-
-def _listen_error(
-    me: Robot, peer: str, number: int, error: OSError | zmq.ZMQError
-) -> PortInUseError | ListenError:
+        return kernel.listener(address, number)
+    except OSError as error:
+        why = error
+    if why.errno == errno.EADDRNOTAVAIL:
+        try:
+            listener = kernel.listener(address, number, early=True)
+        except OSError as error:
+            why = error if error.errno == errno.EADDRINUSE else why
+        else:
+            LOG.warning(
+                "%s is no address of this machine now: no peer reaches port %d of %s before it is "
+                "('listen' in the team file)",
+                me.listen,
+                number,
+                me.name,
+            )
+            return listener
     what = f"{me.name} cannot listen for {peer} on tcp://{me.listen}:{number}"
-    if error.errno == errno.EADDRINUSE:
-        return PortInUseError(
+    if why.errno == errno.EADDRINUSE:
+        raise PortInUseError(
             f"{what}: port {number} is in use; end the other node or process on it "
             f"(ss -ltnp 'sport = :{number}' shows it), or change base_port of {me.name} in the "
             "team file of every robot"
         )
-    return ListenError(
-        f"{what}: {error.strerror}; set 'listen' of {me.name} to * or to an "
+    raise ListenError(
+        f"{what}: {why.strerror}; set 'listen' of {me.name} to * or to an "
         "address of this machine, and its base_port to one that you may use"
     )
