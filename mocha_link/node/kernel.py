@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import resource
 import selectors
 import socket
@@ -47,16 +48,20 @@ def borrowed(
 
     `remote` or `local` is the port at that end of it.
     """
+    copy = None
     try:
-        copy = socket.fromfd(-1 if fd is None else fd, socket.AF_INET, socket.SOCK_STREAM)
-    except OSError:  # there is none
+        copy = os.dup(-1 if fd is None else fd)
+        found = socket.socket(fileno=copy)
+    except OSError:  # there is none, or it is something else by now
+        if copy is not None:
+            os.close(copy)
         yield None
         return
-    with copy as connection:
+    with found as connection:
         try:
             address = connection.getpeername() if local is None else connection.getsockname()
             same = address[1] == (remote if local is None else local)
-        except (OSError, IndexError):  # it is something else by now
+        except (OSError, IndexError):
             same = False
         yield connection if same else None
 

@@ -91,11 +91,11 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
     failed = threading.Event()
     tick = Gossip.tick
 
-    def fail(gossip: Gossip, now: object, *guard: object) -> None:
+    def fail(gossip: Gossip, now: object, *guard: object) -> set[str]:
         if gossip.me.name == "io" and not failed.is_set():
             failed.set()
             raise ValueError("oops")
-        tick(gossip, now, *guard)
+        return tick(gossip, now, *guard)
 
     monkeypatch.setattr(Gossip, "tick", fail)
     assert failed.wait(WAIT_S)
