@@ -5,11 +5,10 @@ A request is ID (6 bytes, any) + CODE (5 letters) + argument; the reply repeats 
 
 from __future__ import annotations
 
-import secrets
+import os
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 from mocha_link.store.database import Database
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
@@ -34,8 +33,9 @@ Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
 
 
-random_id = partial(secrets.token_bytes, ID_BYTES)
-"""What names a request, if a test says nothing else."""
+def random_id() -> bytes:
+    """What names a request, if a test says nothing else."""
+    return os.urandom(ID_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class NodeContext:
     database: Database
     reassembly: ReassemblyBuffer = field(default_factory=ReassemblyBuffer)
     new_id: Callable[[], bytes] = random_id
-    boot_id: int = field(default_factory=partial(secrets.randbits, 64))
+    boot_id: int = field(default_factory=lambda: int.from_bytes(os.urandom(8), "big"))
     config_hash: int = 0
     timeout_s: float = 5.0
     follow: bool = True

@@ -5,7 +5,7 @@ Nothing here touches sockets: requests and datagrams in, replies and frames out.
 
 from __future__ import annotations
 
-import secrets
+import os
 from collections import deque
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
@@ -240,7 +240,7 @@ class Server:
             sync.next_for_datagram,
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
-            first_number=secrets.randbits(30),
+            first_number=int.from_bytes(os.urandom(4), "big") >> 2,
             proven=False,
         )
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]

@@ -76,7 +76,9 @@ class Node:
         with _numbers_of(self._number):
             answer = self.call(now_s, call)()
             wanted, told = self._gossip.take()
-        answers = [] if answer is None else [{"kind": "answer", "value": _TONGUE.plain_of(answer)}]
+        answers = []
+        if answer is not None and call["kind"] != "tick":  # which says whom to `supply` now
+            answers = [{"kind": "answer", "value": _TONGUE.plain_of(answer)}]
         return answers + [_TONGUE.plain_of(each) for each in (*wanted, *told)]
 
     def call(self, now_s: float, call: Mapping[str, Any]) -> Callable[[], Any]:
