@@ -34,12 +34,8 @@ class SyncSender:
     `Peer.pushed`, small ones, of no promise. Of others it is told, unless it follows who made them,
     and its next pull brings them.
 
-    Args:
-        request_id: what its frames begin with on a connection.
-        began_s: when the pull began, steady clock.
-
     Attributes:
-        id: the request id.
+        id: what its frames begin with on a connection, the id of the request.
         began_s: when the pull began, steady clock.
         heard_s: when the newest frame of the peer came, steady clock.
         route: the peer's connection, if it has one.
