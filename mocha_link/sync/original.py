@@ -14,7 +14,7 @@ from mocha_link.links.link_events import Direction
 from mocha_link.store import wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import WRAP_MS, Header, HeaderError, PayloadError
-from mocha_link.sync.peer import Peer, check_type
+from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
     ACK,
     CODE_BYTES,
@@ -185,7 +185,6 @@ class ClientSession:
             return  # replaced at the peer meanwhile; the next list has the newer one
         robot, topic = known
         try:
-            check_type(body, topic)
             trailer = wire.check(body, (header.robot_id, header.topic_id))
             if trailer:
                 _check_time(header, trailer.stamp_ms)

@@ -259,9 +259,7 @@ class Peer:
 
 
 def check_type(body: Frame, topic: Topic) -> None:
-    """Raise PayloadError unless a body is of the type that the topic has in our team file."""
-    if len(body) <= wire.PREFIX:
-        raise PayloadError(f"a body of {len(body)} bytes holds no message")
+    """Raise PayloadError unless a sound body is of the type of the topic in our team file."""
     if body[0] != topic.dtype:
         raise PayloadError(
             f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
