@@ -283,6 +283,11 @@ class Gossip:
 
     def _count(self, now: Instant) -> None:
         """Bring the link table up to date."""
+        for name in self._links.touched:
+            peer = self._links.by_peer[name].peer
+            if peer.bytes_in:
+                self._link_table.count(name, bytes_in=peer.bytes_in)
+                peer.bytes_in = 0
         self._link_table.catch_up(self._uncounted, now)
         self._uncounted.clear()
 

@@ -148,7 +148,8 @@ class Database:
         One with a header that is already here is the same message and not stored again; nor is
         one whose stamp is not the time of its header, or that was received at no time.
         """
-        is_of_header = record.stamp_ms % WRAP_MS == record.header.wrapped_ms
+        header = record.header
+        is_of_header = record.stamp_ms % WRAP_MS == header.seconds * 1000 + header.milliseconds
         is_time = 0 <= record.stamp_ms < STAMPS_MS and isfinite(record.received_s)
         if not (is_of_header and is_time):
             return False
@@ -216,23 +217,21 @@ class Database:
             self._ordered = sorted(newest, key=attrgetter("rank"))
         return self._ordered
 
-    def _depth(self, key: int) -> int:
-        """How many versions of a topic are kept."""
-        return max(1, self._histories.get(key, 1))
-
     def _oldest(self, key: int) -> Record | None:
         """What another version of a topic has to follow; None: there is room for any."""
         versions = self._versions.get(key)
-        return versions[-1].record if versions and len(versions) >= self._depth(key) else None
+        if versions and len(versions) >= self._histories.get(key, 1):
+            return versions[-1].record
+        return None
 
     def _keep(self, record: Record, number: int, now_s: float) -> bool:
         header = record.header
         raw = header.pack()
         if raw in self._by_raw:
             return False
-        key = header.key
+        key = int.from_bytes(raw[:2], "big")
         versions = self._versions.get(key, [])
-        depth = self._depth(key)
+        depth = max(1, self._histories.get(key, 1))
         place = len(versions)
         while place and _newer(record, versions[place - 1].record, now_s):
             place -= 1

@@ -66,6 +66,7 @@ class Peer:
     Attributes:
         events: to be told to listeners; the node that drives the syncs takes them out.
         refusals: what was not accepted, in words; likewise.
+        bytes_in: received since it was counted last; likewise.
         address_token: what the peer has given us to show that it has reached us; 0: nothing yet.
         config_mismatch: ids mean something else to the peer, as far as its last word on that goes.
         rtt_s: the lowest round trip of the last pull; None: not known.
@@ -95,6 +96,7 @@ class Peer:
         self.pushed = pushed
         self.events: list[LinkEvent] = []
         self.refusals: list[str] = []
+        self.bytes_in = 0
         self.address_token = 0
         self.config_mismatch = False
         self.rtt_s: float | None = None

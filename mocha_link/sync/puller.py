@@ -40,7 +40,7 @@ class Puller:
         self.followed: Pull | None = None
         self.told: frozenset[int] = frozenset()
         self._peer = peer
-        self._link_table = link_table  # learns what comes in, and what a pull has measured
+        self._link_table = link_table  # learns what a pull has measured
         self._spent_bytes = 0  # of the contact's budget
         self._ending: tuple[Flow, float] | None = None  # says END until that steady time
 
@@ -71,7 +71,9 @@ class Puller:
         if pull is None or (followed and parts and parts[0][:ID_BYTES] == followed.id):
             pull = followed  # pushed before the peer had heard of the pull that is under way
         if pull:
-            self._count(sum(map(len, parts)))
+            size = sum(map(len, parts))
+            self._spent_bytes += size
+            self._peer.bytes_in += size
             pull.reply(parts, now)
             self._finish(pull, now)
 
@@ -79,7 +81,8 @@ class Puller:
         """Take in a datagram that the peer sent in answer to ours."""
         pull = self.pull or self.followed
         if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
-            self._count(len(packet))
+            self._spent_bytes += len(packet)
+            self._peer.bytes_in += len(packet)
             pull.packet(packet, now)
             self._finish(pull, now)
         elif self._ending:
@@ -155,10 +158,6 @@ class Puller:
             flow, until_s = self._ending
             times += [flow.wake_s, until_s]
         return min((each for each in times if each is not None), default=None)
-
-    def _count(self, size: int) -> None:
-        self._spent_bytes += size
-        self._link_table.count(self._peer.name, bytes_in=size)
 
     def _begin(self, pull: Pull, now: Instant, *, again: bool = False) -> None:
         self.pull = pull

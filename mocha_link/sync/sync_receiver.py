@@ -13,7 +13,7 @@ from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import is_alone
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.trust import difference
-from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, PayloadError
+from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, Header, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError
@@ -231,7 +231,8 @@ class SyncReceiver:
         if chunks.round == self._round and not self._count(chunks.number):
             return
         for message_id, body in chunks.wholes:
-            self._take_message(message_id, body if is_alone(body) else bytes(body))
+            keeps = len(body) >= sync.LARGE_BYTES and is_alone(body)
+            self._take_message(message_id, body if keeps else bytes(body))
         for piece in chunks.pieces:
             self._take_piece(*piece)
 
@@ -286,7 +287,8 @@ class SyncReceiver:
                 self._failed.add(message_id)
             self._flawed = True
         else:
-            header, now_s = sync.header_of(message_id), self._now.unix_s
+            header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
+            now_s = self._now.unix_s
             record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
             peer.holds(message_id)
             if not self.over and len(self._given) < _MAX_GIVEN:
