@@ -8,7 +8,7 @@ import copy
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from air_router.editor import edits
@@ -77,26 +77,6 @@ class Region:
         return [*corners, self.circle.centre] if self.circle else corners
 
 
-@dataclass(slots=True)
-class Features:
-    """Everything in a mission's file that can be moved; `origin` is that of metres, in degrees."""
-
-    home: Handle | None = None  # None: the file has none that can be read
-    waypoints: list[Handle] = field(default_factory=list)  # in the operator's order
-    rally_points: list[Handle] = field(default_factory=list)
-    regions: list[Region] = field(default_factory=list)  # fences first, then zones
-    in_metres: bool = False  # pairs are metres, else degrees
-    origin: Pair | None = None
-
-    def handles(self) -> Iterator[Handle]:
-        """All of them."""
-        yield from [self.home] if self.home else []
-        yield from self.waypoints
-        yield from self.rally_points
-        for region in self.regions:
-            yield from region.handles
-
-
 def as_pair(value: Any) -> Pair | None:
     """The first two numbers of a list; None if it has none."""
     if not isinstance(value, list) or len(value) < 2:
@@ -149,27 +129,42 @@ class Changes(ABC):
     Attributes:
         settable: Whether settings and names are possible in this kind of file.
         data: The file's values; they are changed in place.
-        features: What of them can be moved.
+        home, waypoints, rally_points, regions: What of them can be moved.
+        in_metres: Pairs are metres, else degrees.
+        origin: That of metres, in degrees.
     """
 
     settable: ClassVar[bool]
 
     def __init__(self, data: Any) -> None:
         self.data = data
-        self.features = self.features_of(data)
-        self._regions = {region.keys: region for region in self.features.regions}
+        self.home: Handle | None = None  # None: the file has none that can be read
+        self.waypoints: list[Handle] = []  # in the operator's order
+        self.rally_points: list[Handle] = []
+        self.regions: list[Region] = []  # fences first, then zones
+        self.in_metres = False
+        self.origin: Pair | None = None
+        self._find()
+        self._regions = {region.keys: region for region in self.regions}
         self._rings = {ring.keys: ring for r in self._regions.values() for ring in r.rings}
 
     def copied(self) -> Self:
-        """The same data to be changed by an edit, which means the features as they are here."""
+        """The same data to be changed by an edit, which means what can be moved as it is here."""
         copied = copy.copy(self)
         copied.data = copy.deepcopy(self.data)
         return copied
 
-    @staticmethod
     @abstractmethod
-    def features_of(data: Any) -> Features:
-        """What can be moved in such a file."""
+    def _find(self) -> None:
+        """Find what can be moved in such a file."""
+
+    def handles(self) -> Iterator[Handle]:
+        """All that can be moved."""
+        yield from [self.home] if self.home else []
+        yield from self.waypoints
+        yield from self.rally_points
+        for region in self.regions:
+            yield from region.handles
 
     def make(self, edit: Edit) -> None:
         """Change the data.
@@ -190,7 +185,7 @@ class Changes(ABC):
     def geodetic(self, pair: Pair) -> Pair | None:
         """A pair of the file as latitude and longitude; None if it is not on Earth."""
         try:
-            if self.features.in_metres:
+            if self.in_metres:
                 return self._frame().to_geodetic(Point(*pair))
         except (EditError, FrameError):
             return None
@@ -198,15 +193,15 @@ class Changes(ABC):
 
     def digits(self, place: Pair) -> list[Digits]:
         """Latitude and longitude as the file would write them."""
-        if self.features.in_metres:
+        if self.in_metres:
             return [metres(value) for value in self._frame().to_local(*place)]
         return [degrees(value) for value in place]
 
     def _frame(self) -> LocalFrame:
-        if self.features.origin is None:
+        if self.origin is None:
             raise EditError("the mission's frame is not known; write frame.origin first")
         try:
-            return LocalFrame(Geodetic(*self.features.origin))
+            return LocalFrame(Geodetic(*self.origin))
         except FrameError as error:
             raise EditError(f"frame.origin: {error}; correct it first") from None
 
@@ -264,7 +259,7 @@ class Changes(ABC):
         ring = self._rings.get(keys[:-1])
         if ring and len(ring.corners) <= _LEAST_CORNERS:
             raise EditError("an area needs three corners; remove the whole area instead")
-        if self.features.waypoints == [handle]:
+        if self.waypoints == [handle]:
             raise EditError("a mission needs a waypoint; move it instead")
         self._take_out(handle.entry)
 
@@ -297,7 +292,7 @@ class Changes(ABC):
             values[key] = digits
 
     def _handle(self, keys: Keys) -> Handle:
-        handle = next((each for each in self.features.handles() if each.keys == keys), None)
+        handle = next((each for each in self.handles() if each.keys == keys), None)
         if handle is None:
             raise EditError("the mission has no such place any more")
         return handle

@@ -26,7 +26,6 @@ from air_router.files.missions.qgc_read import plan_draft
 from air_router.files.text_edit import rewritten
 from air_router.mission.loading import check_own, validate
 from air_router.mission.mission import Mission
-from air_router.mission.validation import points_clear
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route, Router
 from geo.airspace.zone import Outline, ZoneError, polygons_of
@@ -128,7 +127,7 @@ class MissionAnalysis:
         mission = validate(document)
         parts = editable.parts
         known = {area.keys for area in (*document.fences, *document.zones)}
-        unread = [region for region in parts.features.regions if region.keys not in known]
+        unread = [region for region in parts.regions if region.keys not in known]
         if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
             return cls(document, None, None, None, ())
         if unread:  # what is no area yet must not be planned across all the same
@@ -171,7 +170,7 @@ def _legs(
     straight = airspace.legs_clear_between(places[:-1], places[1:])
     wrong = {problem.keys for problem in document.problems}
     spots = [*([document.home] if document.home else []), *document.waypoints]
-    clear = points_clear(airspace, spots)
+    clear = airspace.points_clear([spot.position for spot in spots])
     legal = [spot.keys not in wrong and ok for spot, ok in zip(spots, clear, strict=True)]
     routes = _MOST_WORK // len(nodes)
     for index, (start, end) in enumerate(pairwise(nodes)):

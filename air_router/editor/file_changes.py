@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 from air_router.editor import edits
 from air_router.editor.changes import (
     Changes,
-    Features,
     Handle,
     Region,
     as_number,
@@ -37,32 +36,25 @@ class YamlChanges(Changes):
 
     settable: ClassVar[bool] = True
 
-    @staticmethod
-    def features_of(data: Any) -> Features:
-        """What can be moved."""
-        features = Features()
+    def _find(self) -> None:
+        data = self.data
         if not isinstance(data, dict):
-            return features
+            return
         frame = data.get("frame")
         origin = as_pair(frame.get("origin")) if isinstance(frame, dict) else None
-        features.home = _spot(data.get("home"), ("home",), removable=False)
-        features.in_metres = data.get("coordinates") == "local"
-        features.origin = origin or (
-            None if features.in_metres or not features.home else features.home.pair
-        )
-        features.waypoints = _spots(data, "waypoints")
-        features.rally_points = _spots(data, "rally_points")
+        self.home = _spot(data.get("home"), ("home",), removable=False)
+        self.in_metres = data.get("coordinates") == "local"
+        self.origin = origin or (None if self.in_metres or not self.home else self.home.pair)
+        self.waypoints = _spots(data, "waypoints")
+        self.rally_points = _spots(data, "rally_points")
         if data.get("fence") is not None:
-            features.regions.append(
-                _region(data["fence"], ("fence",), "fence", None, is_fence=True)
-            )
+            self.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
         for keys, value in entries_of(data, ("fences",)):
-            features.regions.append(_region(value, keys, "fence", keys, is_fence=True))
+            self.regions.append(_region(value, keys, "fence", keys, is_fence=True))
         for number, (keys, value) in enumerate(entries_of(data, ("no_fly_zones",)), start=1):
             name = value.get("name") if isinstance(value, dict) else None
             name = name if isinstance(name, str) else f"zone {number}"
-            features.regions.append(_region(value, keys, name, keys, is_fence=False))
-        return features
+            self.regions.append(_region(value, keys, name, keys, is_fence=False))
 
     def add_waypoint(self, edit: edits.AddWaypoint) -> None:
         """Insert a bare pair: it flies at the mission's altitude."""
@@ -173,8 +165,8 @@ class YamlChanges(Changes):
         return entry
 
     def _unused_name(self) -> str:
-        names = {region.name for region in self.features.regions}
-        number = sum(not region.is_fence for region in self.features.regions) + 1
+        names = {region.name for region in self.regions}
+        number = sum(not region.is_fence for region in self.regions) + 1
         while f"zone {number}" in names:
             number += 1
         return f"zone {number}"
@@ -218,28 +210,26 @@ class PlanChanges(Changes):
 
     settable: ClassVar[bool] = False
 
-    @staticmethod
-    def features_of(data: Any) -> Features:
-        """What can be moved; what surveys are made of stays with QGroundControl."""
-        features = Features()
+    def _find(self) -> None:
+        """Find what can be moved; what surveys are made of stays with QGroundControl."""
+        data = self.data
         home: Keys = ("mission", "plannedHomePosition")
-        features.home = handle_of(value_at(data, home), home)
-        features.origin = features.home.pair if features.home else None
+        self.home = handle_of(value_at(data, home), home)
+        self.origin = self.home.pair if self.home else None
         for keys, item in entries_of(data, ITEMS):
             handle = _plan_waypoint(item, keys)
-            features.waypoints += [handle] if handle else []
+            self.waypoints += [handle] if handle else []
         for keys, point in entries_of(data, RALLY_POINTS):
             handle = handle_of(point, keys, keys)
-            features.rally_points += [handle] if handle else []
+            self.rally_points += [handle] if handle else []
         for path in (POLYGONS, CIRCLES):
             for keys, value in entries_of(data, path):
                 if isinstance(value, dict):
-                    features.regions.append(_plan_region(features, value, keys))
-        return features
+                    self.regions.append(self._region_of(value, keys))
 
     def add_waypoint(self, edit: edits.AddWaypoint) -> None:
         """Insert a simple item behind the waypoint before it, at the same altitude."""
-        waypoints = self.features.waypoints
+        waypoints = self.waypoints
         if edit.index > len(waypoints):
             raise EditError(f"the mission has only {len(waypoints)} waypoints")
         items = value_at(self.data, ITEMS)
@@ -286,7 +276,7 @@ class PlanChanges(Changes):
     def set_altitude(self, edit: edits.SetAltitude) -> None:
         """Write the altitude, and QGroundControl's copy of it."""
         handle = self._handle(edit.keys)
-        if handle not in self.features.waypoints:
+        if handle not in self.waypoints:
             raise EditError("only waypoints have altitudes of their own")
         if edit.altitude_m is None:
             raise EditError("in a plan every waypoint has its own altitude")
@@ -296,6 +286,14 @@ class PlanChanges(Changes):
         self._put(item["params"], 6, altitude_m)
         if as_number(item.get("Altitude")) is not None:
             self._put(item, "Altitude", altitude_m)
+
+    def _region_of(self, value: dict[Any, Any], keys: Keys) -> Region:
+        is_fence = value.get("inclusion") is True
+        number = sum(not region.is_fence for region in self.regions) + 1
+        name = "fence" if is_fence else f"zone {number}"
+        ring = ring_of(value.get("polygon"), (*keys, "polygon"))
+        circle = circle_of(value.get("circle"), (*keys, "circle"), centre="center", radius="radius")
+        return Region(keys, name, is_fence, (ring,) if ring else (), circle, keys)
 
     def _item(self, handle: Handle) -> dict[str, Any]:
         item: dict[str, Any] = self._at(handle.keys[: len(ITEMS) + 1])
@@ -314,12 +312,3 @@ def _plan_waypoint(item: Any, keys: Keys) -> Handle | None:
         return None
     pair = as_pair(params[4:6])
     return Handle((*keys, "params", 4), (*keys, "params"), 4, pair, keys) if pair else None
-
-
-def _plan_region(features: Features, value: dict[Any, Any], keys: Keys) -> Region:
-    is_fence = value.get("inclusion") is True
-    number = sum(not region.is_fence for region in features.regions) + 1
-    name = "fence" if is_fence else f"zone {number}"
-    ring = ring_of(value.get("polygon"), (*keys, "polygon"))
-    circle = circle_of(value.get("circle"), (*keys, "circle"), centre="center", radius="radius")
-    return Region(keys, name, is_fence, (ring,) if ring else (), circle, keys)

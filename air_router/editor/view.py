@@ -45,7 +45,7 @@ def view(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
 def _areas(parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
     document = analysis.document
     areas = {area.keys: area for area in (*document.fences, *document.zones) if area.source is None}
-    for region in parts.features.regions:
+    for region in parts.regions:
         area = areas.get(region.keys)
         yield {
             **_region(parts, region),
@@ -109,13 +109,13 @@ class _Marks:
         self._parts = parts
         # handles of everything with keys of its own
         self._handles: dict[Keys, list[Handle]] = {}
-        for handle in parts.features.handles():
+        for handle in parts.handles():
             self._handles[handle.keys] = [handle]
             if handle.entry:
                 self._handles[handle.entry] = [handle]
         # of an entry, the handle in it
-        self._names = {handle.entry: handle.keys for handle in parts.features.handles()}
-        for region in parts.features.regions:
+        self._names = {handle.entry: handle.keys for handle in parts.handles()}
+        for region in parts.regions:
             self._handles[region.keys] = region.handles
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
@@ -137,11 +137,11 @@ class _Marks:
 def _places(
     parts: Changes, analysis: MissionAnalysis, wrong: set[Keys]
 ) -> Iterable[dict[str, Any]]:
-    features, document = parts.features, analysis.document
+    document = analysis.document
     spots = {spot.keys: spot for spot in document.waypoints}
     numbers = {spot.keys: number for number, spot in enumerate(document.waypoints, start=1)}
-    kinds = [("home", [features.home] if features.home else []), ("waypoint", features.waypoints)]
-    for kind, handles in [*kinds, ("rally", features.rally_points)]:
+    kinds = [("home", [parts.home] if parts.home else []), ("waypoint", parts.waypoints)]
+    for kind, handles in [*kinds, ("rally", parts.rally_points)]:
         for index, handle in enumerate(handles, start=1):
             at = _on_map(parts, handle.pair)
             if at is None:
@@ -157,7 +157,7 @@ def _places(
                 "wrong": handle.keys in wrong,
                 "removable": handle.entry is not None,
             }
-    own = {handle.keys for handle in features.waypoints}
+    own = {handle.keys for handle in parts.waypoints}
     for spot in document.waypoints:  # out of surveys: to be seen, not to be edited
         if spot.keys not in own and document.frame is not None:
             yield {
@@ -193,7 +193,6 @@ def _region(parts: Changes, region: Region) -> dict[str, Any]:
         "rings": rings,
         "circle": circle,
         "outline": None,
-        "crosses": False,
     }
 
 
@@ -275,5 +274,5 @@ def _robots(document: MissionDocument) -> list[dict[str, Any]]:
 
 def _on_map(parts: Changes, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
-    place, origin = parts.geodetic(pair), parts.features.origin
+    place, origin = parts.geodetic(pair), parts.origin
     return place if place is None or origin is None else beside(origin, place)

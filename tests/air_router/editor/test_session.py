@@ -297,11 +297,11 @@ def test_a_plan_is_edited_in_place(plan):
 
 
 def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
-    handles = list(plan.editable.parts.features.handles())
+    handles = list(plan.editable.parts.handles())
     assert len(handles) > 90
     for handle in handles[::20]:
         plan.edit(move(handle.keys, FREE))
-        (moved,) = [h for h in plan.editable.parts.features.handles() if h.keys == handle.keys]
+        (moved,) = [h for h in plan.editable.parts.handles() if h.keys == handle.keys]
         assert moved.pair == FREE
 
 

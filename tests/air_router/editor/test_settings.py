@@ -68,7 +68,7 @@ def test_a_fence_gets_another_outline(tmp_path, fence):
     session = EditSession(MissionFile(path))
     corners = ((39.941, -75.201), (39.943, -75.201), (39.943, -75.199), (39.941, -75.199))
     session.edit(edits.Redraw(do="redraw", keys=("fence",), corners=corners))
-    (region,) = session.editable.parts.features.regions
+    (region,) = session.editable.parts.regions
     assert region.circle is None
     assert tuple(corner.pair for corner in region.rings[0].corners) == corners
     text = session.editable.text
@@ -81,10 +81,10 @@ def test_a_fence_gets_another_outline(tmp_path, fence):
 def test_a_plan_s_round_fence_becomes_a_polygon(plan):
     circle = edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=400.0)
     plan.edit(circle)
-    fences = [r for r in plan.editable.parts.features.regions if r.is_fence and r.circle]
+    fences = [r for r in plan.editable.parts.regions if r.is_fence and r.circle]
     corners = ((39.95, -75.21), (39.95, -75.19), (39.93, -75.19), (39.93, -75.21))
     plan.edit(edits.Redraw(do="redraw", keys=fences[0].keys, corners=corners))
-    after = plan.editable.parts.features.regions
+    after = plan.editable.parts.regions
     assert not [r for r in after if r.is_fence and r.circle]
     assert corners in [tuple(c.pair for c in r.rings[0].corners) for r in after if r.rings]
     with pytest.raises(EditError, match="QGroundControl"):

@@ -62,7 +62,7 @@ def remarks(text):
 
 
 def handles(editable):
-    return list(editable.parts.features.handles())
+    return list(editable.parts.handles())
 
 
 def pairs(editable):
@@ -110,8 +110,8 @@ class Hand:
         assert pairs(self.editable) == left
 
     def remove_area(self):
-        region = self.pick(self.editable.parts.features.regions)
-        if region.entry is None or len(self.editable.parts.features.regions) < 3:
+        region = self.pick(self.editable.parts.regions)
+        if region.entry is None or len(self.editable.parts.regions) < 3:
             return
         before = self.do(edits.Remove(do="remove", keys=region.keys))
         kept = [h.pair for h in handles(before) if h.keys[: len(region.keys)] != region.keys]
@@ -123,7 +123,7 @@ class Hand:
         assert remarks(self.editable.text) == remarks(before.text)
 
     def add_corner(self):
-        rings = [r for region in self.editable.parts.features.regions for r in region.rings]
+        rings = [r for region in self.editable.parts.regions for r in region.rings]
         if rings:
             ring, at = self.pick(rings), self.draw(places)
             index = self.draw(st.integers(0, len(ring.corners)))
@@ -131,9 +131,9 @@ class Hand:
 
     def add_waypoint(self):
         at = self.draw(places)
-        index = self.draw(st.integers(0, len(self.editable.parts.features.waypoints)))
+        index = self.draw(st.integers(0, len(self.editable.parts.waypoints)))
         self.added(edits.AddWaypoint(do="add_waypoint", index=index, at=at), at)
-        assert self.editable.parts.features.waypoints[index].pair == at
+        assert self.editable.parts.waypoints[index].pair == at
 
     def add_rally_point(self):
         at = self.draw(places)
@@ -146,15 +146,15 @@ class Hand:
         self.added(edits.AddArea(do="add_area", corners=corners, radius_m=radius_m), *corners)
 
     def resize(self):
-        circles = [r for r in self.editable.parts.features.regions if r.circle]
+        circles = [r for r in self.editable.parts.regions if r.circle]
         if circles:
             region = self.pick(circles)
             self.do(edits.Resize(do="resize", keys=region.keys, radius_m=12.345))
-            after = {r.keys: r for r in self.editable.parts.features.regions}
+            after = {r.keys: r for r in self.editable.parts.regions}
             assert after[region.keys].circle.radius_m == pytest.approx(12.3)
 
     def name(self):
-        zones = [r for r in self.editable.parts.features.regions if not r.is_fence]
+        zones = [r for r in self.editable.parts.regions if not r.is_fence]
         if not zones:
             return
         region, name = self.pick(zones), self.draw(st.sampled_from(["hall", "no: 1", "#2", "true"]))
@@ -163,12 +163,12 @@ class Hand:
         except EditError:
             assert self.editable.path.suffix == ".plan"
             return
-        after = {r.keys: r.name for r in self.editable.parts.features.regions}
+        after = {r.keys: r.name for r in self.editable.parts.regions}
         assert after[region.keys] == name
         assert pairs(self.editable) == pairs(before)
 
     def set_altitude(self):
-        handle = self.pick(self.editable.parts.features.waypoints)
+        handle = self.pick(self.editable.parts.waypoints)
         altitude_m = self.draw(st.sampled_from([None, 30.0, 41.25]))
         if altitude_m is None and self.editable.path.suffix == ".plan":
             return
@@ -193,7 +193,7 @@ def test_what_an_alias_shares_is_not_edited():
         "[54.3220, 10.1390]", "*a"
     )
     editable = EditableMission.read(text, Path("harbour.yaml"))
-    assert len(editable.parts.features.waypoints) == 3
+    assert len(editable.parts.waypoints) == 3
     for number in (0, 2):
         keys = ("waypoints", number, "position")
         with pytest.raises(SourceError, match="alias"):
