@@ -174,11 +174,11 @@ class JsonValues:
 
     def entries(
         self, keys: tuple[str | int, ...], what: str = "", advice: str = "correct it"
-    ) -> list[Any]:
-        """A list; empty, and reported, if it is something else."""
+    ) -> list[tuple[str | int, ...]]:
+        """The keys of a list's entries; none, and reported, if it is something else."""
         value = self.at(*keys)
         if isinstance(value, list):
-            return value
+            return [(*keys, index) for index in range(len(value))]
         self.wrong(keys, f"{what or named(keys)} must be a list", advice)
         return []
 

@@ -224,29 +224,22 @@ class _Change(YamlText):
     def _remove(self, place: YamlValue, index: int) -> None:
         """Take an item out of a list, or a key with its value out of a mapping."""
         spans = self._spans(place)
-        if place.flow:
-            self._remove_in_flow(place, spans, index)
-            return
         starts = [self._entry_start(place, start) for start, _ in spans]
+        start, end = starts[index], spans[index][1]
+        alone = not self.before(start).strip()
         if len(spans) == 1:
-            self._remove_last(place, starts[0], spans[0][1])
-        elif not self.before(starts[index]).strip():
-            self.remove_lines(starts[index], spans[index][1])
-        else:  # on its parent's line: the first
-            self.put(starts[index], starts[index + 1], "")
-
-    def _remove_in_flow(self, place: YamlValue, spans: list[tuple[int, int]], index: int) -> None:
-        start, end = spans[index]
-        if len(spans) == 1:
-            self.put(place.start + 1, self.end(place.node) - 1, "")
-        elif not self.before(start).strip() and _REST.fullmatch(self.after(end)):
+            self._remove_last(place, start, end)
+        elif alone and (not place.flow or _REST.fullmatch(self.after(end))):
             self.remove_lines(start, end)
         elif index + 1 < len(spans):
-            self.put(start, spans[index + 1][0], "")
+            self.put(start, starts[index + 1], "")
         else:
             self.put(spans[index - 1][1], end, "")
 
     def _remove_last(self, place: YamlValue, start: int, end: int) -> None:
+        if place.flow:
+            self.put(place.start + 1, self.end(place.node) - 1, "")
+            return
         if isinstance(place.node, yaml.MappingNode):
             raise SourceError(f"{place.named} would be empty; remove it as a whole")
         if place.key_end is None or self.before(start).strip():
@@ -269,8 +262,8 @@ class _Change(YamlText):
         return [(entry.begin, self.end(entry.node)) for entry in entries]
 
     def _entry_start(self, place: YamlValue, start: int) -> int:
-        """The dash of a list's item, the key of a mapping."""
-        if isinstance(place.node, yaml.MappingNode):
+        """The dash of a list's item, the key of a mapping, all of an item in brackets."""
+        if place.flow or isinstance(place.node, yaml.MappingNode):
             return start
         at = self.line_start(start)
         while at > place.start and not self.source.startswith(place.indent + "-", at):

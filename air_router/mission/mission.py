@@ -14,8 +14,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers
 from air_router.files.zone_terms import HomeAltitudeError
@@ -313,10 +311,9 @@ class Mission(MissionAreas):
     @property
     def skipped(self) -> frozenset[int]:
         """The waypoints that zones or fences were drawn over in flight; none before."""
-        positions = [waypoint.position for waypoint in self.waypoints]
-        places = np.array(positions, dtype=float).reshape(-1, 2)
-        clear = self.planning_airspace.legs_clear_between(places, places)
-        return frozenset(self.waypoints[index].number for index in np.flatnonzero(~clear))
+        places = [waypoint.position for waypoint in self.waypoints]
+        clear = self.planning_airspace.points_clear(places)
+        return frozenset(w.number for w, ok in zip(self.waypoints, clear, strict=True) if not ok)
 
     def altitude_of(self, node: int | None) -> float:
         """How high above home the vehicle hovers at a node; None: at any other point."""

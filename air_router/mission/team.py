@@ -124,13 +124,17 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
 
 def only_uav(team: Team) -> str:
     """The team's UAV, for missions that do not say which robot they fly."""
-    uavs = [robot.name for robot in team.robots.values() if robot.kind == UAV_KIND]
+    uavs = _flying(team)
     if len(uavs) != 1:
         raise RefusedError(
             f"{team.path}: has {len(uavs)} robots of kind {UAV_KIND}; "
             "say which one flies, --uav NAME or `uav: NAME` in the mission"
         )
     return uavs[0]
+
+
+def _flying(team: Team) -> list[str]:
+    return [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
 
 
 def check_team(draft: MissionDocument) -> None:
@@ -175,7 +179,7 @@ def _check_flies(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
     _check_robot(draft, name, team.robots, keys)
     if name not in team.robots or team.robot(name).kind == UAV_KIND:
         return
-    flying = [robot.name for robot in team.robots.values() if robot.kind == UAV_KIND]
+    flying = _flying(team)
     named = f"name {' or '.join(flying)}, or " if flying else ""
     message = (
         f"'{name}' is of kind {team.robot(name).kind} in the team file and does not fly; "
@@ -186,7 +190,7 @@ def _check_flies(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
 
 def _choose(draft: MissionDocument, team: Team) -> None:
     """Enter the only flying robot of the team, or note that it is not clear who flies."""
-    flying = [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
+    flying = _flying(team)
     if len(flying) == 1:
         draft.uav = flying[0]
         return

@@ -178,23 +178,14 @@ def _check_spots(draft: MissionDocument, areas: MissionAreas, far: Collection[st
     if "planner" in draft.unread:
         cruise, climb = areas.airspace.as_drawn(), areas.climb_airspace.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
-    wrong = [
-        (spot, airspace)
-        for spots, airspace in ((landings, climb), (draft.waypoints, cruise))
-        for spot, clear in zip(spots, points_clear(airspace, spots), strict=True)
-        if not clear and spot.label not in far
-    ]
+    wrong = []
+    for spots, airspace in ((landings, climb), (draft.waypoints, cruise)):
+        clear = airspace.points_clear([spot.position for spot in spots])
+        wrong += [(spot, airspace) for spot, ok in zip(spots, clear, strict=True) if not ok]
+    wrong = [(spot, airspace) for spot, airspace in wrong if spot.label not in far]
     for spot, airspace in wrong:
         _complain_of_spot(draft, spot, airspace)
     return not wrong
-
-
-def points_clear(airspace: Airspace, spots: Sequence[MissionPoint]) -> list[bool]:
-    """Whether the vehicle may be at each of these places."""
-    if not spots:
-        return []
-    places = np.array([spot.position for spot in spots], dtype=float)
-    return [bool(clear) for clear in airspace.legs_clear_between(places, places)]
 
 
 def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airspace) -> None:

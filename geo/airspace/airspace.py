@@ -155,11 +155,14 @@ class Airspace:
 
     def legs_clear(self, start: Point, ends: Sequence[Point]) -> list[bool]:
         """`leg_clear` from one place to many, in bulk."""
-        if not ends:
-            return []
-        there = np.array(ends, dtype=float)
-        clear = self.legs_clear_between(np.broadcast_to(start, there.shape), there)
-        return [bool(answer) for answer in clear]
+        there = np.array(ends, dtype=float).reshape(-1, 2)
+        starts = np.broadcast_to(start, there.shape)
+        return [bool(clear) for clear in self.legs_clear_between(starts, there)]
+
+    def points_clear(self, points: Sequence[Point]) -> list[bool]:
+        """`point_clear` of many places, in bulk."""
+        places = np.array(points, dtype=float).reshape(-1, 2)
+        return [bool(clear) for clear in self.legs_clear_between(places, places)]
 
     def legs_clear_between(self, starts: Floats, ends: Floats) -> Flags:
         """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""

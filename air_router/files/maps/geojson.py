@@ -125,10 +125,10 @@ class GeometryReader(JsonValues):
 
     def pieces(self, keys: Keys, what: str) -> list[Keys]:
         """Where the pieces of a geometry stand; that there are none is noted."""
-        count = len(self.entries(keys, what))
-        if not count and self.at(*keys) == []:
+        pieces = self.entries(keys, what)
+        if not pieces and self.at(*keys) == []:
             self.reading.note(keys, "a geometry without pieces: left out", "no-area")
-        return [(*keys, index) for index in range(count)]
+        return pieces
 
     def point(self, keys: Keys) -> MapCircle | None:
         """A point as a circle, if it has a radius."""
@@ -138,18 +138,19 @@ class GeometryReader(JsonValues):
 
     def _outline(self, keys: Keys) -> MapOutline | None:
         """A polygon's rings, the first around it, the others around its holes."""
-        count = len(self.entries(keys, "a polygon's coordinates"))
-        if not count and self.at(*keys) == []:
+        rings = self.entries(keys, "a polygon's coordinates")
+        if not rings and self.at(*keys) == []:
             message = "a polygon without a ring; draw it again"
             self.reading.report(keys, message, "zone-too-few-corners")
-        return outline_of_rings([self._ring((*keys, index)) for index in range(count)])
+        return outline_of_rings([*map(self._ring, rings)])
 
     def _ring(self, keys: Keys) -> MapRing | None:
-        values = self.entries(keys, "a polygon's ring")
-        ring = [place for place in map(_place, values) if place is not None]
-        if len(ring) < len(values) or not isinstance(self.at(*keys), list):
-            for index in range(len(values)):  # again, to tell what is wrong
-                self.position((*keys, index))
+        values = self.at(*keys)
+        places = map(_place, values if isinstance(values, list) else [])
+        ring = [place for place in places if place is not None]
+        if not isinstance(values, list) or len(ring) < len(values):
+            for corner in self.entries(keys, "a polygon's ring"):  # to tell what is wrong
+                self.position(corner)
             return None
         return self.reading.ring(ring, keys)
 
@@ -174,8 +175,8 @@ class _Reader(GeometryReader):
             self.reading.report(("crs",), message, "other-coordinates")
         kind = self.at("type")
         if kind == "FeatureCollection":
-            for index in range(len(self.entries(("features",), "the features"))):
-                self._feature(("features", index), index + 1)
+            for number, keys in enumerate(self.entries(("features",), "the features"), start=1):
+                self._feature(keys, number)
         elif kind == "Feature":
             self._feature((), 1)
         else:

@@ -96,8 +96,8 @@ class _GeozoneReader(GeometryReader, ABC):
 
     def read(self, features: Keys) -> ZoneReading:
         """All zones of the list at these keys."""
-        for index in range(len(self.entries(features, "the zones"))):
-            self._zone((*features, index), index + 1)
+        for number, keys in enumerate(self.entries(features, "the zones"), start=1):
+            self._zone(keys, number)
         if self._unrestricted:
             message = f"{counted(self._unrestricted, 'zones')} of type {NO_RESTRICTION}: left out"
             self.reading.note((), message, "no-restriction")

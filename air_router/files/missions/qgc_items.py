@@ -104,8 +104,8 @@ class ItemsReader(PlanValues):
 
     def read(self) -> None:
         """Read all items."""
-        for index in range(len(self.entries(("mission", "items"), advice=EXPORT_AGAIN))):
-            self._read_item(("mission", "items", index))
+        for keys in self.entries(("mission", "items"), advice=EXPORT_AGAIN):
+            self._read_item(keys)
         for command, places in self._others.items():
             times = "" if len(places) == 1 else f" ({len(places)} times)"
             message = f"command {command}{times} stays in the plan's file and is not flown"
@@ -127,8 +127,7 @@ class ItemsReader(PlanValues):
     def _read_complex(self, keys: Keys) -> None:
         kind = self.at(*keys, "complexItemType")
         inner: Keys = (*keys, "TransectStyleComplexItem", "Items")
-        items = self.at(*inner)
-        if not isinstance(items, list):
+        if not isinstance(self.at(*inner), list):
             message = (
                 f"{shown(kind)} stays in the plan's file and is not flown: the file does not say "
                 "on which way"
@@ -136,8 +135,8 @@ class ItemsReader(PlanValues):
             self.draft.note((*keys, "complexItemType"), message, NOT_FLOWN)
             return
         before = len(self.draft.waypoints)
-        for index in range(len(items)):
-            self._read_item((*inner, index))
+        for item in self.entries(inner):
+            self._read_item(item)
         count = len(self.draft.waypoints) - before
         message = f"{shown(kind)}: flown by way of its {count} waypoints"
         self.draft.note((*keys, "complexItemType"), message, "survey-waypoints")

@@ -109,8 +109,8 @@ class _PlanReader(PlanValues):
         for kind in ("polygons", "circles"):
             if not current and self.at("geoFence", kind) is None:
                 continue
-            for index in range(len(self.entries(("geoFence", kind), advice=EXPORT_AGAIN))):
-                self._read_area(("geoFence", kind, index))
+            for keys in self.entries(("geoFence", kind), advice=EXPORT_AGAIN):
+                self._read_area(keys)
         if self.at("geoFence", "breachReturn") is not None:
             message = "the breach return point stays in the plan's file and is not flown"
             self.draft.note(("geoFence", "breachReturn"), message, NOT_FLOWN)
@@ -140,21 +140,20 @@ class _PlanReader(PlanValues):
                 return None
             return self.draft.circle(label, centre, radius_m, (*keys, "circle"))
         corners: Keys = (*keys, "polygon")
-        count = len(self.entries(corners))
-        pairs = [self.pair(*corners, index) for index in range(count)]
+        pairs = [self.pair(*corner) for corner in self.entries(corners)]
         known = [pair for pair in pairs if pair is not None]
-        if len(known) < count or not isinstance(self.at(*corners), list):
+        if len(known) < len(pairs) or not isinstance(self.at(*corners), list):
             return None
         return self.draft.polygon(label, known, corners)
 
     def _read_rally_points(self) -> None:
         if not self._optional_section("rallyPoints", "there are no rally points"):
             return
-        for index in range(len(self.entries(("rallyPoints", "points"), advice=EXPORT_AGAIN))):
-            keys: Keys = ("rallyPoints", "points", index)
+        points = self.entries(("rallyPoints", "points"), advice=EXPORT_AGAIN)
+        for number, keys in enumerate(points, start=1):
             pair = self.pair(*keys)
             if pair is not None:
-                spot = self.draft.spot(f"rally point {index + 1}", pair, keys)
+                spot = self.draft.spot(f"rally point {number}", pair, keys)
                 self.draft.rally_points += [spot] if spot else []
 
 
