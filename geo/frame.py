@@ -151,13 +151,7 @@ def circle_around(centre: Geodetic, radius_m: float, segments: int = 64) -> tupl
     """The corners of a polygon around a circle, counterclockwise; no corner cuts into it."""
     reach_m = radius_m / math.cos(math.pi / segments)
     azimuths_deg = -np.arange(segments) * 360.0 / segments
-    longitudes, latitudes, _ = _ellipsoid().fwd(
-        np.full(segments, centre.longitude_deg),
-        np.full(segments, centre.latitude_deg),
-        azimuths_deg,
-        np.full(segments, reach_m),
-    )
-    return tuple(map(Geodetic, latitudes.tolist(), longitudes.tolist()))
+    return _from_centre(centre, azimuths_deg, np.full(segments, reach_m))
 
 
 def arc_around(
@@ -172,13 +166,16 @@ def arc_around(
     farthest_m = max(start[1], end[1], ARC_ERROR_M)
     step_deg = math.degrees(2 * math.acos(1 - ARC_ERROR_M / farthest_m))
     count = math.ceil(abs(span_deg) / step_deg) + 1
-    longitudes, latitudes, _ = _ellipsoid().fwd(
-        np.full(count, centre.longitude_deg),
-        np.full(count, centre.latitude_deg),
-        start[0] + np.linspace(0.0, span_deg, count),
-        np.linspace(start[1], end[1], count),
-    )
-    return tuple(map(Geodetic, latitudes.tolist(), longitudes.tolist()))
+    azimuths_deg = start[0] + np.linspace(0.0, span_deg, count)
+    return _from_centre(centre, azimuths_deg, np.linspace(start[1], end[1], count))
+
+
+def _from_centre(
+    centre: Geodetic, azimuths_deg: Floats, distances_m: Floats
+) -> tuple[Geodetic, ...]:
+    latitudes, longitudes = (np.full(len(azimuths_deg), degrees) for degrees in centre)
+    to_lon, to_lat, _ = _ellipsoid().fwd(longitudes, latitudes, azimuths_deg, distances_m)
+    return tuple(map(Geodetic, to_lat.tolist(), to_lon.tolist()))
 
 
 def polar(centre: Geodetic, place: Geodetic) -> tuple[float, float]:

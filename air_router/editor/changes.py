@@ -28,16 +28,12 @@ class Handle:
     """A pair of numbers that can be moved.
 
     Attributes:
-        keys: Its name.
-        numbers: The list that has them (latitude first, or metres east).
-        offset: Where in this list they begin.
-        pair: Both.
+        keys: Its name: where the list of both stands, or the first of them in a longer list.
+        pair: Both (latitude first, or metres east).
         entry: What is removed with it; None if it cannot be removed.
     """
 
     keys: Keys
-    numbers: Keys
-    offset: int
     pair: Pair
     entry: Keys | None = None
 
@@ -93,7 +89,7 @@ def as_number(value: Any) -> float | None:
 def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | None:
     """A handle of a list that begins with a pair."""
     pair = as_pair(value)
-    return Handle(keys, keys, 0, pair, entry) if pair else None
+    return Handle(keys, pair, entry) if pair else None
 
 
 def ring_of(value: Any, keys: Keys) -> Ring | None:
@@ -281,8 +277,10 @@ class Changes(ABC):
         del self._at(keys[:-1])[keys[-1]]
 
     def _move(self, handle: Handle, place: Pair) -> None:
-        numbers = self._at(handle.numbers)
-        for index, digits in enumerate(self.digits(place), start=handle.offset):
+        numbers, first = self._at(handle.keys), 0
+        if not isinstance(numbers, list):
+            numbers, first = self._at(handle.keys[:-1]), int(handle.keys[-1])
+        for index, digits in enumerate(self.digits(place), start=first):
             self._put(numbers, index, digits)
 
     def _put(self, values: Any, key: str | int, digits: Digits) -> None:

@@ -311,4 +311,4 @@ def _plan_waypoint(item: Any, keys: Keys) -> Handle | None:
     if item.get("type") != "SimpleItem" or not isinstance(params, list) or len(params) < 7:
         return None
     pair = as_pair(params[4:6])
-    return Handle((*keys, "params", 4), (*keys, "params"), 4, pair, keys) if pair else None
+    return Handle((*keys, "params", 4), pair, keys) if pair else None

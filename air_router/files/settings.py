@@ -1,7 +1,9 @@
 """The numbers of a mission that have sensible defaults."""
 
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Annotated, Final, Literal, get_args
+
+from pydantic import Field
 
 PlannerKind = Literal["waypoints", "shortest"]
 """`waypoints` stays on the operator's waypoint graph (the paper's), `shortest` goes straight."""
@@ -18,6 +20,11 @@ SEEK_POLICIES: Final[tuple[SeekPolicy, ...]] = get_args(SeekPolicy)
 DEFAULT_SEEK_POLICY: Final[SeekPolicy] = "round_robin"
 
 
+Seconds = Annotated[float, Field(gt=0, le=86_400)]
+Clearance = Annotated[float, Field(ge=0, le=1_000)]
+"""Limits hold for what files say; programs may go beyond."""
+
+
 @dataclass(frozen=True, slots=True)
 class Timers:
     """How long the mission's states last, in seconds of the vehicle's clock (defaults: paper).
@@ -30,11 +37,11 @@ class Timers:
         hold_s: hovering at the last of the points that it was sent to on request.
     """
 
-    init_s: float = 180.0
-    explore_s: float = 120.0
-    search_s: float = 45.0
-    communicate_s: float = 20.0
-    hold_s: float = 20.0
+    init_s: Seconds = 180.0
+    explore_s: Seconds = 120.0
+    search_s: Seconds = 45.0
+    communicate_s: Seconds = 20.0
+    hold_s: Seconds = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +63,14 @@ class PlannerSettings:
         kind: whether routes stay on the waypoint graph or are the shortest there are.
     """
 
-    clearance_m: float = 5.0
-    tracking_margin_m: float = 1.5
-    max_edge_m: float = 100.0
-    acceptance_radius_m: float = 2.0
-    vertical_margin_m: float = 5.0
-    terrain_relief_m: float = 20.0
-    vertical_separation_m: float = 10.0
-    home_separation_m: float = 20.0
+    clearance_m: Clearance = 5.0
+    tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = 1.5
+    max_edge_m: Annotated[float, Field(gt=0, le=10_000)] = 100.0
+    acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = 2.0
+    vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = 5.0
+    terrain_relief_m: Clearance = 20.0
+    vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = 10.0
+    home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = 20.0
     kind: PlannerKind = "waypoints"
 
     @property

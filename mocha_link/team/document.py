@@ -18,7 +18,7 @@ import pydantic
 import yaml
 from pydantic_core import ErrorDetails
 
-from mocha_link.team.error_text import Key, as_label, code_of, error_text
+from mocha_link.team.error_text import UNKNOWN, Key, as_label, code_of, error_text
 from mocha_link.team.problem import (
     DocumentError,
     Problem,
@@ -188,7 +188,7 @@ class Document:
             raise DocumentError(problems) from None
 
     def _problem(self, detail: ErrorDetails, model: type[pydantic.BaseModel]) -> Problem:
-        unknown = detail["type"] == "extra_forbidden"
+        unknown = detail["type"] in UNKNOWN
         missing = detail["type"] == "missing"
         keys = detail["loc"][:-1] if missing else detail["loc"]
         at_key = unknown or keys[-1:] == ("[key]",)

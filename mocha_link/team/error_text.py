@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import re
 import types
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any
 
 from pydantic import BaseModel, RootModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mocha_link.sanitize import sanitize
@@ -28,6 +30,7 @@ _WANTED = {
     "dict_type": "a mapping (key: value)",
     "model_type": "a mapping (key: value)",
     "model_attributes_type": "a mapping (key: value)",
+    "dataclass_type": "a mapping (key: value)",
 }
 _LIMITS = {
     "greater_than": ("greater than", "gt"),
@@ -39,9 +42,12 @@ _LIMITS = {
 _LENGTHS = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
 
 
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+"""What pydantic calls a key that a model, or a dataclass in one, has not."""
+
 _CODES = {
     "missing": "missing-key",
-    "extra_forbidden": "unknown-key",
+    **dict.fromkeys(UNKNOWN, "unknown-key"),
     "literal_error": "unknown-word",
     "enum": "unknown-word",
     "string_pattern_mismatch": "wrong-form",
@@ -73,7 +79,7 @@ def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
     what = f"{name}: {detail['msg']}, found {_shown(found)}; change it"
     if kind == "missing":
         what = f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
-    elif kind == "extra_forbidden":
+    elif kind in UNKNOWN:
         known = _field_names(model, keys[:-1])
         what = f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
     elif kind in _WANTED:
@@ -153,7 +159,7 @@ def _about(model: type[BaseModel], keys: Sequence[Key]) -> str:
 
 def _described(model: type[BaseModel], keys: Sequence[Key]) -> str:
     for parent in _models_at(model, keys[:-1]):
-        for name, field in parent.model_fields.items():
+        for name, field in _fields_of(parent).items():
             if keys[-1] in (name, field.alias) and field.description:
                 return field.description
     return ""
@@ -163,15 +169,25 @@ def _field_names(model: type[BaseModel], keys: Sequence[Key]) -> set[str]:
     return {
         field.alias or name
         for parent in _models_at(model, keys)
-        for name, field in parent.model_fields.items()
+        for name, field in _fields_of(parent).items()
     }
 
 
-def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[type[BaseModel]]:
+def _fields_of(model: Any) -> dict[str, FieldInfo]:
+    """The fields of a model, or of a dataclass in one; none of any other annotation."""
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        return model.model_fields
+    if isinstance(model, type) and dataclasses.is_dataclass(model):
+        hints = typing.get_type_hints(model, include_extras=True)
+        return {name: FieldInfo.from_annotation(hint) for name, hint in hints.items()}
+    return {}
+
+
+def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[Any]:
     """The models that can stand at a key path below an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, RootModel):
         annotation = annotation.model_fields["root"].annotation
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel) and not keys:
+    if not keys and _fields_of(annotation):
         yield annotation
     for inner, rest in _steps(annotation, keys):
         yield from _models_at(inner, rest)
@@ -191,8 +207,8 @@ def _steps(annotation: Any, keys: Sequence[Key]) -> Iterator[tuple[Any, Sequence
     elif origin is not None:  # a list, tuple or mapping: one step into it
         if keys:
             yield from ((item, keys[1:]) for item in arguments)
-    elif isinstance(annotation, type) and issubclass(annotation, BaseModel) and keys:
-        for name, field in annotation.model_fields.items():
+    elif keys:
+        for name, field in _fields_of(annotation).items():
             if keys[0] in (name, field.alias):
                 yield field.annotation, keys[1:]
 

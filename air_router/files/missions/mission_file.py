@@ -16,7 +16,6 @@ from air_router.files.missions.mission_form import (
     UavForm,
     WaypointForm,
 )
-from air_router.files.settings import PlannerSettings, Timers
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from mocha_link.team.document import Document, DocumentError
@@ -95,8 +94,7 @@ def _fill(draft: MissionDocument, form: MissionForm) -> None:
     draft.name = form.name or draft.source.path.resolve().parent.name
     draft.altitude_m, draft.speed_m_s = form.altitude_m, form.speed_m_s
     draft.altitudes_m = tuple(form.altitudes_m or ())
-    draft.timers = Timers(**form.timers.model_dump())
-    draft.planner = PlannerSettings(**form.planner.model_dump())
+    draft.timers, draft.planner = form.timers, form.planner
     draft.uav = form.uav
     draft.seek, draft.seek_policy = tuple(form.seek.robots), form.seek.policy
     draft.goals_from = tuple(form.goals_from)

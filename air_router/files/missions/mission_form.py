@@ -11,21 +11,16 @@ from air_router.files.settings import (
     DEFAULT_SPEED_M_S,
     SLOWEST_M_S,
     Accepted,
-    PlannerKind,
     PlannerSettings,
+    Seconds,
     SeekPolicy,
     Timers,
 )
-from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, ZoneTerms
-
-_TIMERS, _PLANNER = Timers(), PlannerSettings()
-
+from air_router.files.zone_terms import ActiveForm, AltitudeForm, ZoneTerms
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
 Polygon = Annotated[list[Pair], Field(max_length=20_000)]
-_Seconds = Annotated[float, Field(gt=0, le=86_400)]
-_Metres = Annotated[float, Field(gt=0, le=10_000)]
 _Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
 
 
@@ -123,30 +118,6 @@ class FrameForm(BaseModel):
     origin: Position
 
 
-class TimersForm(BaseModel):
-    """Durations of the states."""
-
-    init_s: _Seconds = _TIMERS.init_s
-    explore_s: _Seconds = _TIMERS.explore_s
-    search_s: _Seconds = _TIMERS.search_s
-    communicate_s: _Seconds = _TIMERS.communicate_s
-    hold_s: _Seconds = _TIMERS.hold_s
-
-
-class PlannerForm(BaseModel):
-    """How routes are planned."""
-
-    clearance_m: Clearance = _PLANNER.clearance_m
-    tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = _PLANNER.tracking_margin_m
-    max_edge_m: _Metres = _PLANNER.max_edge_m
-    acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
-    vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = _PLANNER.vertical_margin_m
-    terrain_relief_m: Clearance = _PLANNER.terrain_relief_m
-    vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.vertical_separation_m
-    home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.home_separation_m
-    kind: PlannerKind = _PLANNER.kind
-
-
 class SeekForm(_Form):
     """Whom to seek, and in which order."""
 
@@ -176,15 +147,15 @@ class MissionForm(BaseModel):
     ]
     no_fly_files: list[ZoneFileForm] = []
     rally_points: list[SpotForm] = []
-    timers: TimersForm = TimersForm()
-    planner: PlannerForm = PlannerForm()
+    timers: Timers = Timers()
+    planner: PlannerSettings = PlannerSettings()
     uav: str | None = None
     uavs: dict[str, UavForm | None] = {}
     seek: SeekForm = SeekForm()
     goals_from: list[str] = []
     team: str | None = None
     world: str | None = None
-    duration_s: _Seconds | None = None
-    endurance_s: _Seconds | None = None
+    duration_s: Seconds | None = None
+    endurance_s: Seconds | None = None
     battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
     accepts: list[Accepted] = []
