@@ -13,8 +13,7 @@ from air_router.errors import MissionFileError, UsageError
 from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
-from air_router.files.missions.mission_form import AreaForm
-from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
+from air_router.files.settings import DEFAULT_SPEED_M_S, AreaForm, PlannerSettings
 from air_router.files.whole_file import PlacedSource
 from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import FlightWindow, areas_of

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Final, Self
 from pydantic import BaseModel, Field, PlainValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from air_router.files.settings import Clearance
 from geo.airspace.zone import Band
 from geo.validity import DAY_NUMBERS, DAYS, NO_MOMENT, Hours, Period, Validity, moment_of
 
@@ -148,6 +147,7 @@ def _day(value: Any) -> int:
     raise PydanticCustomError("not-a-day", "not a day of the week; write it like monday or mon")
 
 
+Clearance = Annotated[float, Field(ge=0, le=1_000)]
 _Level = Annotated[float, Field(ge=-1_000, le=100_000)]
 _Moment = Annotated[datetime, PlainValidator(_moment)]
 _TimeOfDay = Annotated[time, PlainValidator(_time_of_day)]

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from air_router.errors import MissionFileError
-from air_router.files.missions.mission_form import FrameForm, MissionForm
-from air_router.files.settings import PlannerSettings, Timers
+from air_router.files.settings import FrameForm, MissionForm, PlannerSettings, Timers
 from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band
 
