@@ -34,40 +34,40 @@ class _Edit(BaseModel):
     """What undo calls it."""
 
 
-class Move(_Edit):
+class _PartEdit(_Edit):
+    keys: _Keys  # of the part of the mission that it is about
+
+
+class Move(_PartEdit):
     """Move a place, a corner or a circle's centre."""
 
     words: ClassVar[str] = "move"
     do: Literal["move"]
-    keys: _Keys
     to: _Place
 
 
-class Shift(_Edit):
+class Shift(_PartEdit):
     """Move a whole area by as much as from one place to another."""
 
     words: ClassVar[str] = "move area"
     do: Literal["shift"]
-    keys: _Keys
     origin: _Place
     to: _Place
 
 
-class Resize(_Edit):
+class Resize(_PartEdit):
     """Give a circle another radius."""
 
     words: ClassVar[str] = "resize circle"
     do: Literal["resize"]
-    keys: _Keys
     radius_m: _Radius
 
 
-class AddCorner(_Edit):
+class AddCorner(_PartEdit):
     """Insert a corner into a ring, before the one that has the index."""
 
     words: ClassVar[str] = "insert corner"
     do: Literal["add_corner"]
-    keys: _Keys
     index: _Index
     at: _Place
 
@@ -99,29 +99,26 @@ class AddArea(_Edit):
     radius_m: _Radius | None = None
 
 
-class Remove(_Edit):
+class Remove(_PartEdit):
     """Remove a place, a corner or an area."""
 
     words: ClassVar[str] = "remove"
     do: Literal["remove"]
-    keys: _Keys
 
 
-class Rename(_Edit):
+class Rename(_PartEdit):
     """Give a no-fly zone another name."""
 
     words: ClassVar[str] = "rename"
     do: Literal["rename"]
-    keys: _Keys
     name: Annotated[str, Field(min_length=1, max_length=80)]
 
 
-class SetAltitude(_Edit):
+class SetAltitude(_PartEdit):
     """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
 
     words: ClassVar[str] = "altitude"
     do: Literal["set_altitude"]
-    keys: _Keys
     altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
 
 
@@ -165,21 +162,19 @@ class Seek(_Edit):
     ]
 
 
-class SetCrossing(_Edit):
+class SetCrossing(_PartEdit):
     """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
 
     words: ClassVar[str] = "crossing"
     do: Literal["set_crossing"]
-    keys: _Keys
     crosses: bool
 
 
-class Redraw(_Edit):
+class Redraw(_PartEdit):
     """Give an area another outline, a polygon."""
 
     words: ClassVar[str] = "outline"
     do: Literal["redraw"]
-    keys: _Keys
     corners: Annotated[tuple[_Place, ...], Field(min_length=3, max_length=500)]
 
 

@@ -83,28 +83,22 @@ def _line(document: GpxDocument, named: Element, line: Element, tag: str) -> Gpx
 
 
 def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
-    points = []
+    points, report = [], document.reading.report
     for element in parent.all(tag):
-        place = _place(document, element)
-        if place is not None:
-            name = element.text_of("name")[:80]
-            points.append(GpxPoint(name, element.text_of("type"), place, element.keys))
+        words = [element.attributes.get(name, "") for name in ("lat", "lon")]
+        try:
+            place = place_of(*map(float, words))
+        except ValueError:
+            message = f"<{element.name}> needs 'lat' and 'lon' in degrees; correct it"
+            report(element.keys, message, "wrong-type")
+            continue
+        if place is None:
+            message = f"there is no place {words[0]:.20}, {words[1]:.20}; correct it"
+            report(element.keys, message, "not-on-earth")
+        else:
+            name, kind = element.text_of("name")[:80], element.text_of("type")
+            points.append(GpxPoint(name, kind, place, element.keys))
     return points
-
-
-def _place(document: GpxDocument, element: Element) -> Geodetic | None:
-    words = [element.attributes.get(name, "") for name in ("lat", "lon")]
-    try:
-        latitude_deg, longitude_deg = map(float, words)
-    except ValueError:
-        message, code = f"<{element.name}> needs 'lat' and 'lon' in degrees", "wrong-type"
-    else:
-        place = place_of(latitude_deg, longitude_deg)
-        if place is not None:
-            return place
-        message, code = f"there is no place {words[0]:.20}, {words[1]:.20}", "not-on-earth"
-    document.reading.report(element.keys, f"{message}; correct it", code)
-    return None
 
 
 # As zones
