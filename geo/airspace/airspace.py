@@ -79,12 +79,6 @@ class Airspace:
         self._fence_threshold_m = threshold_m(self.fence_distance_m)  # with rounding allowed for
         self._index = ZoneIndex(self.zones, self.distances_m)
 
-    def __repr__(self) -> str:
-        return (
-            f"Airspace({len(self.fences)} fences, {len(self.zones)} zones, clearance "
-            f"{self.clearance_m} m, margin {self.margin_m} m)"
-        )
-
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
         return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.relaxed_m)

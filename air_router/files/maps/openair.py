@@ -53,10 +53,8 @@ def read_openair(raw: bytes, path: Path, allow: Collection[str] = ()) -> ZoneRea
         message = "no airspace begins in it (no line 'AC'); choose another file"
         reading.report((), message, "unknown-format")
         return reading
-    reader = _Reader(reading, AllowedZones(allow))
-    for number, line in enumerate(re.split(r"\r\n?|\n", text), start=1):
-        reader.line(line.partition("*")[0].rstrip(), number)
-    return reader.end()
+    _Reader(reading, AllowedZones(allow)).read(text)
+    return reading
 
 
 class _Reader:
@@ -65,7 +63,13 @@ class _Reader:
         self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
         self._zone: _Airspace | None = None  # the one whose lines are read
 
-    def line(self, line: str, number: int) -> None:
+    def read(self, text: str) -> None:
+        for number, line in enumerate(re.split(r"\r\n?|\n", text), start=1):
+            self._line(line.partition("*")[0].rstrip(), number)
+        self._close()
+        self._allowed.tell(self._reading, "class, type or name")
+
+    def _line(self, line: str, number: int) -> None:
         """Read a line without its comment and the blanks at its end."""
         if not line:
             return
@@ -89,12 +93,6 @@ class _Reader:
             self._geometry(command, value, at)
         elif command[0] not in "AS":  # frequencies, labels, pens: not where the zone is
             self._wrong(at, f"'{command}' is no OpenAir command")
-
-    def end(self) -> ZoneReading:
-        """End the file: what was read."""
-        self._close()
-        self._allowed.tell(self._reading, "class, type or name")
-        return self._reading
 
     def _close(self) -> None:
         zone, self._zone = self._zone, None
