@@ -28,7 +28,9 @@ _MAX_DIGITS: Final = 300
 _SUSPICIOUS = re.compile(r"\\u[dD][89a-fA-F]|[eE]\+?[0-9]{3}|[0-9]{300}")
 """Text that may spell half a character or a number that is none; most files have nothing such."""
 
-_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
+NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
+"""A number as programs write it in text."""
+
 _BRACKETS = re.compile(r"[][{}]")
 _TEXT_OR_BRACKET = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]', re.DOTALL)
 _BLANKS = re.compile(r"[ \t\r\n]*")
@@ -165,7 +167,7 @@ class JsonValues:
         In messages it is called `what`, or by its last key.
         """
         value = self.at(*keys)
-        if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
+        if in_text and isinstance(value, str) and NUMBER.fullmatch(value):
             value = float(value)
         if is_number(value):
             return float(value)

@@ -335,8 +335,7 @@ class Mission(MissionAreas):
 
 def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:
     """The airspace with only the zones that apply somewhere between."""
-    bands = ((zone, zone.band) for zone in airspace.zones)
-    zones = tuple(zone for zone, band in bands if band is None or band.meets(low_m, high_m))
+    zones = tuple(z for z in airspace.zones if z.band is None or z.band.meets(low_m, high_m))
     return airspace if len(zones) == len(airspace.zones) else _among(airspace, zones)
 
 

@@ -124,17 +124,13 @@ class Airspace:
 
     def at(self, low_m: float, high_m: float) -> Airspace:
         """The airspace with only the zones that apply somewhere in a range above home."""
-        bands = ((zone, zone.band) for zone in self.zones)
-        return self._of(
-            self.fences, (z for z, band in bands if band is None or band.meets(low_m, high_m))
-        )
+        zones = (z for z in self.zones if z.band is None or z.band.meets(low_m, high_m))
+        return self._of(self.fences, zones)
 
     def during(self, start: datetime, end: datetime | None) -> Airspace:
         """The airspace with only the zones that apply at some time between (None: for ever)."""
-        times = ((zone, zone.validity) for zone in self.zones)
-        return self._of(
-            self.fences, (z for z, at in times if at is None or at.active_between(start, end))
-        )
+        zones = (z for z in self.zones if not z.validity or z.validity.active_between(start, end))
+        return self._of(self.fences, zones)
 
     def point_clear(self, point: Point) -> bool:
         """Whether the vehicle may be here."""

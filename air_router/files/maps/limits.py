@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from air_router.files.json_document import NUMBER
 from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
 from air_router.files.mission_document import Keys
 from air_router.files.zone_terms import (
@@ -46,7 +47,6 @@ _TEXT = re.compile(
     r"(?:(?P<unit>FT|FEET|F|M)(?=\s|$|A|MSL|GND|SFC|STD))?\s*(?P<datum>[A-Z]+)?"
 )
 _LONGEST_TEXT: Final = 40
-_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 _GROUND_WORDS: Final = frozenset({"GND", "SFC", "GROUND", "SURFACE", "0"})
 _ENDLESS: Final = ("UNL", "UNLD", "UNLTD", "UNLIM", "UNLIMITED")
 
@@ -165,7 +165,7 @@ def _of_properties(properties: Mapping[str, Any], name: str, side: str) -> Altit
         return limit_in_text(str(value), upper=side == "UPPER", unit="", datum="")
     if parts[0] is None:
         return None
-    number = float(parts[0]) if _NUMBER.fullmatch(str(parts[0])) else math.nan
+    number = float(parts[0]) if NUMBER.fullmatch(str(parts[0])) else math.nan
     if number <= _NO_VALUE:
         return None
     return _limit(number, str(parts[1]), str(parts[2]), upper=side == "UPPER")
