@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +139,7 @@ def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> RowOrd
     way_back: tuple[Point, ...] = ()
     if start is not None and rows:
         way_out, way_back = ways.path(start, track[0]), ways.path(track[-1], start)
-    return RowOrder(rows, _distinct(track), way_out, way_back)
+    return RowOrder(rows, tuple(point for point, _ in groupby(track)), way_out, way_back)
 
 
 class _Ways:
@@ -308,11 +308,6 @@ def _away(places: Floats, place: Floats) -> Floats:
     away_m: Floats = np.hypot(places[:, 0] - place[0], places[:, 1] - place[1])
     away_m[np.isnan(away_m)] = 0.0
     return away_m
-
-
-def _distinct(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Without points that repeat the one before."""
-    return tuple(p for i, p in enumerate(points) if i == 0 or p != points[i - 1])
 
 
 def _overlap(one: Span, other: Span) -> bool:

@@ -17,13 +17,7 @@ from pydantic import ValidationError
 from air_router.files.json_document import NUMBER
 from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
 from air_router.files.mission_document import Keys
-from air_router.files.zone_terms import (
-    AltitudeLimit,
-    Altitudes,
-    Reference,
-    TermsForm,
-    ZoneTerms,
-)
+from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, TermsForm, ZoneTerms
 from mocha_link.team.error_text import code_of, error_text
 
 UNCLEAR: Final = "unclear-altitude"

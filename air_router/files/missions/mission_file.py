@@ -9,13 +9,7 @@ from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandl
 
 from air_router.files.maps.zone_files import add_zones
 from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint, Uav
-from air_router.files.settings import (
-    AreaForm,
-    MissionForm,
-    SpotForm,
-    UavForm,
-    WaypointForm,
-)
+from air_router.files.settings import AreaForm, MissionForm, SpotForm, UavForm, WaypointForm
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from mocha_link.team.document import Document, DocumentError

@@ -137,7 +137,7 @@ def _warn_of_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool
         warnings.add(what, "it applies always: a plan's zones do", "schedule-lost")
     if area.terms.clearance_m is not None:
         warnings.add(what, "its own clearance is not in the plan", "clearance-lost")
-    if not inclusion and not _is_number_name(area.name):
+    if not inclusion and not area.name.removeprefix("zone ").isdigit():
         warnings.add("names of zones", "a plan's zones have none", "names-lost")
 
 
@@ -195,7 +195,3 @@ def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: s
     ):
         if given:
             warnings.add(what, f"{where} has none; keep the mission file", "settings-lost")
-
-
-def _is_number_name(name: str) -> bool:
-    return name.removeprefix("zone ").isdigit()
