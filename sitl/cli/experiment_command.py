@@ -15,8 +15,7 @@ from air_router.cli.arguments import print_json
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.terminal import StatusLine
-from sitl.experiment.campaign.campaign import Campaign
-from sitl.experiment.campaign.process_pool import Work, make_runs
+from sitl.experiment.campaign.campaign import Campaign, Work, make_runs
 from sitl.experiment.campaign.runs import (
     ARCHIVE_ENDING,
     RunLog,

@@ -1,4 +1,4 @@
-"""What the paper leaves open, fitted to some rows of its table. Needs SciPy.
+"""What the paper leaves open, fitted to some rows of its table; others predicted. Needs SciPy.
 
 Every run of a calibration draws its settings from a declared space. A regression on them and on the
 team stands in for the simulation, for as many tables as approximate Bayesian computation by
@@ -7,6 +7,11 @@ row of them, with the residuals of runs as its noise, and the settings whose tab
 the paper's are kept (M. Blum, O. Francois, "Non-linear regression models for Approximate Bayesian
 Computation", Statistics and Computing 20, 2010; R. Wilkinson, "Approximate Bayesian computation
 gives exact results under the assumption of model error", 2013). Some of these are then run.
+
+A prediction's rows are rows of the paper's table that the calibration has not seen, with the
+settings of one of its draws. The runs of a draw make one table, as the paper's runs do; intervals
+are those of one more such table (Student's t). Beside them stand guesses that know no robots, from
+the rows that were seen: the formula with one constant, and a regression on radius, UAVs and UGVs.
 """
 
 from __future__ import annotations
@@ -18,8 +23,9 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import Numbers
-from sitl.experiment.analysis.tables import COLUMNS, PAPER_TABLE, PaperRow
+from air_router.errors import UsageError
+from sitl.experiment.analysis.statistics import Effect, Numbers, explained
+from sitl.experiment.analysis.tables import COLUMNS, PAPER_TABLE, PaperRow, formula, paper_row
 from sitl.experiment.plan import Experiment, Record, flat, said
 from sitl.experiment.settings import Between, MessageWait, draw, value_of
 
@@ -40,13 +46,22 @@ _LEAST_S: Final = 1e-3
 """Shorter waits count as this: their logarithms would rule all else."""
 
 _WAITS: Final = get_args(MessageWait)
-_TEAM: Final = ("radius_m", "uavs", "ugvs")
+
+GOALS_R2: Final = 0.5
+"""What is asked of goals; of waits, that they are explained better than by the formula."""
+
+LEAST_COVERED: Final = 10
+"""So many of twelve 95 % intervals have to hold the paper's number; of right ones, 98 % do."""
+
+_HEADS: Final = ("radius m", "UAVs", "UGVs", "column", "paper", "predicted", "low", "high")
 
 
-def paper_row(record: Record) -> PaperRow:
+def _row_of(record: Record) -> PaperRow:
     """The row of the paper's table that a run is of."""
-    team = tuple(value_of(record["settings"], key) for key in _TEAM)
-    return next(row for row in PAPER_TABLE if row[:3] == team)
+    row = paper_row(record["settings"])
+    if row is None:
+        raise UsageError(f"the paper's table has no row for '{record['row']}'")
+    return row
 
 
 def logs(columns: Any) -> Numbers:
@@ -74,11 +89,6 @@ def columns_of(record: Record, waits: Iterable[str]) -> Numbers:
     return logs([math.nan if value is None else value for value in found])
 
 
-def explained(guess: Numbers, truth: Numbers) -> float:
-    """R²: the share of the variance of the truth that a guess explains."""
-    return 1 - float(((guess - truth) ** 2).sum() / ((truth - truth.mean()) ** 2).sum())
-
-
 class Calibration:
     """What the runs of a calibration say of their settings.
 
@@ -93,7 +103,7 @@ class Calibration:
         self._space = experiment.space
         found = np.array([columns_of(record, _WAITS) for record in records])
         known = np.isfinite(found).all(axis=1)
-        teams = [paper_row(record) for record in records]
+        teams = [_row_of(record) for record in records]
         self._rows = [row for row in PAPER_TABLE if row in teams]
         self._paper = logs([row[3:] for row in self._rows])
         place = np.array([self._rows.index(team) for team in teams])[known]
@@ -200,3 +210,88 @@ class Calibration:
     def settings(self) -> list[list[str]]:
         """The settings that are run to predict, for a file: the heads, then a line for each."""
         return [[*self._space], *([said(value) for value in own.values()] for own in self.draws)]
+
+
+class Prediction:
+    """What the runs of a prediction say of rows of the paper's table.
+
+    Attributes:
+        rows: The rows that are predicted.
+        paper, guess, formula, regression: (rows, columns), as `logs` has them.
+        reach: How far the intervals go to either side of the guess.
+    """
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        runs: dict[PaperRow, dict[str, list[Numbers]]] = {}  # by row, and by draw
+        for record in records:
+            wait = value_of(record["settings"], "message_wait")
+            draw = record["row"].partition(",")[0]
+            own = runs.setdefault(_row_of(record), {}).setdefault(draw, [])
+            own.append(columns_of(record, [wait]))
+        self.rows = [row for row in PAPER_TABLE if row in runs]
+        seen = [row for row in PAPER_TABLE if row not in runs]
+        self.paper, known = logs([r[3:] for r in self.rows]), logs([r[3:] for r in seen])
+        drawn = np.array([[pooled(np.array(d)) for d in runs[row].values()] for row in self.rows])
+        count = drawn.shape[1]
+        self.guess = drawn.mean(axis=1)
+        error = drawn.std(axis=1, ddof=1) * (1 + 1 / count) ** 0.5
+        self.reach = error * Effect(0.0, 1.0, count - 1.0).interval().high
+        self.formula = _shapes(self.rows) + (known - _shapes(seen)).mean(axis=0)
+        self.regression = _terms(self.rows) @ np.linalg.lstsq(_terms(seen), known)[0]
+
+    def told(self) -> str:
+        """How well each column is predicted."""
+        text = [
+            f"| column |{' R² | formula | regression |' * 2} in the interval | its reach | asked |",
+            f"|---|{'---:|' * 8}---|",
+        ]
+        every = self.paper, self.guess, self.formula, self.regression
+        paper, *guesses = map(_plain, every)
+        for n, column in enumerate(PAPER_COLUMNS):
+            fitted = [
+                explained(guess[:, n], self.paper[:, n])
+                for guess in (self.guess, self.formula, self.regression)
+            ]
+            plain = [explained(guess[:, n], paper[:, n]) for guess in guesses]
+            away = np.abs(self.paper - self.guess)[:, n]
+            held = int(np.count_nonzero(away <= self.reach[:, n]))
+            reach = float(np.median(self.reach[:, n]))
+            asked = f"held by {LEAST_COVERED}: {_yes(held >= LEAST_COVERED)}"
+            if not n:
+                asked += f"; R² above {GOALS_R2:g}: {_yes(fitted[0] > GOALS_R2)}"
+            elif "wait" in column.key:
+                asked += f"; R² above the formula's: {_yes(fitted[0] > fitted[1])}"
+            cells = [f"{value:.2f}" for value in (*fitted, *plain)]
+            cells += [f"{held} of {len(self.rows)}"]
+            cells += [f"{reach:.0f} points" if not n else f"a factor of {np.exp(reach):.1f}", asked]
+            text.append(f"| {column.head} | {' | '.join(cells)} |")
+        return "\n".join(text)
+
+    def cells(self) -> list[list[str]]:
+        """Every number that is predicted, for a file: the heads, then a line for each."""
+        kinds = (self.guess, self.guess - self.reach, self.guess + self.reach)
+        values = [_plain(v) for v in (self.paper, *kinds, self.formula, self.regression)]
+        lines = [[*_HEADS, "formula", "regression"]]
+        for place, row in enumerate(self.rows):
+            for n, column in enumerate(PAPER_COLUMNS):
+                numbers = [f"{value[place, n]:.{column.digits}f}" for value in values]
+                lines.append([*map(said, row[:3]), column.head, *numbers])
+        return lines
+
+
+def _plain(fitted: Numbers) -> Numbers:
+    """Columns as the paper has them."""
+    return np.concatenate([fitted[:, :1], np.exp(fitted[:, 1:])], axis=1)
+
+
+def _shapes(rows: Sequence[PaperRow]) -> Numbers:
+    """The formula of each column without its constant."""
+    return np.log([[formula(column, row) for column in PAPER_COLUMNS] for row in rows])
+
+
+def _terms(rows: Sequence[PaperRow]) -> Numbers:
+    return np.array([[1, np.log(row.radius_m), row.uavs, np.log(row.ugvs)] for row in rows])
+
+
+def _yes(answer: bool) -> str:
+    return "yes" if answer else "no"

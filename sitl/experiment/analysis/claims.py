@@ -1,8 +1,10 @@
-"""The claims that an experiment declares, decided by its runs. Needs SciPy.
+"""The claims that an experiment declares, decided by its runs; rows compared. Needs SciPy.
 
 Verdicts follow from the effect and its interval, never from a p-value; beside them stands the
 effect that as many runs would show with a power of 0.8. Intervals of the parts of one claim are
 simultaneous (Bonferroni). All parts hold: the claim holds; all fail: it fails.
+
+Rows that met the same seeds are compared run by run, and so are both simulations.
 """
 
 from __future__ import annotations
@@ -10,11 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import UNKNOWN, Effect, Interval, Runs, share_above
+from sitl.experiment.analysis.statistics import (
+    UNKNOWN,
+    Effect,
+    Interval,
+    Runs,
+    Weights,
+    share_above,
+)
 from sitl.experiment.plan import (
     ClaimRule,
     Experiment,
@@ -22,9 +31,11 @@ from sitl.experiment.plan import (
     Phase,
     Record,
     Row,
-    Term,
+    canonical,
     rows_with,
+    words,
 )
+from sitl.experiment.settings import value_of
 
 Verdict = Literal["holds", "fails", "undecided"]
 
@@ -124,12 +135,14 @@ def _part(runs: Runs, claim: ClaimRule, part: PartRule) -> Part:
     return Part(part.what, verdict, shown, _because(least, shown, part, tests) + beside)
 
 
-def _effects(runs: Runs, part: PartRule) -> list[Effect]:
-    def weights(term: Term) -> list[tuple[float, Row]]:
-        rows = rows_with(runs.experiment.rows, term.rows)
-        return [(term.weight / len(rows), row) for row in rows]
+def _mean_of(rows: Sequence[Row], weight: float = 1.0) -> list[tuple[float, Row]]:
+    """A term of a contrast: the mean over some rows, so many times."""
+    return [(weight / len(rows), row) for row in rows]
 
-    *first, last = map(weights, part.contrast)
+
+def _effects(runs: Runs, part: PartRule) -> list[Effect]:
+    every = runs.experiment.rows
+    *first, last = (_mean_of(rows_with(every, term.rows), term.weight) for term in part.contrast)
     before = [entry for own in first for entry in own]
     contrasts = [[*before, *last]]
     if part.each:
@@ -162,3 +175,135 @@ def _because(effect: Effect, shown: Interval, part: PartRule, tests: int) -> str
     value, low, high = (format(number, form) for number in shown)
     side, bound = ("more", part.more_than) if part.less_than is None else ("less", part.less_than)
     return f"{value} {unit} [{low}, {high}]; asked: {side} than {bound:g}; detectable: {told}"
+
+
+# Rows compared.
+
+MEASURES: Final = {
+    "goals_found_percent": "goals, points",
+    "goal_rate_area_percent": "goals over time, points",
+    "pose_age_mean_s": "pose age, s",
+    "pose_age_peak_s": "pose peak, s",
+    "map_age_mean_s": "map age, s",
+    "map_age_peak_s": "map peak, s",
+    "claims_age_mean_s": "claims age, s",
+    "wait_mean_s": "wait, s",
+    "service_age_mean_s": "service age, s",
+}
+
+WITHIN: Final = 0.1
+"""Means that differ by no more than this share of the processes' count as the same."""
+
+FLIGHT_MEASURES: Final = {
+    "searches": "searches",
+    "found": "robots found by them",
+    "uav_contacts": "contacts",
+    "uav_contact_s": "time in contact, s",
+    "syncs": "syncs, both directions",
+    "arrived_kB": "kilobytes, both directions",
+    "found_after_mean_s": "wait for a robot that is found, s",
+    "comm_mean_s": "time in COMM, s",
+    "mission_s": "time until it comes home, s",
+    "pose_age_mean_s": "age of poses at the UAV, s",
+    "given_age_mean_s": "age of what robots were given, s",
+}
+
+
+class Comparison(NamedTuple):
+    """A row against the first row that met the same seeds; or several alike, together.
+
+    Attributes:
+        row, base: what they are called.
+        pairs: how many pairs of runs.
+        weights: the contrast.
+    """
+
+    row: str
+    base: str
+    pairs: int
+    weights: Weights
+
+
+def compared(runs: Runs) -> list[Comparison]:
+    """Every row against the first one with the same seeds; then all that differ alike together."""
+    experiment = runs.experiment
+    bases: dict[int, Row] = {}
+    alike: dict[str, list[tuple[Row, Row]]] = {}
+    found = []
+
+    def compare(row: str, base: str, both: Sequence[tuple[Row, Row]]) -> None:
+        pairs = sum(len(runs.numbers(*pair)) for pair in both)
+        share = 1 / len(both)
+        weights = [entry for one, other in both for entry in ((share, one), (-share, other))]
+        found.append(Comparison(row, base, pairs, weights))
+
+    for row in experiment.rows:
+        base = bases.setdefault(experiment.seed(row, 0), row)
+        if base is not row and len(runs.numbers(row, base)) > 1:
+            compare(row.label, base.label, [(row, base)])
+            change = [[value_of(own.settings, k) for k in experiment.paired] for own in (row, base)]
+            alike.setdefault(canonical(change), []).append((row, base))
+    keys = [key for key in experiment.varied if key in experiment.paired]
+    for both in alike.values():
+        if len(both) > 1:
+            name, base_name = (f"{words(own.settings, keys)}, all" for own in both[0])
+            compare(name, base_name, both)
+    return found
+
+
+def comparisons(runs: Runs) -> list[list[str]]:
+    """The comparisons as they are read: the heads, then the cells of each.
+
+    A difference with its interval, which holds together with those of the other rows, and how large
+    one is that so many pairs tell from 0.
+    """
+    found = compared(runs)
+    measures = {key: told for key, told in MEASURES.items() if runs.has(key)}
+    rows = [["row", "against", "pairs", *measures.values()]]
+    for one in found:
+        cells = [one.row, one.base, str(one.pairs)]
+        for measure in measures:
+            effect = runs.effect(one.weights, measure)
+            value, low, high = effect.interval(len(found))
+            told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: "
+            known = not math.isnan(value)
+            cells.append(f"{told}{effect.detectable(len(found)):.1f}" if known else "unknown")
+        rows.append(cells)
+    return rows
+
+
+def within(ratio: Interval) -> Literal["yes", "no", "open"]:
+    """Whether a ratio is `WITHIN` of 1; "open": its interval is neither within nor outside."""
+    _, low, high = ratio
+    if low >= 1 - WITHIN and high <= 1 + WITHIN:
+        return "yes"
+    return "no" if low > 1 + WITHIN or high < 1 - WITHIN else "open"
+
+
+def likeness(runs: Runs) -> str:
+    """Whether experiments come to what processes do: both side by side, for a document.
+
+    Flights of one seed meet the same patrols and fading, so they are compared in pairs. Empty where
+    no missions were flown in both.
+    """
+    here, there = (
+        [row for row in rows_with(runs.experiment.rows, {"world": world}) if runs.numbers(row)]
+        for world in ("mission", "processes")
+    )
+    if not here or not there:
+        return ""
+
+    def factor(key: str, weights: Weights) -> Interval:
+        found = runs.effect(weights, key, ratio=True).interval()
+        return Interval(*map(math.exp, found))
+
+    ours, theirs = _mean_of(here), _mean_of(there)
+    apart = [*ours, *_mean_of(there, -1.0)]
+    lines = ["| per mission, geometric means | experiments | processes | ratio | within 10 % |"]
+    lines += ["|---|---:|---:|---:|---|"]
+    for key, name in FLIGHT_MEASURES.items():
+        means = " | ".join(f"{factor(key, weights).value:.1f}" for weights in (ours, theirs))
+        ratio = factor(key, apart)
+        value, low, high = (f"{number:.2f}" for number in ratio)
+        lines.append(f"| {name} | {means} | {value} ({low} to {high}) | {within(ratio)} |")
+    return "\n".join(lines)

@@ -1,34 +1,40 @@
-"""The figures of an experiment, drawn from its finished runs. Needs matplotlib."""
+"""The figures of an experiment, drawn from its finished runs. Needs matplotlib.
+
+The colours are those of M. Okabe and K. Ito, which colour-blind readers can tell apart; lines
+differ in their dashes too, so the figures can be read in black and white.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from itertools import cycle
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
 from air_router.counted import counted
-from sitl.experiment.analysis.sheet import (
-    COLOURS,
-    DASHES,
-    FAINT,
-    INK,
-    legend_below,
-    save,
-    sheet,
-    styled,
-)
+from air_router.errors import PictureError
+from mocha_link.errors import needs_extra
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.engine.result import BIN_S
 from sitl.experiment.plan import Experiment, Record, Row, words
 from sitl.experiment.settings import value_of
 
+with needs_extra("a figure", "experiments", "air-router"):
+    import matplotlib as mpl
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+    from matplotlib.ticker import LogLocator, NullLocator
+
+INK, FAINT = "#30363d", "#7b838b"
+COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+DASHES: Final[tuple[Any, ...]] = ("-", (0, (4, 1.6)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+_DPI: Final = 140
+_STYLE: Final = Path(__file__).with_name("figures.mplstyle")
 _MEASURES: Final = (
     ("goals_percent", "goals_percent", "goals reached (%)"),
     ("time_min", "mean_time_min", "time to a goal (min)"),
@@ -46,6 +52,64 @@ _MOST_ROWS: Final = 16
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
 _STEP_S: Final = 15.0
+
+
+def styled() -> AbstractContextManager[None]:
+    """Everything that is drawn within looks alike."""
+    return mpl.rc_context(fname=_STYLE)
+
+
+def sheet(  # noqa: PLR0913 - how sheets differ
+    count: int,
+    title: str,
+    subtitle: str,
+    *,
+    high: float = 2.7,
+    columns: int = 2,
+    one_scale: Literal["all", "row", "none"] = "all",
+) -> tuple[Figure, list[Axes]]:
+    """A figure with panels, row by row, under one title; each so many inches high.
+
+    What they show upwards has `one_scale` in all of them, in those of each row, or in none.
+    """
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    tall = high * rows + 0.75
+    layout = ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - 0.55 / tall))
+    figure = Figure(figsize=({1: 6.4, 2: 9.6}.get(columns, 10.8), tall), layout=layout)
+    figure.text(0.012, 1 - 0.08 / tall, title, va="top", fontsize=12, fontweight="bold")
+    figure.text(0.012, 1 - 0.32 / tall, subtitle, va="top", fontsize=8.5, color=FAINT)
+    axes = list(figure.subplots(rows, columns, squeeze=False, sharey=one_scale).flat)
+    for empty in axes[count:]:
+        empty.set_visible(False)
+    return figure, axes[:count]
+
+
+def legend_below(figure: Figure) -> None:
+    """One legend for all panels, each of its labels once."""
+    handles: dict[str, Any] = {}
+    for one in figure.axes:
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    below: dict[str, Any] = {
+        "loc": "outside lower center",
+        "ncols": 5,
+        "fontsize": 8,
+        "labelcolor": INK,
+    }
+    figure.legend(list(handles.values()), list(handles), **below)
+
+
+def save(figure: Figure, *paths: Path) -> None:
+    """Write a figure; the names' endings choose the formats. Raises PictureError."""
+    figure.set_dpi(_DPI)
+    figure.draw_without_rendering()  # lays it out, once for all formats
+    figure.set_layout_engine("none")
+    for path in paths:
+        try:
+            figure.savefig(path, dpi=_DPI, facecolor="white")
+        except (OSError, ValueError) as error:
+            raise PictureError(f"cannot write the figure {path}: {error}") from None
 
 
 def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
@@ -124,12 +188,12 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
 
 def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
     """Goals over time: a line for each row, in panels by the first settings."""
-    rows = _rows_with_runs(experiment, records)
+    runs = _runs_by_row(experiment, records)
     inner, outer = list(experiment.varied), list[str]()
 
     def panels() -> dict[str, list[Row]]:
         found: dict[str, list[Row]] = {}
-        for row in rows:
+        for row in runs:
             found.setdefault(words(row.settings, outer), []).append(row)
         return found
 
@@ -140,7 +204,7 @@ def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
     for one, (shared, own) in zip(axes, panels().items(), strict=True):
         for row, colour, dash in zip(own, cycle(COLOURS), cycle(DASHES), strict=False):
             label = words(row.settings, inner) or row.label
-            _plot_goals(one, _runs_of(row, records), {"color": colour, "ls": dash, "label": label})
+            _plot_goals(one, runs[row], {"color": colour, "ls": dash, "label": label})
         one.set(xlabel="time (min)", ylabel="goals reached (%)", ylim=(0, 100))
         one.set_title(shared or experiment.title, loc="left")
         one.legend(fontsize=7.5, labelcolor=INK, handlelength=2.4)
@@ -169,13 +233,14 @@ def _reached(run: Record, times_s: Numbers) -> Numbers:
 
 def draw_bandwidth(experiment: Experiment, records: Sequence[Record]) -> Figure:
     """Bandwidth over time of the first runs of a few rows, as the paper's figure of the field."""
-    rows = _rows_with_runs(experiment, records)
+    runs = _runs_by_row(experiment, records)
+    rows = list(runs)
     if len(rows) > _MOST_EXAMPLES:  # spread over the experiment
         rows = [rows[n] for n in np.linspace(0, len(rows) - 1, _MOST_EXAMPLES).round().astype(int)]
     note = f"{experiment.title}; the first run of some teams, in bins of {BIN_S:.0f} s"
     figure, axes = sheet(len(rows), "Bandwidth over time, all robots together", note)
     for one, row in zip(axes, rows, strict=True):
-        _plot_bandwidth(one, _runs_of(row, records)[0])
+        _plot_bandwidth(one, runs[row][0])
         one.set_title(row.label, loc="left")
     return figure
 
@@ -191,13 +256,10 @@ def _plot_bandwidth(one: Axes, run: Record) -> None:
     one.set(xlabel="time (min)", ylabel="kB/s", xlim=(0, len(rate) * BIN_S / 60))
 
 
-def _rows_with_runs(experiment: Experiment, records: Sequence[Record]) -> list[Row]:
-    labels = {record["row"] for record in records}
-    return [row for row in experiment.rows if row.label in labels]
-
-
-def _runs_of(row: Row, records: Sequence[Record]) -> list[Record]:
-    return [record for record in records if record["row"] == row.label]
+def _runs_by_row(experiment: Experiment, records: Sequence[Record]) -> dict[Row, list[Record]]:
+    """The rows that have runs, with these."""
+    runs = {row: [r for r in records if r["row"] == row.label] for row in experiment.rows}
+    return {row: own for row, own in runs.items() if own}
 
 
 _Draw = Callable[[Experiment, Sequence[Record]], Figure | None]

@@ -31,10 +31,8 @@ from typing import Any, Final
 from air_router.counted import counted
 from air_router.errors import UsageError
 from sitl.experiment.analysis import tables
-from sitl.experiment.analysis.calibration import Calibration
-from sitl.experiment.analysis.claims import Claim, claims_of
-from sitl.experiment.analysis.comparison import as_rows, likeness
-from sitl.experiment.analysis.prediction import Prediction
+from sitl.experiment.analysis.calibration import Calibration, Prediction
+from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.campaign.campaign import in_words
 from sitl.experiment.plan import Experiment, Record, flat, seeds_of
@@ -283,7 +281,7 @@ def _evidence(document: Path, report: Report) -> dict[Path, str]:
     """What belongs into the files of evidence that a document has beside it."""
     tabled: dict[str, Callable[[], list[list[str]]]] = {
         "table": lambda: tables.as_rows(report.experiment, report.lines),
-        "pairs": lambda: as_rows(Runs(report.experiment, report.records)),
+        "pairs": lambda: comparisons(Runs(report.experiment, report.records)),
         "claims": lambda: [
             ["claim", "part", "verdict", "because"],
             *(

@@ -88,6 +88,11 @@ def interval(*columns: Numbers, statistic: Callable[..., Any] = _mean) -> Interv
     return Interval(value, *map(float, np.nanquantile(drawn, (tail, 1 - tail))))
 
 
+def explained(guess: Numbers, truth: Numbers) -> float:
+    """R²: the share of the variance of the truth that a guess explains."""
+    return 1 - float(((guess - truth) ** 2).sum() / ((truth - truth.mean()) ** 2).sum())
+
+
 class Effect(NamedTuple):
     """By how much runs differ: the estimate, its standard error and degrees of freedom."""
 

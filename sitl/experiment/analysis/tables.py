@@ -15,7 +15,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sitl.experiment.analysis.statistics import Interval, Numbers, Runs, interval, ratio, spread
+from sitl.experiment.analysis.statistics import (
+    Interval,
+    Numbers,
+    Runs,
+    explained,
+    interval,
+    ratio,
+    spread,
+)
 from sitl.experiment.plan import Experiment, Record, flat, said
 from sitl.experiment.settings import value_of
 
@@ -48,6 +56,12 @@ class PaperRow(NamedTuple):
 
 with Path(__file__).parents[1].joinpath("plans", "paper.csv").open(encoding="utf-8") as _file:
     PAPER_TABLE: Final = tuple(PaperRow(*map(float, row)) for row in list(csv.reader(_file))[1:])
+
+
+def paper_row(settings: Mapping[str, Any]) -> PaperRow | None:
+    """The line of the paper's table for a team, if it has one."""
+    team = tuple(value_of(settings, key) for key in _HEADS)
+    return next((row for row in PAPER_TABLE if row[:3] == team), None)
 
 
 class Column(NamedTuple):
@@ -157,10 +171,8 @@ def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
         wall_s = sum(run["wall_s"] for run in own)
         simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in own)
         settings = flat(row.settings)
-        team = tuple(value_of(settings, key) for key in _HEADS)
-        paper = next((line for line in PAPER_TABLE if line[:3] == team), None)
         speed_up = simulated_s / max(wall_s, 1e-9)
-        found.append(Line(row.label, settings, len(own), values, speed_up, paper))
+        found.append(Line(row.label, settings, len(own), values, speed_up, paper_row(settings)))
     return found
 
 
@@ -223,8 +235,7 @@ def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:
 def nearness(ours: Sequence[Line]) -> str:
     """How near the whole table comes to the paper's, for a document; empty if rows are missing.
 
-    Beside it a formula with one constant, fitted to the paper's numbers: for waits it times
-    (UAVs + UGVs)^2 times the radius, else the constant itself.
+    Beside it the `formula` with its constant fitted to the paper's numbers.
     """
     if len(ours) < len(PAPER_TABLE):
         return ""
@@ -232,11 +243,10 @@ def nearness(ours: Sequence[Line]) -> str:
         "| column | ours / paper (range) | within x2 | R² | paper in interval | formula: x2 | R² |",
         "|---|" + "---:|" * 6,
     ]
-    radii_m, uavs, ugvs, *_ = np.array([line.paper for line in ours], np.float64).T
     for column in (column for column in COLUMNS if column.paper):
         paper = np.array([getattr(line.paper, column.paper or "") for line in ours])
+        shape = np.array([formula(column, line.paper) for line in ours if line.paper])
         value, low, high = np.array([line.values[column.key] for line in ours]).T
-        shape = (uavs + ugvs) ** 2 * radii_m if "wait" in column.key else np.ones(len(ours))
         factors = value / paper
         cells = [
             column.head,
@@ -249,15 +259,19 @@ def nearness(ours: Sequence[Line]) -> str:
     return "\n".join(text)
 
 
+def formula(column: Column, row: PaperRow) -> float:
+    """A guess but for one constant: waits go by (UAVs + UGVs)² times the radius, all else not."""
+    return (row.uavs + row.ugvs) ** 2 * row.radius_m if "wait" in column.key else 1.0
+
+
 def _geometric(values: Numbers) -> float:
     return math.exp(np.log(values).mean())
 
 
 def _fit(guess: Numbers, truth: Numbers) -> tuple[str, str]:
-    """How many are within a factor of two, and R²: the share of the variance that is explained."""
+    """How many are within a factor of two, and R²."""
     near = np.count_nonzero(np.abs(np.log2(guess / truth)) <= 1)
-    lost = ((guess - truth) ** 2).sum() / ((truth - truth.mean()) ** 2).sum()
-    return f"{near} of {len(truth)}", f"{1 - lost:.2f}"
+    return f"{near} of {len(truth)}", f"{explained(guess, truth):.2f}"
 
 
 def _shown(estimate: Interval, digits: int) -> str:

@@ -10,8 +10,7 @@ import pytest
 
 from mocha_link.team.document import DocumentError
 from sitl.experiment.analysis import calibration
-from sitl.experiment.analysis.calibration import DRAWS, pooled
-from sitl.experiment.analysis.prediction import Prediction
+from sitl.experiment.analysis.calibration import DRAWS, Prediction, pooled
 from sitl.experiment.analysis.report import Report
 from sitl.experiment.analysis.tables import PAPER_TABLE
 from sitl.experiment.campaign.running import run_settings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from air_router.errors import UsageError
-from sitl.experiment.analysis import claims, comparison, statistics, tables
+from sitl.experiment.analysis import claims, statistics, tables
 from sitl.experiment.analysis.statistics import Runs
 from sitl.experiment.plan_file import load_experiment
 
@@ -265,13 +265,13 @@ def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
     text = "".join(f"  - {{radius_m: {team}}}\n" for team in teams)
     path.write_text(f"name: mixed\ntitle: x\nrows:\n{text}", encoding="utf-8")
     experiment, _ = load_experiment(str(path))
-    measures = dict.fromkeys(comparison.MEASURES, 1.0)
+    measures = dict.fromkeys(claims.MEASURES, 1.0)
     records = [
         {"row": row.label, "number": number, "measures": measures}
         for row in experiment.rows
         for number in range(2)
     ]
-    assert [(one.row, one.base) for one in comparison.compared(Runs(experiment, records))] == [
+    assert [(one.row, one.base) for one in claims.compared(Runs(experiment, records))] == [
         ("5 m, rendezvous", "5 m, round robin"),
         ("30 m, rendezvous", "30 m, freshest"),
     ]
@@ -300,14 +300,14 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
                 + luck[number]
                 + 2 * (row.settings["policy"] == "freshest")
                 + 0.5 * chance.normal()
-                for measure in comparison.MEASURES
+                for measure in claims.MEASURES
             },
         }
         for row in experiment.rows
         for number in range(8)
     ]
     runs = Runs(experiment, records)
-    found = comparison.compared(runs)
+    found = claims.compared(runs)
     assert [one[:3] for one in found] == [
         ("freshest, 5 m", "round robin, 5 m", 8),
         ("freshest, 30 m", "round robin, 30 m", 8),
@@ -319,7 +319,7 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     assert effects[2].error < effects[0].error
     value, low, high = effects[0].interval(3)  # as many are compared
     told = f"{value:+.1f} [{low:+.1f}, {high:+.1f}]; detectable: {effects[0].detectable(3):.1f}"
-    heads, first, *_ = comparison.as_rows(runs)
+    heads, first, *_ = claims.comparisons(runs)
     assert first[heads.index("wait, s")] == told
 
 
@@ -331,7 +331,7 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     experiment, _ = load_experiment("fidelity")
 
     def flights(numbers):
-        measures = dict.fromkeys(comparison.FLIGHT_MEASURES, 1.0)
+        measures = dict.fromkeys(claims.FLIGHT_MEASURES, 1.0)
         return [
             {"row": row.label, "number": number, "measures": measures | {"syncs": each}}
             for row in experiment.rows
@@ -341,7 +341,7 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     both = flights({"mission": syncs, "processes": (100, 100, 100)})
 
     def told(records):
-        lines = comparison.likeness(Runs(experiment, records)).splitlines()
+        lines = claims.likeness(Runs(experiment, records)).splitlines()
         return {cells[1].strip(): cells[2:-1] for cells in (line.split("|") for line in lines)}
 
     here, there, ratio, said = map(str.strip, told(both)["syncs, both directions"])
@@ -352,4 +352,4 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     # Fading that both sides meet alike is no doubt about their ratio.
     alike = told(flights({"mission": syncs, "processes": syncs}))
     assert alike["syncs, both directions"][2].strip() == "1.00 (1.00 to 1.00)"
-    assert comparison.likeness(Runs(experiment, both[:3])) == ""
+    assert claims.likeness(Runs(experiment, both[:3])) == ""

@@ -18,8 +18,7 @@ from sitl.cli import experiment_command as command
 from sitl.experiment.analysis import statistics, tables
 from sitl.experiment.analysis.report import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio, spread
-from sitl.experiment.campaign.campaign import MixedRunsError, in_words, progress
-from sitl.experiment.campaign.process_pool import Outcome
+from sitl.experiment.campaign.campaign import MixedRunsError, Outcome, in_words, progress
 from sitl.experiment.campaign.running import UnfitSettingsError
 from sitl.experiment.campaign.runs import InUseError, RunLogError, program, run_log
 from sitl.experiment.plan_file import load_experiment
@@ -334,7 +333,7 @@ def test_every_figure_is_drawn_and_a_document_gets_those_that_it_shows(sitl, tmp
 
 
 def test_a_figure_is_written_in_both_formats(tmp_path):
-    sheet = pytest.importorskip("sitl.experiment.analysis.sheet", exc_type=MissingExtraError)
+    sheet = pytest.importorskip("sitl.experiment.analysis.figures", exc_type=MissingExtraError)
     paths = tmp_path / "one.png", tmp_path / "one.pdf"
     sheet.save(sheet.sheet(1, "title", "subtitle")[0], *paths)
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]

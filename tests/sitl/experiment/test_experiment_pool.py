@@ -7,7 +7,7 @@ from multiprocessing.context import SpawnProcess
 
 import light_work
 
-from sitl.experiment.campaign.process_pool import make_runs
+from sitl.experiment.campaign.campaign import make_runs
 from sitl.experiment.plan import Row, Task
 
 
