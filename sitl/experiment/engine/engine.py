@@ -12,6 +12,7 @@ microsecond, positions to a millimetre) before anything is decided by it.
 
 from __future__ import annotations
 
+import math
 import random
 import time
 from collections.abc import Callable, Sequence
@@ -23,21 +24,24 @@ import numpy as np
 from air_router.controller.motion.command_gate import REACTION_S
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
+from geo.grid import Terrain
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.engine.ages import Ages, Held, Pair
-from sitl.experiment.engine.bound import goal_bound_share
 from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats, Contact
 from sitl.experiment.events import EventLog, EventQueue
+from sitl.experiment.robots.controllers import controllers_of, scenery_of
 from sitl.experiment.robots.node import Node, base_says, fleet_of
-from sitl.experiment.robots.scenery import scenery_of
-from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav, controllers_of
+from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav
 from sitl.experiment.settings import RunSettings
 from sitl.world.air_to_ground import HIGHEST_M
-from sitl.world.explorers.explorer import GroundRobot, Visit
+from sitl.world.explorers.explorer import NO_VEHICLE_M, GroundRobot, Visit
 from sitl.world.explorers.messages import CLAIMS_TOPIC
+from sitl.world.explorers.settings import ExplorerSettings
+from sitl.world.towns.town import GRAIN_M, REACHED_M, Town
 from sitl.world.towns.town_generator import drawn_starts, scatter
+from sitl.world.towns.ways import PASSABLE, Ways
 
 GROUND_S: Final = 1.0
 """Ground robots drive and think in steps of this."""
@@ -105,7 +109,7 @@ class Run:
                 *(name, scenery.mission, scenery.plan, settings, self.queue, self.log, controller),
                 MapPainter(self.town.frame.origin, self.town.raster, CAMERA),
             )
-            for name, controller in controllers_of(self.fleet, scenery, settings).items()
+            for name, controller in controllers_of(self.fleet, settings).items()
         ]
         self.ages = Ages(self.queue)
         for uav in self.uavs:
@@ -258,3 +262,50 @@ def _deaf(_event: LinkEvent) -> None:
 def _seed_of(seed: int, name: str) -> int:
     """A seed of its own for one robot."""
     return random.Random(f"{seed} {name}").getrandbits(62)  # noqa: S311 - repeatable on purpose
+
+
+def goal_bound_share(
+    town: Town, starts: Sequence[Point], explorer: ExplorerSettings, duration_s: float
+) -> float:
+    """At most this share of the goals is reached, in the mean over the run, by any policy.
+
+    A relaxation. Robots know the whole town and all goals from the start, drive as fast on every
+    ground as on a road, and share the goals out as is best. A robot's first goal costs it its way
+    there; each further one at least the straight way from the nearest other goal. So a slot, the
+    j-th goal of a robot, has an earliest time for every goal, and the best assignment of slots to
+    goals is the bound.
+
+    Args:
+        town: Where the goals are.
+        starts: Where robots start.
+        explorer: How fast they drive.
+        duration_s: Of the run.
+    """
+    goals = [goal.position for goal in town.goals]
+    if not goals or not starts:
+        return 0.0
+    reach_m = REACHED_M + NO_VEHICLE_M
+    lattice = town.lattice
+    ground = np.where(PASSABLE[town.ground], np.uint8(Terrain.ROAD), np.uint8(Terrain.BUILDING))
+    near = [lattice.near(goal, reach_m) for goal in goals]
+    first_m = np.array(
+        [
+            [min(costs[cells]) for cells in near]
+            for costs in (Ways(lattice, ground, lattice.cell(start)).costs for start in starts)
+        ]
+    )
+    first_m = np.maximum(first_m - GRAIN_M, 0.0)  # [robot, goal]
+    hops_m = np.array(
+        [
+            max(min((math.dist(a, b) for b in goals if b != a), default=0.0) - 2 * reach_m, 0.0)
+            for a in goals
+        ]
+    )
+    before_m = np.concatenate(([0.0, 0.0], np.cumsum(np.sort(hops_m))))[: len(goals)]
+    later_m = first_m.min(axis=1)[:, None, None] + before_m[:, None] + hops_m  # [robot, slot, goal]
+    later_m[:, 0] = 0.0
+    due_s = np.maximum(first_m[:, None], later_m) / (explorer.speed_m_s * explorer.progress)
+    worth = np.maximum(1 - due_s / duration_s, 0.0).reshape(-1, len(goals))
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - what takes its time
+
+    return float(worth[linear_sum_assignment(worth, maximize=True)].sum()) / len(goals)

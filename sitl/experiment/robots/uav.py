@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import cycle, pairwise
 from typing import Final
 
 import numpy as np
@@ -22,8 +21,6 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
 )
-from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.targets.seeking import Policy, Rendezvous
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import MAP_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage, SeekMessage
 from air_router.mission.flight_plan import FlightPlan
@@ -33,9 +30,7 @@ from geo.grid import SemanticGrid
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
-from sitl.experiment.robots.node import EPOCH_S, Fleet, Node
-from sitl.experiment.robots.orienteering import Orienteering
-from sitl.experiment.robots.scenery import Scenery
+from sitl.experiment.robots.node import EPOCH_S, Node
 from sitl.experiment.settings import RunSettings
 from sitl.world.explorers.messages import degrees
 from sitl.world.terrain import Camera, Raster
@@ -239,29 +234,6 @@ class Uav:
         return SEEK_TOPIC, message.encode()
 
 
-def controllers_of(fleet: Fleet, scenery: Scenery, settings: RunSettings) -> dict[str, Controller]:
-    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
-    base = () if fleet.base is None else (fleet.base,)
-    seek = () if settings.passive else (*fleet.ugvs, *base)
-    setups = [
-        FlightSetup(scenery.mission, seek, explore=number == 0 or settings.passive, name=name)
-        for number, name in enumerate(fleet.uavs)
-    ]
-    controllers = {setup.name: Controller(setup, scenery.router, scenery.plan) for setup in setups}
-    values = dict(zip(fleet.ugvs, cycle(settings.values or (1.0,)), strict=False))
-    policies: dict[str, Policy] = {
-        "oracle": Rendezvous(values),
-        "orienteering": Orienteering(scenery.mission.speed_m_s, values),
-    }
-    for controller in controllers.values():
-        controller.search.policy = policies.get(settings.policy, controller.search.policy)
-    if settings.passive:
-        waypoints = scenery.mission.waypoints * _rounds(scenery.mission, settings.duration_s)
-        for controller in controllers.values():
-            controller.exploration.waypoints = waypoints
-    return controllers
-
-
 def _rounded(news: Event) -> Event:
     """The same to a millimetre: projections differ in their last digits from machine to machine."""
     if isinstance(news, RobotPose):
@@ -273,10 +245,3 @@ def _rounded(news: Event) -> Event:
 
 def _millimetres(place: Point) -> Point:
     return Point(round(place.east_m, 3), round(place.north_m, 3))
-
-
-def _rounds(mission: Mission, duration_s: float) -> int:
-    """How often a vehicle can go round the waypoints in a run, and once more."""
-    places = [waypoint.position for waypoint in mission.waypoints]
-    round_m = sum(math.dist(a, b) for a, b in pairwise([*places, places[0]]))
-    return 2 + int(duration_s * mission.speed_m_s / max(round_m, 1.0))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from geo.frame import Point
-from sitl.experiment.engine.bound import goal_bound_share
+from sitl.experiment.engine.engine import goal_bound_share
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town_file import load_town
 

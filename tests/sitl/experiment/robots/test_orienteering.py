@@ -4,7 +4,7 @@ from air_router.controller.targets.seeking import Freshest, SeekContext
 from air_router.controller.targets.target_list import TargetList
 from geo.frame import Point
 from mocha_link.links.metrics import Direction
-from sitl.experiment.robots.orienteering import Orienteering
+from sitl.experiment.robots.controllers import Orienteering
 
 SPEED_M_S = 5.0
 PLACES = {"a": Point(-100, 0), "b": Point(130, 0), "c": Point(140, 0), "d": Point(150, 0)}
