@@ -22,8 +22,7 @@ from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.end_with_parent import stop_signal
 from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.udp_link import Address
-from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
+from sitl.process.vehicle import Address, Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS
 from sitl.px4sim.state import Place

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from sitl.mavlink.codec import Frame, Sender, addressed, frames
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
-from sitl.process.udp_link import PortInUseError
+from sitl.process.vehicle import PortInUseError
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)

@@ -11,7 +11,7 @@ from typing import Any, Final
 from air_router.vehicle.clock import ALLOWANCE_S
 from air_router.vehicle.pace import PaceSource, line
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
-from sitl.process.udp_link import Address, PortInUseError
+from sitl.process.vehicle import Address, PortInUseError
 
 _log = logging.getLogger(__name__)
 

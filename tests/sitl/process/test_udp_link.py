@@ -3,7 +3,7 @@ import socket
 
 import pytest
 
-from sitl.process.udp_link import PortInUseError, UdpLink
+from sitl.process.vehicle import PortInUseError, UdpLink
 
 LIMIT_S = 60
 
