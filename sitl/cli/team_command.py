@@ -14,8 +14,7 @@ from air_router.vehicle.pace import PaceClient
 from mocha_link.team.team import Team
 from sitl.cli.vehicle_command import epoch, pace_source
 from sitl.process.end_with_parent import stop_signal
-from sitl.team.free_ports import default_team, derive_team
-from sitl.team.roles import TeamError, roles_of
+from sitl.team.roles import TeamError, default_team, derive_team, roles_of
 from sitl.team.team import Places, TeamSimulation
 from sitl.world.world_file import load_world
 

@@ -157,7 +157,7 @@ class TeamSimulation(Closeable):
             "ready": True,
             "team": str(self._team.path),
             **self._first.places(),
-            "vehicle": self.world.settings.vehicles[0],
+            "vehicle": self.world.vehicles[0],
             "robots": list(self.world.robots),
             "vehicles": {name: vehicle.places() for name, vehicle in self._vehicles.items()},
         }
@@ -209,7 +209,7 @@ class TeamSimulation(Closeable):
             for name, vehicle in self._vehicles.items()
             if (truth := self._truth_of(vehicle.state, self._ground_amsl_m)) is not None
         }
-        truth = truths.get(self.world.settings.vehicles[0])
+        truth = truths.get(self.world.vehicles[0])
         if truth is None:
             return  # the next packet will be better
         self._pace.stepped(truth.time_s, time.monotonic())

@@ -76,7 +76,7 @@ def _carried(world: World, messages: Mapping[str, Sequence[Message]]) -> list[li
 
 def _motion(world: World, name: str) -> dict[str, Any]:
     robot = world.robots[name]
-    place = world.settings.frame.to_geodetic(robot.position)
+    place = world.frame.to_geodetic(robot.position)
     return {
         "position": {
             "latitude_deg": place.latitude_deg,
@@ -90,7 +90,7 @@ def _motion(world: World, name: str) -> dict[str, Any]:
 
 
 def _contacts(world: World, name: str) -> dict[str, Any]:
-    peers = (*world.settings.vehicles, *world.robots)
+    peers = (*world.vehicles, *world.robots)
     contacts = {peer: world.contact(name, peer) for peer in peers if peer != name}
     return {
         peer: {

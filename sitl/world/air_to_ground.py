@@ -21,9 +21,12 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from sitl.world.radio import SHADOWING_LIMIT, Numbers
+Numbers = npt.NDArray[np.float64]
 
 AirScenario = Literal["umi_av", "uma_av"]
+
+SHADOWING_LIMIT: Final = 3.0
+"""Fading is cut at so many standard deviations, so that a link has a largest distance."""
 
 HIGHEST_M: Final = 300.0
 """Up to this height of a vehicle the tables are for."""

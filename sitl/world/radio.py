@@ -1,4 +1,4 @@
-"""Who hears whom: log-distance path loss with optional correlated shadowing.
+"""Who hears whom: log-distance path loss with optional correlated shadowing, and buildings.
 
 The received power falls with the logarithm of the distance (Rappaport, Wireless Communications,
 ch. 4: "log-distance path loss" and "log-normal shadowing"):
@@ -17,35 +17,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-_SHORTEST_M = 1.0  # the reference distance; closer than this the formula means nothing
-SHADOWING_LIMIT = 3.0  # standard deviations; so that a link has a largest distance
+from geo.grid import Terrain
+from sitl.world.air_to_ground import (
+    ROOF_M,
+    SHADOWING_LIMIT,
+    AirToGround,
+    Numbers,
+    PlaceField,
+    free_space_db,
+)
+from sitl.world.terrain import Raster
 
-Numbers = npt.NDArray[np.float64]
+_SHORTEST_M: Final = 1.0  # the reference distance; closer than this the formula means nothing
+_GROUND_FADING_M: Final = 13.0  # without a line of sight: TR 38.901, table 7.5-6
+_SAMPLE_M: Final = 1.0
+
 Indices = npt.NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class Antenna:
-    """Where a radio is: metres east/north in the local frame, `up_m` above the ground."""
-
-    east_m: float
-    north_m: float
-    up_m: float
-    on_ground: bool
-
-    @property
-    def place(self) -> tuple[float, float, float]:
-        """East, north, up."""
-        return self.east_m, self.north_m, self.up_m
-
-    def distance_m(self, other: Antenna) -> float:
-        """Distance in space, in metres."""
-        return math.dist(self.place, other.place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +64,6 @@ class RadioModel:
     sensitivity_dbm: float = -76.0
     seed: int = 0
 
-    def rssi_dbm(self, name_a: str, a: Antenna, name_b: str, b: Antenna, time_s: float) -> float:
-        """Power that either of two radios receives from the other at a simulated time."""
-        low = np.array([a.on_ground and b.on_ground])
-        mean_dbm = self.mean_rssi_dbm(np.array([a.distance_m(b)]), low)[0]
-        if self.shadowing_db == 0:
-            return float(mean_dbm)
-        knot, part = divmod(time_s / self.shadowing_interval_s, 1.0)
-        before, after = (self.fading(name_a, name_b, int(knot) + more) for more in (0, 1))
-        return float(mean_dbm - self.shadowing_loss_db(before, after, part))
-
     def mean_rssi_dbm(self, away_m: Numbers, low: npt.NDArray[np.bool_]) -> Numbers:
         """Power without fading, by distance in space; `low`: both robots are on the ground."""
         loss_db = 10 * self.path_loss_exponent * np.log10(np.maximum(_SHORTEST_M, away_m))
@@ -99,27 +81,19 @@ class RadioModel:
         blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
         return self.shadowing_db * np.clip(blend, -SHADOWING_LIMIT, SHADOWING_LIMIT)
 
-    def hears(self, rssi_dbm: float) -> bool:
-        """Whether a signal is strong enough to carry data."""
-        return rssi_dbm >= self.sensitivity_dbm
-
-    def range_m(self, rssi_dbm: float, *, ground_to_ground: bool = False) -> float:
+    def range_m(self, rssi_dbm: float) -> float:
         """Distance in space at which the power is `rssi_dbm`, without shadowing; at least 1 m."""
         budget_db = self.tx_power_dbm - self.reference_loss_db - rssi_dbm
-        if ground_to_ground:
-            budget_db -= self.ground_to_ground_loss_db
         return max(_SHORTEST_M, 10 ** (budget_db / (10 * self.path_loss_exponent)))
 
-    def longest_range_m(self, *, ground_to_ground: bool = False) -> float:
+    @property
+    def longest_range_m(self) -> float:
         """No two radios farther apart than this ever hear each other, whatever the shadowing."""
-        return self.range_m(
-            self.sensitivity_dbm - SHADOWING_LIMIT * self.shadowing_db,
-            ground_to_ground=ground_to_ground,
-        )
+        return self.range_m(self.sensitivity_dbm - SHADOWING_LIMIT * self.shadowing_db)
 
 
 class PairPowers:
-    """The powers of many pairs of robots at once: what `RadioModel.rssi_dbm` says of each.
+    """What robots receive of each other, many pairs at once; fading goes by time.
 
     Args:
         model: The radios'.
@@ -170,3 +144,92 @@ def _normal(label: str) -> float:
     first = (int.from_bytes(digest[:8], "big") + 1) / (2**64 + 1)
     second = int.from_bytes(digest[8:], "big") / 2**64
     return math.sqrt(-2 * math.log(first)) * math.cos(2 * math.pi * second)
+
+
+class TownRadio:
+    """Received power: distance, fading, and what buildings take from lines between low antennas.
+
+    Args:
+        radio: What is lost by distance, and how it fades.
+        raster: Buildings.
+        names: Of the robots, in the order of their numbers.
+        building_loss_db_m: Loss per metre of building.
+        most_building_db: No line loses more than this to buildings.
+        air: The link between a robot above the roofs and one below. With it all fading is by place
+            and not by time, and vehicles above the roofs have free space between them. None: above
+            the roofs and below all lose the same by distance.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a radio in a town depends on
+        self,
+        radio: RadioModel,
+        raster: Raster,
+        names: Sequence[str],
+        *,
+        building_loss_db_m: float,
+        most_building_db: float,
+        air: AirToGround | None = None,
+    ) -> None:
+        self._radio = radio
+        self._raster = raster
+        self._air = air
+        self._building = building_loss_db_m, most_building_db
+        self._count = len(names)
+        self._powers = PairPowers(radio, names)  # that fade by time
+        self._ground = PlaceField(_GROUND_FADING_M, f"{radio.seed} ground")  # by place
+        self._farthest_m = radio.longest_range_m  # farther pairs are not looked at
+
+    def rssi_dbm(self, now_s: float, places: Numbers) -> Numbers:
+        """By the numbers of both robots; -inf where it is too weak to count.
+
+        Args:
+            now_s: Simulated time, which never runs back.
+            places: Where robots are: east, north, height above ground in m, by number.
+        """
+        away_m = np.sqrt(((places[:, None] - places) ** 2).sum(axis=2))
+        near = away_m <= self._farthest_m
+        grounded = places[:, 2] < ROOF_M
+        if self._air is not None:
+            near |= ~(grounded[:, None] & grounded)
+        a, b = np.nonzero(np.triu(near, 1))
+        low = grounded[a] & grounded[b]
+        if self._air is None:
+            rssi_dbm = self._powers.rssi_dbm(a, b, away_m[a, b], low, now_s)
+        else:
+            rssi_dbm = self._by_place_dbm(self._air, places, away_m)[a, b]
+        heard = rssi_dbm >= self._radio.sensitivity_dbm
+        a, b, low, rssi_dbm = a[heard], b[heard], low[heard], rssi_dbm[heard]
+        rssi_dbm[low] -= self.building_db(places[a[low], :2], places[b[low], :2])
+        received_dbm = np.full((self._count, self._count), -np.inf)
+        received_dbm[a, b] = received_dbm[b, a] = np.round(rssi_dbm, 6)
+        return received_dbm
+
+    def _by_place_dbm(self, air: AirToGround, places: Numbers, away_m: Numbers) -> Numbers:
+        """Power between all robots; of a pair the upper right half counts."""
+        radio = self._radio
+        low, high = np.flatnonzero(places[:, 2] < ROOF_M), np.flatnonzero(places[:, 2] >= ROOF_M)
+        power_dbm = radio.tx_power_dbm - free_space_db(away_m, air.carrier_ghz)
+        lost_db = air.loss_db(places[high], places[low])
+        power_dbm[np.ix_(high, low)] = radio.tx_power_dbm - lost_db
+        power_dbm[np.ix_(low, high)] = radio.tx_power_dbm - lost_db.T
+        fading = np.clip(
+            self._ground.at(places[low], places[low]), -SHADOWING_LIMIT, SHADOWING_LIMIT
+        )
+        grounded = np.ix_(low, low)
+        mean_dbm = radio.mean_rssi_dbm(away_m[grounded], np.array(True))
+        power_dbm[grounded] = mean_dbm - radio.shadowing_db * fading
+        return power_dbm
+
+    def building_db(self, starts: Numbers, ends: Numbers) -> Numbers:
+        """What straight lines through the town lose in buildings; places are east and north."""
+        ways_m = ends - starts
+        counts = np.maximum(2, (np.hypot(*ways_m.T) / _SAMPLE_M).astype(np.intp))
+        firsts = np.cumsum(counts) - counts  # of the samples of each line among all
+        line = np.repeat(np.arange(len(counts)), counts)
+        along = (np.arange(len(line)) - firsts[line] + 0.5) / counts[line]
+        samples = starts[line] + along[:, None] * ways_m[line]
+        hit = self._raster.classes_at(samples[:, 0], samples[:, 1]) == Terrain.BUILDING
+        building_m = np.bincount(line, hit, len(counts)) * _SAMPLE_M
+        loss_db_m, most_db = self._building
+        loss_db: Numbers = np.minimum(most_db, loss_db_m * building_m)
+        return loss_db

@@ -9,7 +9,7 @@ import itertools
 import math
 import random
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from air_router.mission.mission import Mission
 from geo.frame import Point
@@ -92,44 +92,40 @@ class PatrolPlan:
     start_m: float = 0.0
 
 
-@dataclass(slots=True)
 class GroundRobot:
     """A robot on patrol.
 
+    Args:
+        name: Its name in the team.
+        plan: How it drives.
+        vehicles: Every vehicle in the world; the robot looks for them as it drives.
+
     Attributes:
         name: Its name in the team.
-        patrol: Where it drives.
-        speed_m_s: How fast.
-        vehicles: Every vehicle in the world; the robot looks for them as it drives.
-        start_m: How far along the patrol it starts.
         driven_m: Metres driven so far.
     """
 
-    name: str
-    patrol: Patrol
-    speed_m_s: float
-    vehicles: tuple[Point, ...] = ()
-    start_m: float = 0.0
-    driven_m: float = 0.0
-    _place: Place = field(init=False)
-    _seen: list[int] = field(init=False, default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._place = self.patrol.at(self.start_m)
+    def __init__(self, name: str, plan: PatrolPlan, vehicles: Sequence[Point] = ()) -> None:
+        self.name = name
+        self.driven_m = 0.0
+        self._plan, self._vehicles = plan, vehicles
+        self._seen: list[int] = []  # of the vehicles
+        self._place = plan.patrol.at(plan.start_m)
         self._look()
 
     def step(self, dt_s: float) -> None:
         """Drive for `dt_s` seconds of simulated time."""
-        if not self.patrol.length_m or dt_s <= 0:
+        plan = self._plan
+        if not plan.patrol.length_m or dt_s <= 0:
             return
-        self.driven_m += self.speed_m_s * dt_s
-        self._place = self.patrol.at(self.start_m + self.driven_m)
+        self.driven_m += plan.speed_m_s * dt_s
+        self._place = plan.patrol.at(plan.start_m + self.driven_m)
         self._look()
 
     def stand(self, place: Point) -> None:
         """Be there from now on: its own program drives it."""
-        self.patrol, self.start_m = Patrol([place]), 0.0
-        self._place = self.patrol.at(0.0)
+        self._plan = PatrolPlan(Patrol([place]))
+        self._place = self._plan.patrol.at(0.0)
         self._look()
 
     @property
@@ -145,16 +141,16 @@ class GroundRobot:
     @property
     def path(self) -> tuple[Point, ...]:
         """The next points on its way; the last is its destination."""
-        return self.patrol.ahead(self._place.leg)
+        return self._plan.patrol.ahead(self._place.leg)
 
     @property
     def sightings(self) -> tuple[Point, ...]:
         """Vehicles seen so far, in the order in which they were first seen."""
-        return tuple(self.vehicles[index] for index in self._seen)
+        return tuple(self._vehicles[index] for index in self._seen)
 
     def _look(self) -> None:
         here = self._place.position
-        for index, vehicle in enumerate(self.vehicles):
+        for index, vehicle in enumerate(self._vehicles):
             if index not in self._seen and math.dist(here, vehicle) <= SIGHT_M:
                 self._seen.append(index)
 

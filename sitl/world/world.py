@@ -9,6 +9,9 @@ import itertools
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
+
+import numpy as np
 
 from air_router.messages import (
     PATH_TOPIC,
@@ -21,10 +24,11 @@ from air_router.messages import (
 )
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
-from sitl.world.air_to_ground import ROOF_M, AirToGround
-from sitl.world.radio import Antenna, RadioModel
-from sitl.world.terrain import Camera, Raster
+from sitl.world.air_to_ground import ROOF_M, Numbers
+from sitl.world.radio import PairPowers
+from sitl.world.terrain import Raster
 from sitl.world.ugv import GroundRobot
+from sitl.world.world_file import WorldPlan
 
 STEP_S = 0.1
 """The world acts at most this often, in simulated seconds."""
@@ -154,31 +158,6 @@ class Every:
         return True
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What a world is made of.
-
-    Attributes:
-        frame: The mission's local frame.
-        vehicles: Their names in the team; the time of the first is the world's.
-        radio: Who hears whom.
-        camera: What the vehicle sees.
-        raster: What there is to see.
-        camera_interval_s: Simulated seconds between pictures.
-        reading_interval_s: Simulated seconds between radio readings.
-        air: The link between a vehicle above the roofs and a robot below; None: as any other.
-    """
-
-    frame: LocalFrame
-    vehicles: tuple[str, ...]
-    radio: RadioModel
-    camera: Camera
-    raster: Raster
-    camera_interval_s: float = 1.0
-    reading_interval_s: float = 0.5
-    air: AirToGround | None = None
-
-
 @dataclass(slots=True)
 class _Ugv:
     """A ground robot, and when it speaks."""
@@ -198,33 +177,40 @@ class World:
     long it takes to get ready, the same flight meets the same world.
 
     Args:
-        settings: The world.
-        robots: The ground robots, by name.
+        plan: The world.
+        frame: The mission's local frame.
+        vehicles: Their names in the team; the time of the first is the world's.
+        raster: What there is to see.
         topics: Topics that each robot may publish, by name; others it keeps to itself.
+
+    Attributes:
+        frame, vehicles, raster: As given.
+        robots: The ground robots, by name.
+        approaches: How near vehicles came to each other, by pair.
     """
 
     def __init__(
         self,
-        settings: Settings,
-        robots: Mapping[str, GroundRobot],
+        plan: WorldPlan,
+        frame: LocalFrame,
+        vehicles: tuple[str, ...],
+        raster: Raster,
         topics: Mapping[str, Collection[str]],
     ) -> None:
-        self.settings = settings
-        # By name; a pair is in the order of vehicles, robots.
-        self._ugvs = {name: _Ugv(robot, topics[name]) for name, robot in robots.items()}
-        vehicles = settings.vehicles
-        # Who hears whom; and how near vehicles came, which `sitl.team.team_report` reads.
-        self._pairs = {pair: Contact() for pair in itertools.combinations((*vehicles, *robots), 2)}
+        self.frame, self.vehicles, self.raster = frame, vehicles, raster
+        seen = plan.scene.vehicles
+        self.robots = {name: GroundRobot(name, own, seen) for name, own in plan.patrols.items()}
+        self._plan = plan
+        self._ugvs = [_Ugv(robot, topics[name]) for name, robot in self.robots.items()]
+        names = (*vehicles, *self.robots)
+        self._pairs = {pair: Contact() for pair in itertools.combinations(names, 2)}
+        self._ends = np.triu_indices(len(names), 1)  # of these pairs, by the places of names
+        self._powers = PairPowers(plan.radio, names)
         self.approaches = {pair: Approach() for pair in itertools.combinations(vehicles, 2)}
-        self._reading = Every(settings.reading_interval_s)
-        self._picture = Every(settings.camera_interval_s)
+        self._reading = Every(plan.reading_interval_s)
+        self._picture = Every(plan.picture_interval_s)
         self._now_s: float | None = None  # of the last step
         self._took_off_s: float | None = None  # the first vehicle; from then on robots drive
-
-    @property
-    def robots(self) -> Mapping[str, GroundRobot]:
-        """The ground robots, by name."""
-        return {name: ugv.robot for name, ugv in self._ugvs.items()}
 
     def contact(self, a: str, b: str) -> Contact:
         """What two robots have heard of each other so far."""
@@ -241,24 +227,24 @@ class World:
             vehicles: What is known of them; of the others than the first one may be missing, and
                 is not heard.
         """
-        truth = vehicles[self.settings.vehicles[0]]
+        truth = vehicles[self.vehicles[0]]
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
         if self._took_off_s is not None:
-            for ugv in self._ugvs.values():
-                ugv.robot.step(dt_s)
+            for robot in self.robots.values():
+                robot.step(dt_s)
         elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
             self._took_off_s = truth.time_s
         links, readings = self._hear(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
         patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
-        said = [message for ugv in self._ugvs.values() for message in self._speak(ugv, truth)]
+        said = [message for ugv in self._ugvs for message in self._speak(ugv, truth)]
         return Step(links, readings, tuple(said), patches)
 
     def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
         looks = {
-            name: self.settings.camera.look(
-                self.settings.raster, truth.position, truth.height_m, truth.heading_deg
+            name: self._plan.camera.look(
+                self.raster, truth.position, truth.height_m, truth.heading_deg
             )
             for name, truth in vehicles.items()
         }
@@ -280,31 +266,19 @@ class World:
     def _hear(
         self, vehicles: Mapping[str, Truth], truth: Truth, dt_s: float
     ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
-        radio, air = self.settings.radio, self.settings.air
-        antennas = {
-            name: Antenna(*ugv.robot.position, GROUND_ANTENNA_M, on_ground=True)
-            for name, ugv in self._ugvs.items()
-        }
-        for name, there in vehicles.items():
-            antennas[name] = Antenna(
-                *there.position,
-                max(there.height_m, GROUND_ANTENNA_M),
-                on_ground=there.height_m < LANDED_BELOW_M,
-            )
         changes: list[LinkChange] = []
         readings: list[Reading] = []
         flown_s = 0.0 if self._took_off_s is None else truth.time_s - self._took_off_s
         tell = self._reading.due(truth.time_s)
-        for (a, b), contact in self._pairs.items():
-            if a not in antennas or b not in antennas:
+        places, (one, other) = self._antennas(vehicles), self._ends
+        apart_m = np.sqrt(((places[one] - places[other]) ** 2).sum(axis=1))
+        powers_dbm = self._powers_dbm(places, apart_m, flown_s).tolist()
+        for (a, b), away_m, rssi_dbm in zip(self._pairs, apart_m.tolist(), powers_dbm, strict=True):
+            if math.isnan(away_m):
                 continue
-            low, high = sorted((antennas[a], antennas[b]), key=lambda antenna: antenna.up_m)
-            if air is not None and low.up_m < ROOF_M <= high.up_m:
-                rssi_dbm = radio.tx_power_dbm - air.between_db(high.place, low.place)
-            else:
-                rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], flown_s)
-            heard = radio.hears(rssi_dbm)
-            contact.closest_m = min(contact.closest_m, antennas[a].distance_m(antennas[b]))
+            contact = self._pairs[a, b]
+            heard = rssi_dbm >= self._plan.radio.sensitivity_dbm
+            contact.closest_m = min(contact.closest_m, away_m)
             if contact.up:
                 contact.seconds += dt_s
             if heard:
@@ -318,8 +292,28 @@ class World:
                 readings += (Reading(a, b, value), Reading(b, a, value))
         return tuple(changes), tuple(readings)
 
+    def _antennas(self, vehicles: Mapping[str, Truth]) -> Numbers:
+        """East, north and up of all antennas in metres; nan for vehicles that are not heard."""
+        high = {
+            name: (*there.position, max(there.height_m, GROUND_ANTENNA_M))
+            for name, there in vehicles.items()
+        }
+        low = [(*robot.position, GROUND_ANTENNA_M) for robot in self.robots.values()]
+        return np.array([*(high.get(name, (math.nan,) * 3) for name in self.vehicles), *low])
+
+    def _powers_dbm(self, places: Numbers, away_m: Numbers, flown_s: float) -> Numbers:
+        """What both ends of each pair receive of each other."""
+        (a, b), plan = self._ends, self._plan
+        low, above = places[:, 2] < LANDED_BELOW_M, places[:, 2] >= ROOF_M
+        rssi_dbm = self._powers.rssi_dbm(a, b, away_m, low[a] & low[b], flown_s)
+        if plan.air is not None:
+            for pair in np.flatnonzero(above[a] != above[b]):
+                below, high = sorted(places[[a[pair], b[pair]]], key=itemgetter(2))
+                rssi_dbm[pair] = plan.radio.tx_power_dbm - plan.air.between_db(high, below)
+        return rssi_dbm
+
     def _speak(self, ugv: _Ugv, truth: Truth) -> list[Publication]:
-        robot, frame = ugv.robot, self.settings.frame
+        robot, frame = ugv.robot, self.frame
         time_s, stamp_s = truth.time_s, truth.unix_s
         said: list[Publication] = []
         if ugv.pose.due(time_s) and POSE_TOPIC in ugv.topics:

@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import common as mavlink
 import air_router.cli.cli
 from air_router.sim.ports import free_port
 from mocha_link import Team
-from sitl.team.free_ports import derive_team
+from sitl.team.roles import derive_team
 from tests.system.looker import SharedBrowser
 from tests.system.simulated import simulated_vehicle
 

@@ -20,8 +20,7 @@ import numpy.typing as npt
 from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.settings import PaperModel, PathLossModel
 from sitl.world.air_to_ground import AirToGround
-from sitl.world.radio import RadioModel
-from sitl.world.town_radio import TownRadio
+from sitl.world.radio import RadioModel, TownRadio
 from sitl.world.towns.town import Town
 
 FULL_RATE_DB: Final = 30.0
@@ -171,7 +170,7 @@ class PathLossChannel:
     """A radio as robots have it: power that falls with distance, fades, and is lost in buildings.
 
     Contact begins and ends by received power, the rate follows from it, and robots that do not hear
-    each other send at once. `sitl.world.town_radio` has the model of the power itself.
+    each other send at once. `sitl.world.radio` has the model of the power itself.
 
     Args:
         model: Powers and rates.

@@ -142,7 +142,7 @@ class WorldRun:
         self.uav = uav = Uav(
             *(roles.vehicles[0], mission, flight_plan, settings, queue, log),
             Controller(setup, router, flight_plan),
-            MapPainter(mission.frame.origin, self._world.settings.raster, plan.camera),
+            MapPainter(mission.frame.origin, self._world.raster, plan.camera),
             plan.picture_interval_s,
         )
         flies = {"publish": uav.say, "hear": uav.hear}

@@ -29,7 +29,7 @@ from sitl.rehearsal.mission_file import MissionFile, hurried
 from sitl.rehearsal.programs.relay import LossyRelay
 from sitl.rehearsal.programs.scenes import WireScene
 from sitl.rehearsal.zone_terms import with_terms
-from sitl.team.free_ports import derive_team
+from sitl.team.roles import derive_team
 
 EPOCH: Final = 1_800_000_000
 """Unix seconds at the beginning of the vehicle's time."""

@@ -11,9 +11,8 @@ from sitl.world.air_to_ground import (
     path_loss_db,
     sight_probability,
 )
-from sitl.world.radio import RadioModel
+from sitl.world.radio import RadioModel, TownRadio
 from sitl.world.terrain import Raster
-from sitl.world.town_radio import TownRadio
 
 GHZ = 2.4
 

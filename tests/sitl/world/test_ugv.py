@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geo.frame import Point
-from sitl.world.ugv import SIGHT_M, GroundRobot, Patrol
+from sitl.world.ugv import SIGHT_M, GroundRobot, Patrol, PatrolPlan
 
 SQUARE = (Point(0, 0), Point(0, 100), Point(100, 100), Point(100, 0))
 
@@ -14,7 +14,7 @@ points = st.lists(st.builds(Point, coordinates, coordinates), min_size=1, max_si
 
 
 def test_a_robot_drives_its_round_at_its_speed():
-    robot = GroundRobot("io", Patrol(SQUARE), speed_m_s=1.5)
+    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE), 1.5))
     robot.step(60.0)
     assert robot.position == pytest.approx((0, 90))
     assert robot.heading_deg == 0
@@ -37,7 +37,7 @@ def test_a_closed_patrol_returns_straight_and_an_open_one_the_way_it_came():
 
 
 def test_a_robot_with_one_point_stays_there():
-    base = GroundRobot("base", Patrol([Point(3, 4)]), speed_m_s=1.0)
+    base = GroundRobot("base", PatrolPlan(Patrol([Point(3, 4)])))
     base.step(100.0)
     assert base.position == (3, 4)
     assert base.driven_m == 0
@@ -45,21 +45,21 @@ def test_a_robot_with_one_point_stays_there():
 
 
 def test_the_path_names_the_next_points_and_ends_at_the_destination():
-    robot = GroundRobot("io", Patrol(SQUARE), speed_m_s=1.0)
+    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE)))
     assert robot.path == (SQUARE[1], SQUARE[2], SQUARE[3])
     robot.step(150.0)
     assert robot.path == (SQUARE[2], SQUARE[3], SQUARE[0])
 
 
 def test_a_robot_starts_where_it_is_told_to():
-    robot = GroundRobot("io", Patrol(SQUARE), speed_m_s=1.0, start_m=110.0)
+    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE), start_m=110.0))
     assert robot.position == pytest.approx((10, 100))
     assert robot.driven_m == 0
 
 
 def test_a_robot_remembers_the_vehicles_that_it_passed():
     vehicles = (Point(10, 50), Point(-SIGHT_M - 1, 20), Point(50, 105))
-    robot = GroundRobot("io", Patrol(SQUARE), speed_m_s=1.0, vehicles=vehicles)
+    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE)), vehicles)
     assert robot.sightings == ()
     for _ in range(160):
         robot.step(1.0)

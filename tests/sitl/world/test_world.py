@@ -1,4 +1,3 @@
-import dataclasses
 import math
 
 import pytest
@@ -8,8 +7,9 @@ from geo.frame import Geodetic, LocalFrame, Point
 from sitl.world.air_to_ground import AirToGround
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Raster, Scene
-from sitl.world.ugv import GroundRobot, Patrol
-from sitl.world.world import STEP_S, Every, Settings, Truth, World
+from sitl.world.ugv import Patrol, PatrolPlan
+from sitl.world.world import STEP_S, Every, Truth, World
+from sitl.world.world_file import WorldPlan
 
 FRAME = LocalFrame(Geodetic(40.0, -75.0))
 UNIX_S = 1_800_000_000.0
@@ -17,20 +17,16 @@ ALL_TOPICS = ("/pose", "/path", "/sightings")
 WEST, EAST = Point(-200, 0), Point(200, 0)
 
 
-def make_world(air=None, **topics) -> World:
-    settings = Settings(
-        frame=FRAME,
-        vehicles=("titan",),
-        radio=RadioModel(),
-        camera=Camera(),
-        raster=Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0),
-        air=air,
-    )
-    robots = {
-        "io": GroundRobot("io", Patrol([WEST, Point(-200, 60)]), 1.0, vehicles=(Point(-195, 9),)),
-        "europa": GroundRobot("europa", Patrol([EAST]), 1.0),
+def make_world(air=None, vehicles=("titan",), **topics) -> World:
+    scene = Scene(vehicles=(Point(-195, 9),))
+    patrols = {
+        "io": PatrolPlan(Patrol([WEST, Point(-200, 60)])),
+        "europa": PatrolPlan(Patrol([EAST])),
     }
-    return World(settings, robots, {name: topics.get(name, ALL_TOPICS) for name in robots})
+    plan = WorldPlan(RadioModel(), Camera(), scene, patrols, air=air)
+    raster = Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0)
+    speech = {name: topics.get(name, ALL_TOPICS) for name in patrols}
+    return World(plan, FRAME, vehicles, raster, speech)
 
 
 def truth(time_s: float, position: Point, height_m: float = 40.0) -> Truth:
@@ -192,14 +188,8 @@ def test_intervals_do_not_drift_and_missed_turns_are_not_made_up():
     assert every.due(501.0)
 
 
-def two_vehicles() -> World:
-    one = make_world()
-    settings = dataclasses.replace(one.settings, vehicles=("titan", "atlas"))
-    return World(settings, one.robots, dict.fromkeys(one.robots, ALL_TOPICS))
-
-
 def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below_it():
-    world = two_vehicles()
+    world = make_world(vehicles=("titan", "atlas"))
     apart = world.step({"titan": truth(0.0, WEST), "atlas": truth(0.0, EAST)})
     up = {(change.a, change.b) for change in apart.links}
     assert up == {("titan", "io"), ("atlas", "europa")}
@@ -209,7 +199,7 @@ def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below
 
 
 def test_a_vehicle_that_was_not_heard_of_yet_is_not_heard():
-    world = two_vehicles()
+    world = make_world(vehicles=("titan", "atlas"))
     step = at(world, 0.0, WEST)
     assert {name for r in step.readings for name in (r.robot, r.peer)} == {"titan", "io", "europa"}
     assert step.patches.keys() == {"titan"}
@@ -217,7 +207,7 @@ def test_a_vehicle_that_was_not_heard_of_yet_is_not_heard():
 
 
 def test_how_near_two_vehicles_came_counts_from_take_off_on():
-    world = two_vehicles()
+    world = make_world(vehicles=("titan", "atlas"))
     beside = Point(WEST.east_m + 20, WEST.north_m)
     world.step({"titan": truth(0.0, WEST, 0.2), "atlas": truth(0.0, beside, 0.1)})
     approach = world.approaches["titan", "atlas"]

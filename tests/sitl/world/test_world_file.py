@@ -49,17 +49,16 @@ def test_in_an_hour_of_patrol_no_two_robots_hear_each_other_but_the_vehicle_can(
     mission = request.getfixturevalue(name)
     plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
     assert set(plan.patrols) == set(ROBOTS)
-    robots = [
-        GroundRobot(name, patrol.patrol, patrol.speed_m_s, start_m=patrol.start_m)
-        for name, patrol in plan.patrols.items()
-    ]
+    robots = [GroundRobot(name, patrol) for name, patrol in plan.patrols.items()]
     closest_m = math.inf
     for _ in range(3600):
         for robot in robots:
             robot.step(1.0)
         for a, b in itertools.combinations(robots, 2):
             closest_m = min(closest_m, math.dist(a.position, b.position))
-    assert closest_m > plan.radio.longest_range_m(ground_to_ground=True) + 10
+    loss_db = plan.radio.reference_loss_db + plan.radio.ground_to_ground_loss_db
+    ground = dataclasses.replace(plan.radio, reference_loss_db=loss_db)
+    assert closest_m > ground.longest_range_m + 10
     height_m = mission.altitude_above_home_m
     slant_m = plan.radio.range_m(plan.radio.sensitivity_dbm)
     assert 60 < math.sqrt(slant_m**2 - height_m**2) < 72
@@ -78,12 +77,10 @@ def test_the_shipped_worlds_fit_the_vehicles_map(name, request):
     plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
     world = make_world(mission, team, roles_of(mission, team), plan)
     assert set(Terrain) - {Terrain.UNKNOWN, Terrain.HUMAN, Terrain.GRAVEL} == {
-        Terrain(value) for value in set(world.settings.raster.cells.flat)
+        Terrain(value) for value in set(world.raster.cells.flat)
     }
     mapper = Mapper(mission)
-    patch = plan.camera.look(
-        world.settings.raster, mission.home, mission.altitude_above_home_m, 20.0
-    )
+    patch = plan.camera.look(world.raster, mission.home, mission.altitude_above_home_m, 20.0)
     assert isinstance(patch, GridPatch)
     assert mapper.paint(patch.encode())
     assert mapper.known_cells > 2000
@@ -159,7 +156,6 @@ robots:
         seed=9,
     )
     assert plan.radio.seed == 9
-    assert plan.radio.rssi_dbm is not None
     assert (plan.radio.tx_power_dbm, plan.radio.sensitivity_dbm) == (10, -80)
     assert (plan.reading_interval_s, plan.rate_bytes_s) == (0.25, 250_000)
     own = AirToGround("uma_av", 5.2, 9)
