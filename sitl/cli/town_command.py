@@ -13,8 +13,10 @@ from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.whole_file import write_whole
 from geo.frame import Point
+from geo.grid import Terrain
 from mocha_link.errors import needs_extra
 from mocha_link.team.document import DocumentError
+from sitl.world.terrain import layers
 from sitl.world.towns.town import Town
 
 _EPILOG = """\
@@ -136,17 +138,16 @@ def _draw(town: Town, path: Path) -> None:
     bounds = town.bounds
     corners = [Point(bounds.west_m, bounds.south_m), Point(bounds.east_m, bounds.north_m)]
     sheet = MapSheet(corners, OPEN)
-    roads = shapely.union_all(
-        [shapely.LineString(road.points).buffer(road.width_m / 2) for road in town.roads]
-    )
-    buildings = shapely.union_all([shapely.Polygon(ring) for ring in town.buildings])
-    yards = shapely.union_all([shapely.Polygon(ring) for ring in town.yards])
-    crowns = shapely.union_all([shapely.Polygon(ring) for ring in town.vegetation])
+    drawn = {
+        terrain: shapely.union_all([shape for own, shape in layers(town.scene) if own is terrain])
+        for terrain in Terrain
+    }
+    yards = drawn[Terrain.GRAVEL]
     for shape, label, colour, edge in (
         (shapely.Polygon(town.outline), "_", PAVED, "none"),
-        (crowns, "vegetation", CROWN, "none"),
-        (roads, "road", ROAD, "none"),
-        (buildings.difference(yards), "building", HOUSE, HOUSE_EDGE),
+        (drawn[Terrain.VEGETATION], "vegetation", CROWN, "none"),
+        (drawn[Terrain.ROAD], "road", ROAD, "none"),
+        (drawn[Terrain.BUILDING].difference(yards), "building", HOUSE, HOUSE_EDGE),
         (yards, "_", OPEN, "none"),
     ):
         if not shape.is_empty:

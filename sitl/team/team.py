@@ -127,7 +127,9 @@ class TeamSimulation(Closeable):
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
-        self._awaits = plan.rate_bytes_s is None  # exchanges, which take no simulated time then
+        self._awaits = (
+            plan.radio.rate_bytes_s is None
+        )  # exchanges, which take no simulated time then
         self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
         self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
         with ExitStack() as stack:
@@ -141,7 +143,7 @@ class TeamSimulation(Closeable):
             self._relay = stack.enter_context(
                 Relay(
                     relayed_pairs(team),
-                    rate_bytes_s=plan.rate_bytes_s,
+                    rate_bytes_s=plan.radio.rate_bytes_s,
                     now_s=self.clock.now_s,
                 )
             )

@@ -15,17 +15,18 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
 
 from geo.grid import Terrain
 from sitl.world.air_to_ground import (
     ROOF_M,
     SHADOWING_LIMIT,
+    AirScenario,
     AirToGround,
     Numbers,
     PlaceField,
@@ -38,11 +39,12 @@ _GROUND_FADING_M: Final = 13.0  # without a line of sight: TR 38.901, table 7.5-
 _SAMPLE_M: Final = 1.0
 
 Indices = npt.NDArray[np.intp]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+"""What a world file may write where this stands."""
 
 
-@dataclass(frozen=True, slots=True)
-class RadioModel:
-    """Turns distances into received power; the same in both directions.
+class RadioModel(BaseModel):
+    """Turns distances into received power, the same in both directions; as a world file has it.
 
     Attributes:
         tx_power_dbm: Power of every transmitter.
@@ -52,34 +54,31 @@ class RadioModel:
         shadowing_db: Standard deviation of slow random fading, 0 for none; cut at 3 deviations.
         shadowing_interval_s: Time over which the fading of a pair changes.
         sensitivity_dbm: The weakest signal that still carries data.
-        seed: Chooses the fading.
+        air: The link between a vehicle above the roofs and a robot below; None: as any other.
+        carrier_ghz: Frequency of such links.
+        reading_interval_s: Simulated seconds between two readings of a radio.
+        rate_bytes_s: What a link carries per simulated second; None: no limit.
     """
 
-    tx_power_dbm: float = 20.0
-    reference_loss_db: float = 40.0
-    path_loss_exponent: float = 2.95
-    ground_to_ground_loss_db: float = 10.5
-    shadowing_db: float = 0.0
-    shadowing_interval_s: float = 10.0
-    sensitivity_dbm: float = -76.0
-    seed: int = 0
+    model_config = ConfigDict(frozen=True)
+
+    tx_power_dbm: Annotated[float, Field(ge=-50, le=60)] = 20.0
+    reference_loss_db: Annotated[float, Field(ge=0, le=120)] = 40.0
+    path_loss_exponent: Annotated[float, Field(ge=1, le=10)] = 2.95
+    ground_to_ground_loss_db: Annotated[float, Field(ge=0, le=120)] = 10.5
+    shadowing_db: Annotated[float, Field(ge=0, le=30)] = 0.0
+    shadowing_interval_s: Positive = 10.0
+    sensitivity_dbm: Annotated[float, Field(ge=-200, le=0)] = -76.0
+    air: AirScenario | None = None
+    carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
+    reading_interval_s: Positive = 0.5
+    rate_bytes_s: Positive | None = None
 
     def mean_rssi_dbm(self, away_m: Numbers, low: npt.NDArray[np.bool_]) -> Numbers:
         """Power without fading, by distance in space; `low`: both robots are on the ground."""
         loss_db = 10 * self.path_loss_exponent * np.log10(np.maximum(_SHORTEST_M, away_m))
         power_dbm: Numbers = self.tx_power_dbm - self.reference_loss_db - loss_db
         return power_dbm - self.ground_to_ground_loss_db * low
-
-    def fading(self, name_a: str, name_b: str, knot: int) -> float:
-        """The standard normal value of a pair of robots at a knot, the same in both directions."""
-        pair = "|".join(sorted((name_a, name_b)))
-        return _normal(f"{self.seed}|{pair}|{knot}")
-
-    def shadowing_loss_db(self, before: Any, after: Any, part: float) -> Any:
-        """The loss between two knots with such values, `part` of the way; numbers or arrays."""
-        # between knots the deviation would shrink; this keeps it
-        blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
-        return self.shadowing_db * np.clip(blend, -SHADOWING_LIMIT, SHADOWING_LIMIT)
 
     def range_m(self, rssi_dbm: float) -> float:
         """Distance in space at which the power is `rssi_dbm`, without shadowing; at least 1 m."""
@@ -98,11 +97,13 @@ class PairPowers:
     Args:
         model: The radios'.
         names: Of the robots, in the order of their numbers.
+        seed: Chooses the fading.
     """
 
-    def __init__(self, model: RadioModel, names: Sequence[str]) -> None:
+    def __init__(self, model: RadioModel, names: Sequence[str], seed: int) -> None:
         self._model = model
         self._names = names
+        self._seed = seed
         self._values: dict[int, Numbers] = {}  # of fading by knot, [a, b]; nan: not asked for yet
 
     def rssi_dbm(
@@ -123,17 +124,20 @@ class PairPowers:
         knot, part = divmod(time_s / self._model.shadowing_interval_s, 1.0)
         before, after = (self._fading(a, b, int(knot) + more) for more in (0, 1))
         self._values = {key: own for key, own in self._values.items() if key >= knot}
-        power_dbm: Numbers = mean_dbm - self._model.shadowing_loss_db(before, after, part)
+        # between knots the deviation would shrink; this keeps it
+        blend = ((1 - part) * before + part * after) / math.hypot(1 - part, part)
+        loss_db = self._model.shadowing_db * np.clip(blend, -SHADOWING_LIMIT, SHADOWING_LIMIT)
+        power_dbm: Numbers = mean_dbm - loss_db
         return power_dbm
 
     def _fading(self, a: Indices, b: Indices, knot: int) -> Numbers:
+        """Standard normal values of pairs at a knot, the same in both directions."""
         count = len(self._names)
         values = self._values.setdefault(knot, np.full((count, count), np.nan))
         new = np.flatnonzero(np.isnan(values[a, b]))
-        pairs = zip(a[new].tolist(), b[new].tolist(), strict=True)
-        values[a[new], b[new]] = [
-            self._model.fading(self._names[one], self._names[other], knot) for one, other in pairs
-        ]
+        ends = zip(a[new].tolist(), b[new].tolist(), strict=True)
+        pairs = ["|".join(sorted((self._names[one], self._names[other]))) for one, other in ends]
+        values[a[new], b[new]] = [_normal(f"{self._seed}|{pair}|{knot}") for pair in pairs]
         return values[a, b]
 
 
@@ -153,6 +157,7 @@ class TownRadio:
         radio: What is lost by distance, and how it fades.
         raster: Buildings.
         names: Of the robots, in the order of their numbers.
+        seed: Chooses the fading.
         building_loss_db_m: Loss per metre of building.
         most_building_db: No line loses more than this to buildings.
         air: The link between a robot above the roofs and one below. With it all fading is by place
@@ -165,6 +170,7 @@ class TownRadio:
         radio: RadioModel,
         raster: Raster,
         names: Sequence[str],
+        seed: int,
         *,
         building_loss_db_m: float,
         most_building_db: float,
@@ -175,8 +181,8 @@ class TownRadio:
         self._air = air
         self._building = building_loss_db_m, most_building_db
         self._count = len(names)
-        self._powers = PairPowers(radio, names)  # that fade by time
-        self._ground = PlaceField(_GROUND_FADING_M, f"{radio.seed} ground")  # by place
+        self._powers = PairPowers(radio, names, seed)  # that fade by time
+        self._ground = PlaceField(_GROUND_FADING_M, f"{seed} ground")  # by place
         self._farthest_m = radio.longest_range_m  # farther pairs are not looked at
 
     def rssi_dbm(self, now_s: float, places: Numbers) -> Numbers:

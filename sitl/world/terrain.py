@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 import shapely
+from pydantic import BaseModel, ConfigDict, Field
 from shapely.geometry.base import BaseGeometry
 
 from geo.frame import Point
@@ -38,12 +40,13 @@ class Road:
 class Scene:
     """The things in a world, in metres of the local frame; what they leave over is grass.
 
-    Where they overlap, the later in this order is seen: vegetation, roads, buildings, vehicles.
+    Where they overlap, the later is seen: vegetation, roads, buildings, yards of gravel, vehicles.
     """
 
     vegetation: tuple[tuple[Point, ...], ...] = ()
     roads: tuple[Road, ...] = ()
     buildings: tuple[tuple[Point, ...], ...] = ()
+    yards: tuple[tuple[Point, ...], ...] = ()
     vehicles: tuple[Point, ...] = ()
 
 
@@ -84,7 +87,7 @@ class Raster:
             )
         cells = np.full((rows, columns), Terrain.GRASS, dtype=np.uint8)
         raster = cls(west * resolution_m, south * resolution_m, resolution_m, cells)
-        raster.fill(_layers(scene))
+        raster.fill(layers(scene))
         return raster
 
     def fill(self, layers: Iterable[tuple[Terrain, BaseGeometry]]) -> None:
@@ -117,39 +120,39 @@ class Raster:
         return np.where(inside, found, np.uint8(Terrain.UNKNOWN))
 
 
-def _layers(scene: Scene) -> Iterable[tuple[Terrain, BaseGeometry]]:
-    yield Terrain.VEGETATION, shapely.union_all([shapely.Polygon(r) for r in scene.vegetation])
-    roads = [
-        shapely.LineString(road.points).buffer(road.width_m / 2)
-        for road in scene.roads
-        if len(road.points) > 1
-    ]
-    yield Terrain.ROAD, shapely.union_all(roads)
-    yield Terrain.BUILDING, shapely.union_all([shapely.Polygon(r) for r in scene.buildings])
-    vehicles = [shapely.Point(place).buffer(VEHICLE_RADIUS_M) for place in scene.vehicles]
-    yield Terrain.VEHICLE, shapely.union_all(vehicles)
+def layers(scene: Scene) -> Iterator[tuple[Terrain, BaseGeometry]]:
+    """The shapes of what a scene has; where they overlap, the later is seen."""
+    for ring in scene.vegetation:
+        yield Terrain.VEGETATION, shapely.Polygon(ring)
+    for road in scene.roads:
+        if len(road.points) > 1:
+            yield Terrain.ROAD, shapely.LineString(road.points).buffer(road.width_m / 2)
+    for ring in scene.buildings:
+        yield Terrain.BUILDING, shapely.Polygon(ring)
+    for ring in scene.yards:
+        yield Terrain.GRAVEL, shapely.Polygon(ring)
+    for place in scene.vehicles:
+        yield Terrain.VEHICLE, shapely.Point(place).buffer(VEHICLE_RADIUS_M)
 
 
-@dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(BaseModel):
     """A down-looking camera whose picture is sorted into terrain classes without errors.
+
+    As a world file has it.
 
     Attributes:
         fov_across_deg: Field of view to the sides of the vehicle.
         fov_along_deg: Field of view ahead and behind.
         min_height_m: Lower than this it sees nothing useful.
+        interval_s: Simulated seconds between two pictures.
     """
 
-    fov_across_deg: float = 75.0
-    fov_along_deg: float = 60.0
-    min_height_m: float = 5.0
+    model_config = ConfigDict(frozen=True)
 
-    def half_sizes_m(self, height_m: float) -> tuple[float, float]:
-        """Half the footprint on flat ground: to the sides, and ahead."""
-        return (
-            height_m * math.tan(math.radians(self.fov_across_deg) / 2),
-            height_m * math.tan(math.radians(self.fov_along_deg) / 2),
-        )
+    fov_across_deg: Annotated[float, Field(gt=0, le=150)] = 75.0
+    fov_along_deg: Annotated[float, Field(gt=0, le=150)] = 60.0
+    min_height_m: Annotated[float, Field(ge=0, le=1e4)] = 5.0
+    interval_s: Annotated[float, Field(gt=0, le=1e6)] = 1.0
 
     def look(
         self, raster: Raster, position: Point, height_m: float, heading_deg: float
@@ -167,7 +170,9 @@ class Camera:
         """
         if height_m < self.min_height_m:
             return None
-        across_m, along_m = self.half_sizes_m(height_m)
+        # Half the footprint on flat ground: to the sides, and ahead.
+        across_m = height_m * math.tan(math.radians(self.fov_across_deg) / 2)
+        along_m = height_m * math.tan(math.radians(self.fov_along_deg) / 2)
         sine = math.sin(math.radians(heading_deg))
         cosine = math.cos(math.radians(heading_deg))
         reach_east_m = abs(across_m * cosine) + abs(along_m * sine)

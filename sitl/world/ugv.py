@@ -182,7 +182,11 @@ def default_patrols(
     used = [plan.patrol.stops[0] for plan in taken]
     plans: dict[str, PatrolPlan] = {}
     for name in robots:
-        centre = _farthest(places, used) if used else chance.choice(places)
+        centre = (
+            max(places, key=lambda place: min(math.dist(place, other) for other in used))
+            if used
+            else chance.choice(places)
+        )
         used.append(centre)
         radius_m = min(_LARGEST_RADIUS_M, ground.distance_m(centre) - _STAY_INSIDE_M)
         plans[name] = PatrolPlan(
@@ -190,10 +194,6 @@ def default_patrols(
             speed_m_s=round(chance.uniform(*_SPEEDS_M_S), 2),
         )
     return plans
-
-
-def _farthest(places: Sequence[Point], used: Sequence[Point]) -> Point:
-    return max(places, key=lambda place: min(math.dist(place, other) for other in used))
 
 
 def _round(centre: Point, radius_m: float, start: float, direction: int) -> Patrol:

@@ -24,7 +24,7 @@ from air_router.messages import (
 )
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
-from sitl.world.air_to_ground import ROOF_M, Numbers
+from sitl.world.air_to_ground import ROOF_M, AirToGround, Numbers
 from sitl.world.radio import PairPowers
 from sitl.world.terrain import Raster
 from sitl.world.ugv import GroundRobot
@@ -205,10 +205,13 @@ class World:
         names = (*vehicles, *self.robots)
         self._pairs = {pair: Contact() for pair in itertools.combinations(names, 2)}
         self._ends = np.triu_indices(len(names), 1)  # of these pairs, by the places of names
-        self._powers = PairPowers(plan.radio, names)
+        radio, seed = plan.radio, plan.seed
+        self._powers = PairPowers(radio, names, seed)
+        # Between vehicles above the roofs and robots below; None: as any other.
+        self._air = radio.air and AirToGround(radio.air, radio.carrier_ghz, seed)
         self.approaches = {pair: Approach() for pair in itertools.combinations(vehicles, 2)}
-        self._reading = Every(plan.reading_interval_s)
-        self._picture = Every(plan.picture_interval_s)
+        self._reading = Every(plan.radio.reading_interval_s)
+        self._picture = Every(plan.camera.interval_s)
         self._now_s: float | None = None  # of the last step
         self._took_off_s: float | None = None  # the first vehicle; from then on robots drive
 
@@ -306,10 +309,10 @@ class World:
         (a, b), plan = self._ends, self._plan
         low, above = places[:, 2] < LANDED_BELOW_M, places[:, 2] >= ROOF_M
         rssi_dbm = self._powers.rssi_dbm(a, b, away_m, low[a] & low[b], flown_s)
-        if plan.air is not None:
+        if self._air is not None:
             for pair in np.flatnonzero(above[a] != above[b]):
                 below, high = sorted(places[[a[pair], b[pair]]], key=itemgetter(2))
-                rssi_dbm[pair] = plan.radio.tx_power_dbm - plan.air.between_db(high, below)
+                rssi_dbm[pair] = plan.radio.tx_power_dbm - self._air.between_db(high, below)
         return rssi_dbm
 
     def _speak(self, ugv: _Ugv, truth: Truth) -> list[Publication]:

@@ -15,45 +15,16 @@ from pydantic import BaseModel, Field, model_validator
 
 from air_router.gossip.mapper import MARGIN_M
 from air_router.mission.mission import Mission
-from geo.airspace.zone import Circle, Ring, Shape, Zone, ZoneError, checked_ring
+from geo.airspace.zone import Circle, Ring, Zone, ZoneError, checked_ring
 from geo.frame import FrameError, Point
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.world.air_to_ground import AirScenario, AirToGround
 from sitl.world.radio import RadioModel
 from sitl.world.terrain import Camera, Road, Scene
 from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
 
-_RADIO, _CAMERA = RadioModel(), Camera()
-READING_INTERVAL_S = 0.5
-PICTURE_INTERVAL_S = 1.0
-
 Keys = tuple[str | int, ...]
 _Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 _Line = Annotated[list[_Pair], Field(min_length=2)]
-_Positive = Annotated[float, Field(gt=0, le=1e6)]
-
-
-class _Radio(BaseModel):
-    tx_power_dbm: Annotated[float, Field(ge=-50, le=60)] = _RADIO.tx_power_dbm
-    reference_loss_db: Annotated[float, Field(ge=0, le=120)] = _RADIO.reference_loss_db
-    path_loss_exponent: Annotated[float, Field(ge=1, le=10)] = _RADIO.path_loss_exponent
-    ground_to_ground_loss_db: Annotated[float, Field(ge=0, le=120)] = (
-        _RADIO.ground_to_ground_loss_db
-    )
-    shadowing_db: Annotated[float, Field(ge=0, le=30)] = _RADIO.shadowing_db
-    shadowing_interval_s: _Positive = _RADIO.shadowing_interval_s
-    sensitivity_dbm: Annotated[float, Field(ge=-200, le=0)] = _RADIO.sensitivity_dbm
-    air: AirScenario | None = None
-    carrier_ghz: Annotated[float, Field(ge=0.5, le=100)] = 2.4
-    reading_interval_s: _Positive = READING_INTERVAL_S
-    rate_bytes_s: _Positive | None = None
-
-
-class _Camera(BaseModel):
-    fov_across_deg: Annotated[float, Field(gt=0, le=150)] = _CAMERA.fov_across_deg
-    fov_along_deg: Annotated[float, Field(gt=0, le=150)] = _CAMERA.fov_along_deg
-    min_height_m: Annotated[float, Field(ge=0, le=1e4)] = _CAMERA.min_height_m
-    interval_s: _Positive = PICTURE_INTERVAL_S
 
 
 class _Road(BaseModel):
@@ -78,8 +49,8 @@ class _Robot(BaseModel):
 
 class _World(BaseModel):
     coordinates: Literal["degrees", "local"] = "degrees"
-    radio: _Radio = _Radio()
-    camera: _Camera = _Camera()
+    radio: RadioModel = RadioModel()
+    camera: Camera = Camera()
     terrain: _Terrain = _Terrain()
     robots: dict[str, _Robot] = {}
 
@@ -99,10 +70,7 @@ class WorldPlan:
         scene: What stands where.
         patrols: Where each ground robot drives, by name.
         margin_m: How far the terrain reaches beyond the fence.
-        picture_interval_s: Simulated seconds between two pictures.
-        reading_interval_s: Simulated seconds between two radio readings.
-        rate_bytes_s: What a link carries per simulated second; None: no limit.
-        air: The link between a vehicle above the roofs and a robot below; None: as any other.
+        seed: Chooses the fading.
     """
 
     radio: RadioModel
@@ -110,10 +78,7 @@ class WorldPlan:
     scene: Scene
     patrols: Mapping[str, PatrolPlan]
     margin_m: float = MARGIN_M
-    picture_interval_s: float = PICTURE_INTERVAL_S
-    reading_interval_s: float = READING_INTERVAL_S
-    rate_bytes_s: float | None = None
-    air: AirToGround | None = None
+    seed: int = 0
 
 
 def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed: int) -> WorldPlan:
@@ -157,24 +122,12 @@ class _Reader:
             raise DocumentError(self.problems)
         missing = [name for name in robots if name not in patrols]
         patrols |= default_patrols(self.mission, missing, seed, patrols.values())
-        radio = model.radio.model_dump(include=set(RadioModel.__dataclass_fields__))
-        air, carrier_ghz = model.radio.air, model.radio.carrier_ghz
-        camera = model.camera.model_dump(exclude={"interval_s"})
-        return WorldPlan(
-            radio=RadioModel(**radio, seed=seed),
-            camera=Camera(**camera),
-            scene=scene,
-            patrols=patrols,
-            margin_m=model.terrain.margin_m,
-            picture_interval_s=model.camera.interval_s,
-            reading_interval_s=model.radio.reading_interval_s,
-            rate_bytes_s=model.radio.rate_bytes_s,
-            air=None if air is None else AirToGround(air, carrier_ghz, seed),
-        )
+        return WorldPlan(model.radio, model.camera, scene, patrols, model.terrain.margin_m, seed)
 
     def _scene(self) -> Scene:
         terrain = self.model.terrain
-        buildings = tuple(_ground_ring(zone.shape) for zone in self._standing())
+        shapes = (zone.shape for zone in self._standing())
+        buildings = tuple(s.corners if isinstance(s, Circle) else s.ring for s in shapes)
         if terrain.buildings is not None:
             buildings = self._rings(terrain.buildings, ("terrain", "buildings"))
         return Scene(
@@ -257,7 +210,3 @@ class _Reader:
 
     def _report(self, keys: Keys, message: str, code: str) -> None:
         self.problems.append(self.document.problem(keys, message, code))
-
-
-def _ground_ring(shape: Shape) -> Ring:
-    return shape.corners if isinstance(shape, Circle) else shape.ring

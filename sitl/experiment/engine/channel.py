@@ -1,4 +1,4 @@
-"""The radio channel as the engine sees it: a port, and the two models behind it.
+"""The radio channel as the engine sees it, and the two models of it.
 
 A model says who is in contact, how long a transmission takes, which transmissions exclude each
 other, and in which order those that wait get their turn. What moves is in `channel_sim`.
@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from operator import itemgetter
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -81,7 +81,7 @@ class Change(NamedTuple):
     up: bool
 
 
-class Channel(Protocol):
+class Channel:
     """A model of the radio channel. Deterministic: seeded, and asked in a fixed order.
 
     Attributes:
@@ -91,24 +91,28 @@ class Channel(Protocol):
             message is whole.
     """
 
-    patience_s: float
-    pull_every_s: float | None
-    frame_by_frame: bool
+    patience_s: float = TIMEOUT_S
+    pull_every_s: float | None = None
+    frame_by_frame: bool = True
 
     def look(self, now_s: float, places: Places) -> list[Change]:
         """Contacts that began or ended since the last look, in order of the robots' numbers."""
+        raise NotImplementedError
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:
         """How long a transmission that begins now takes."""
+        raise NotImplementedError
 
     def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
-        """Sorts those that wait for the channel; the least is next."""
+        """Sorts those that wait for the channel, the least is next: who has waited longest."""
+        return (ready_s, *link)
 
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
-        """Which of those that wait may begin beside those under way; None: none may."""
+    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
+        """Which of those that wait may begin beside those under way (any); None: none may."""
+        return 0
 
 
-class PaperChannel:
+class PaperChannel(Channel):
     """Exponential latencies per stage, one transmission at a time anywhere, contact by radius.
 
     Args:
@@ -148,25 +152,20 @@ class PaperChannel:
         rate_1_s = self._rates_1_s[load.stage]
         count = load.stage is Stage.DATA and not self.frame_by_frame
         pieces = max(load.messages, 1) if count else 1
-        return math.fsum(self._latency_s(rate_1_s) for _ in range(pieces))
+        return math.fsum(-math.log(1.0 - self._chance.random()) / rate_1_s for _ in range(pieces))
 
     def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
         """As the model's reading has it."""
-        if self._order == "arrival":
-            return (ready_s, *link)
         if self._order == "random":
             return (self._chance.random(), *link)
-        return link
+        return link if self._order == "fixed" else super().turn(link, ready_s)
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
         """The first, unless any robot sends anywhere."""
         return None if busy else 0
 
-    def _latency_s(self, rate_1_s: float) -> float:
-        return -math.log(1.0 - self._chance.random()) / rate_1_s
 
-
-class PathLossChannel:
+class PathLossChannel(Channel):
     """A radio as robots have it: power that falls with distance, fades, and is lost in buildings.
 
     Contact begins and ends by received power, the rate follows from it, and robots that do not hear
@@ -179,20 +178,16 @@ class PathLossChannel:
         seed: Makes the fading.
     """
 
-    patience_s = TIMEOUT_S
-    frame_by_frame = True
-
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
         self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
-        radio = RadioModel(
+        radio = RadioModel.model_construct(  # an experiment may ask for more than a world file
             shadowing_db=model.shadowing_db,
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
-            seed=seed,
         )
         air, ghz = model.air, model.carrier_ghz
         self._radio = TownRadio(
-            *(radio, town.raster, names),
+            *(radio, town.raster, names, seed),
             building_loss_db_m=model.building_loss_db_m,
             most_building_db=model.most_building_db,
             air=None if air == "log_distance" else AirToGround(air, ghz, seed),
@@ -228,10 +223,6 @@ class PathLossChannel:
             return _WIFI[max(place - 1, 0)][1] * 1e6 / 8 * _WIFI_SHARE
         share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
         return model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
-
-    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
-        """Who has waited longest."""
-        return (ready_s, *link)
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
         """The first that disturbs no transmission and is not disturbed."""

@@ -15,7 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -38,7 +38,7 @@ from air_router.routing.router import Router
 from mocha_link.links.metrics import ContactBegan, ContactEnded, Direction, SyncEnded, SyncStarted
 from mocha_link.team.team import Team
 from sitl.experiment.engine.ages import mean_age_s
-from sitl.experiment.engine.channel import Change, Link, Load, Places
+from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats
 from sitl.experiment.events import EventLog, EventQueue
@@ -80,12 +80,10 @@ class _WorldSim(ChannelSim):
         return [Change(min(a, b), max(a, b), up) for a, b, up in ends]
 
 
-class _WorldChannel:
+class _WorldChannel(Channel):
     """No transmission disturbs another, and bytes cost nothing."""
 
     patience_s = math.inf
-    pull_every_s: float | None = None
-    frame_by_frame = True
     sim: _WorldSim  # that sends over it
 
     def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
@@ -93,12 +91,6 @@ class _WorldChannel:
 
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002
         return load.round_trips * _ROUND_TRIP_S
-
-    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
-        return (ready_s, *link)
-
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
-        return 0
 
 
 class WorldRun:
@@ -143,7 +135,6 @@ class WorldRun:
             *(roles.vehicles[0], mission, flight_plan, settings, queue, log),
             Controller(setup, router, flight_plan),
             MapPainter(mission.frame.origin, self._world.raster, plan.camera),
-            plan.picture_interval_s,
         )
         flies = {"publish": uav.say, "hear": uav.hear}
         drives: dict[str, Any] = {"publish": list, "hear": lambda _event: None}

@@ -45,13 +45,14 @@ class MapPainter:
         camera: What the UAV sees of it.
 
     Attributes:
+        camera: As given.
         grid: The map, over the raster's bounds at its resolution.
         known_cells: How many of its cells are known.
     """
 
     def __init__(self, origin: Geodetic, raster: Raster, camera: Camera) -> None:
         self._raster = raster  # the truth
-        self._camera = camera
+        self.camera = camera
         self._last: tuple[Point, float, float] | None = None  # seen from
         self._published = 0  # how many cells the last published map knew
         self.known_cells = 0
@@ -68,7 +69,7 @@ class MapPainter:
     def look(self, position: Point, height_m: float, heading_deg: float) -> None:
         """Take a picture from above; its upper edge points along the heading."""
         seen_from = position, height_m, heading_deg
-        patch = None if seen_from == self._last else self._camera.look(self._raster, *seen_from)
+        patch = None if seen_from == self._last else self.camera.look(self._raster, *seen_from)
         if patch is not None:
             self._last = seen_from
             self.known_cells += self.grid.paint(patch)
@@ -84,10 +85,9 @@ class MapPainter:
 COMMAND_S: Final = 0.05
 """From a decision to the vehicle following it."""
 
-CAMERA: Final = Camera(fov_across_deg=60.0, fov_along_deg=45.0)
+CAMERA: Final = Camera(fov_across_deg=60.0, fov_along_deg=45.0, interval_s=2.0)
 """As in the world of missions/urban: from 60 m it sees 69 m by 50 m."""
 
-PICTURE_S: Final = 2.0
 SEEK_AGAIN_S: Final = 30.0
 
 
@@ -113,7 +113,6 @@ class Uav:
         log: EventLog,
         controller: Controller,
         painter: MapPainter,
-        picture_s: float = PICTURE_S,
     ) -> None:
         self.name = name
         kind = Flyer if settings.airframe == "plain" else AirframeFlyer
@@ -126,7 +125,6 @@ class Uav:
         self._log = log
         self._reader = TeamMessageDecoder(mission.frame)
         self._waiting: Motion | None = None  # decided, not sent to the vehicle yet
-        self._picture_s = picture_s  # between two pictures
         self._map_every_s = settings.map_interval_s  # least time between maps for peers that ask
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
         self._seen = False  # robots are, by an oracle
@@ -142,7 +140,7 @@ class Uav:
         """Fly on, and tell the controller."""
         now_s = self._queue.now_s
         self.flyer.fly(now_s)
-        if now_s - self._picture_at_s >= self._picture_s:
+        if now_s - self._picture_at_s >= self.painter.camera.interval_s:
             self._picture_at_s = now_s
             self.painter.look(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
         self._tell(self.flyer.telemetry())

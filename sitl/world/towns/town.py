@@ -9,18 +9,16 @@ one that a building reaches into is a building.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells, Terrain
-from sitl.world.terrain import VEHICLE_RADIUS_M, Raster, Road
+from sitl.world.terrain import Raster, Road, Scene, layers
 
 Ring = tuple[Point, ...]
 
@@ -173,22 +171,15 @@ class Town:
         )
         cells = np.full((rows, columns), Terrain.GRAVEL, dtype=np.uint8)
         raster = Raster(west_m, south_m, RESOLUTION_M, cells)
-        raster.fill(self._layers())
+        raster.fill([(Terrain.GRASS, shapely.Polygon(self.outline)), *layers(self.scene)])
         cells.setflags(write=False)
         return raster
 
-    def _layers(self) -> Iterator[tuple[Terrain, BaseGeometry]]:
-        yield Terrain.GRASS, shapely.Polygon(self.outline)
-        for ring in self.vegetation:
-            yield Terrain.VEGETATION, shapely.Polygon(ring)
-        for road in self.roads:
-            yield Terrain.ROAD, shapely.LineString(road.points).buffer(road.width_m / 2)
-        for ring in self.buildings:
-            yield Terrain.BUILDING, shapely.Polygon(ring)
-        for ring in self.yards:
-            yield Terrain.GRAVEL, shapely.Polygon(ring)
-        for goal in self.goals:
-            yield Terrain.VEHICLE, shapely.Point(goal.position).buffer(VEHICLE_RADIUS_M)
+    @property
+    def scene(self) -> Scene:
+        """What stands in it."""
+        vehicles = tuple(goal.position for goal in self.goals)
+        return Scene(self.vegetation, self.roads, self.buildings, self.yards, vehicles)
 
     @cached_property
     def lattice(self) -> Lattice:

@@ -23,7 +23,7 @@ def make_world(air=None, vehicles=("titan",), **topics) -> World:
         "io": PatrolPlan(Patrol([WEST, Point(-200, 60)])),
         "europa": PatrolPlan(Patrol([EAST])),
     }
-    plan = WorldPlan(RadioModel(), Camera(), scene, patrols, air=air)
+    plan = WorldPlan(RadioModel(air=air), Camera(), scene, patrols)
     raster = Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0)
     speech = {name: topics.get(name, ALL_TOPICS) for name in patrols}
     return World(plan, FRAME, vehicles, raster, speech)
@@ -85,7 +85,7 @@ def test_above_the_roofs_the_link_may_be_that_of_3gpp():
     """200 m away, with a line of sight; below the roofs it is as any other."""
     link = AirToGround("uma_av", 2.4, 0)
     middle = Point(60, 30)
-    world = make_world(air=link)
+    world = make_world("uma_av")
     drive(world, 5, middle)
     europa = EAST.east_m, EAST.north_m, 0.5
     assert world.contact("titan", "europa").up

@@ -14,7 +14,6 @@ from geo.validity import Validity
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
 from sitl.team.roles import make_world, roles_of
-from sitl.world.air_to_ground import AirToGround
 from sitl.world.ugv import GroundRobot
 from sitl.world.world_file import load_world
 
@@ -57,7 +56,7 @@ def test_in_an_hour_of_patrol_no_two_robots_hear_each_other_but_the_vehicle_can(
         for a, b in itertools.combinations(robots, 2):
             closest_m = min(closest_m, math.dist(a.position, b.position))
     loss_db = plan.radio.reference_loss_db + plan.radio.ground_to_ground_loss_db
-    ground = dataclasses.replace(plan.radio, reference_loss_db=loss_db)
+    ground = plan.radio.model_copy(update={"reference_loss_db": loss_db})
     assert closest_m > ground.longest_range_m + 10
     height_m = mission.altitude_above_home_m
     slant_m = plan.radio.range_m(plan.radio.sensitivity_dbm)
@@ -113,7 +112,7 @@ def test_zones_of_the_air_are_no_buildings(pennovation):
 def test_the_seed_chooses_the_default_world(pennovation):
     def stops(seed):
         plan = load_world(None, pennovation, ROBOTS, seed)
-        return [robot.patrol.stops for robot in plan.patrols.values()], plan.radio.seed
+        return [robot.patrol.stops for robot in plan.patrols.values()], plan.seed
 
     assert stops(3) == stops(3)
     assert stops(3) != stops(4)
@@ -155,12 +154,11 @@ robots:
 """,
         seed=9,
     )
-    assert plan.radio.seed == 9
+    assert plan.seed == 9
     assert (plan.radio.tx_power_dbm, plan.radio.sensitivity_dbm) == (10, -80)
-    assert (plan.reading_interval_s, plan.rate_bytes_s) == (0.25, 250_000)
-    own = AirToGround("uma_av", 5.2, 9)
-    assert plan.air.between_db((0, 0, 60), (200, 0, 1)) == own.between_db((0, 0, 60), (200, 0, 1))
-    assert (plan.camera.fov_along_deg, plan.picture_interval_s) == (70, 2)
+    assert (plan.radio.reading_interval_s, plan.radio.rate_bytes_s) == (0.25, 250_000)
+    assert (plan.radio.air, plan.radio.carrier_ghz) == ("uma_av", 5.2)
+    assert (plan.camera.fov_along_deg, plan.camera.interval_s) == (70, 2)
     assert plan.margin_m == 20
     assert plan.scene.roads[0].width_m == 5
     assert plan.scene.vehicles == (Point(1, 2),)

@@ -24,7 +24,7 @@ from sitl.world.towns.ways import PASSABLE, Ways
 from sitl.world.world_file import load_world
 
 URBAN = Path(__file__).parents[4] / "missions" / "urban"
-CAMERA = Camera(60.0, 45.0, 5.0)
+CAMERA = Camera(fov_across_deg=60.0, fov_along_deg=45.0)
 SMALL = """\
 name: Small
 frame: {origin: [38.5, -98.5]}
