@@ -95,7 +95,8 @@ class _Reading:
             row.setdefault("town", "urban")
         differing = varied(rows)
         labels = [
-            label or _label(row, differing) for (label, _), row in zip(variants, rows, strict=True)
+            label or ", ".join(_named(key, row.get(key, "default")) for key in differing) or "all"
+            for (label, _), row in zip(variants, rows, strict=True)
         ]
         _refuse(itertools.chain(self._file_problems(rows), self._repeated(labels)))
         made = tuple(
@@ -240,11 +241,6 @@ def _merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
         both = isinstance(before, Mapping) and isinstance(value, Mapping)
         merged[key] = _merged(before, value) if both else value  # type: ignore[arg-type]
     return merged
-
-
-def _label(row: Mapping[str, Any], differing: tuple[str, ...]) -> str:
-    """A row's name from the settings in which it differs from others."""
-    return ", ".join(_named(key, row.get(key, "default")) for key in differing) or "all"
 
 
 def _named(key: str, value: Any) -> str:

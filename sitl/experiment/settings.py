@@ -102,7 +102,7 @@ class PaperModel(_Model):
 
 
 class PathLossModel(_Model):
-    """Log-distance path loss with shadowing and buildings: `sitl.world.town_radio`.
+    """Log-distance path loss with shadowing and buildings: `sitl.world.radio`.
 
     Two transmissions exclude one another only if one of the four robots hears one of the other
     two; so far apart they share the channel in space.

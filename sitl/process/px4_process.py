@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import AirRouterError, NoVehicleError
+from air_router.sim.ports import is_free
 from mocha_link.node.lifetime import Closeable
 from sitl.mavlink.codec import frames
 from sitl.process.end_with_parent import ending_with_us
@@ -194,7 +195,8 @@ def _free_instance(wanted: int | None) -> int:
     """An instance whose ports are free; PX4's own lock files are looked at, too."""
     instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
     for instance in instances:
-        if not _is_locked(instance) and all(_is_free(first + instance) for first in _PORTS):
+        ends = ((socket.SOCK_DGRAM, "127.0.0.1", first + instance) for first in _PORTS)
+        if not _is_locked(instance) and all(is_free(*end) for end in ends):
             return instance
     words = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
     raise PortsInUseError(
@@ -213,15 +215,6 @@ def _is_locked(instance: int) -> bool:
     except OSError:  # mostly: there is no such file
         return False
     return False
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
 
 
 def _can_arm(datagram: bytes) -> bool:

@@ -166,7 +166,7 @@ class VehicleProcess(Closeable):
         self.settings, self.ports = settings, ports
         self._pace = pace or Pace()  # without one it waits for no process
         self.vehicle = MavlinkVehicle(settings)
-        self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
+        self._links: dict[MavlinkLink, UdpLink] = {}  # those that are open
         try:
             self._open(self.vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
             if ports.ground_to is not None:
@@ -178,7 +178,7 @@ class VehicleProcess(Closeable):
 
     def port(self, link: MavlinkLink) -> int:
         """The port that a link receives on."""
-        return next(end.port for opened, end in self._links if opened is link)
+        return self._links[link].port
 
     def pace(self) -> dict[str, Any]:
         """What became of the speed that was asked for; see `Pace.told`."""
@@ -212,27 +212,25 @@ class VehicleProcess(Closeable):
     def close(self) -> None:
         """Free the ports."""
         self._pace.close()
-        for _, end in self._links:
+        for end in self._links.values():
             end.close()
         self._links.clear()
 
     def _open(self, link: MavlinkLink, bind: Address, partner: Address, what: str) -> None:
         # On a free port only the partner that was named can mean us; the truth has one receiver.
         fixed = link is self.vehicle.truth or bind[1] == 0
-        self._links.append((link, UdpLink(bind, partner, what, fixed=fixed)))
+        self._links[link] = UdpLink(bind, partner, what, fixed=fixed)
 
     def _receive(self, timeout_s: float, *, held: bool) -> None:
         """Answer what comes in until it is time for the next step, or the clock is held no more."""
         end_s = time.monotonic() + timeout_s
         while (left_s := end_s - time.monotonic()) > 0:
-            ends: list[UdpLink | socket.socket] = [end for _, end in self._links]
-            ready = select.select([*ends, *self._pace.sockets], [], [], left_s)[0]
+            ends: list[UdpLink | socket.socket] = [*self._links.values(), *self._pace.sockets]
+            ready = select.select(ends, [], [], left_s)[0]
             if self._pace.attend(ready) and held:
                 return
-            for link, end in self._links:
-                if end not in ready:
-                    continue
-                for datagram in end.receive():
+            for link, end in self._links.items():
+                for datagram in end.receive() if end in ready else ():
                     if link is not self.vehicle.truth:
                         self.vehicle.receive(link, datagram)
             if ready:
@@ -241,6 +239,5 @@ class VehicleProcess(Closeable):
     def _flush(self) -> None:
         for link in (self.vehicle.onboard, self.vehicle.ground, self.vehicle.truth):
             frames = link.take_frames()
-            end = next((end for opened, end in self._links if opened is link), None)
-            if frames and end is not None:
-                end.send(frames)
+            if frames and link in self._links:
+                self._links[link].send(frames)

@@ -90,26 +90,17 @@ def _endpoint(url: str) -> tuple[str, int]:
     return parts.hostname or "", parts.port or 0
 
 
-@dataclass(frozen=True, slots=True)
-class HeldMap:
-    """The newest map that a robot holds: who made it, when, and how much of it is known."""
-
-    robot: str
-    stamp_s: float
-    known_cells: int
-
-
 @dataclass(slots=True)
 class MapKeeper:
     """Takes the maps that reach a robot.
 
     Attributes:
-        newest: The map in use.
+        newest: Who made the map in use, when, and how many of its cells are known; None: no map.
         history: (Unix seconds of the simulation, known cells) at every map that came.
         refused: Maps that could not be read.
     """
 
-    newest: HeldMap | None = None
+    newest: dict[str, Any] | None = None
     history: list[tuple[float, int]] = field(default_factory=list)
     refused: int = 0
 
@@ -121,9 +112,13 @@ class MapKeeper:
             self.refused += 1
             _log.warning("a map of %s makes no sense: %s", message.robot, error)
             return
-        self.newest = HeldMap(message.robot, message.stamp_s, grid.known_cells)
+        self.newest = {
+            "robot": message.robot,
+            "stamp_s": message.stamp_s,
+            "known_cells": grid.known_cells,
+        }
         if len(self.history) < MAP_HISTORY_LIMIT:
-            self.history.append((now_s, self.newest.known_cells))
+            self.history.append((now_s, grid.known_cells))
 
 
 class GroundNodes(Closeable):

@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from mocha_link.store.message import Message
-from sitl.team.nodes import GroundNodes, MapKeeper
+from sitl.team.nodes import GroundNodes
 from sitl.team.truth import SimClock
 from sitl.world.world import World
 
@@ -41,7 +40,9 @@ def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
                     }
                     for message in messages[name]
                 ],
-                **_maps(nodes.keepers[name]),
+                "map": nodes.keepers[name].newest,
+                "map_history": list(map(list, nodes.keepers[name].history)),
+                "maps_refused": nodes.keepers[name].refused,
             }
             for name in world.robots
         },
@@ -100,15 +101,6 @@ def _contacts(world: World, name: str) -> dict[str, Any]:
             "closest_m": _finite(contact.closest_m),
         }
         for peer, contact in contacts.items()
-    }
-
-
-def _maps(keeper: MapKeeper) -> dict[str, Any]:
-    newest = keeper.newest
-    return {
-        "map": None if newest is None else asdict(newest),
-        "map_history": [[at_s, cells] for at_s, cells in keeper.history],
-        "maps_refused": keeper.refused,
     }
 
 

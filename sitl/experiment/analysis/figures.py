@@ -7,7 +7,6 @@ differ in their dashes too, so the figures can be read in black and white.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from itertools import cycle
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -52,11 +51,6 @@ _MOST_ROWS: Final = 16
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
 _STEP_S: Final = 15.0
-
-
-def styled() -> AbstractContextManager[None]:
-    """Everything that is drawn within looks alike."""
-    return mpl.rc_context(fname=_STYLE)
 
 
 def sheet(  # noqa: PLR0913 - how sheets differ
@@ -282,7 +276,7 @@ def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) ->
     known = {**_OF_MEASURES, **(_OF_CURVES if any(r["curves"] for r in records) else {})}
     for name, draw in known.items():
         path = into / f"{name}.png"
-        with styled():
+        with mpl.rc_context(fname=_STYLE):
             figure = draw(experiment, records)
             if figure is not None:
                 save(figure, path, path.with_suffix(".pdf"))

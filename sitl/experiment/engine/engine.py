@@ -166,9 +166,10 @@ class Run:
             raise ValueError(f"{town.name} has no place where a ground robot could start")
         else:  # over again if there are too few
             starts = [town.starts[number % len(town.starts)] for number in range(len(names))]
+        own = (random.Random(f"{seed} {name}").getrandbits(62) for name in names)  # noqa: S311
         robots = {
-            name: GroundRobot(name, town, _seed_of(seed, name), start, self.settings.explorer)
-            for name, start in zip(names, starts, strict=True)
+            name: GroundRobot(name, town, its_seed, start, self.settings.explorer)
+            for name, its_seed, start in zip(names, own, starts, strict=True)
         }
         chance = random.Random(f"{seed} maps")  # noqa: S311 - repeatable on purpose
         recall = self.settings.explorer.recall
@@ -178,7 +179,7 @@ class Run:
         return robots
 
     def _node(self, number: int, name: str) -> Node:
-        publish: Callable[[], list[tuple[str, bytes]]] = self._base_says
+        publish: Callable[[], list[tuple[str, bytes]]] = partial(base_says, self.town, self.queue)
         hear: Callable[[LinkEvent], None] = _deaf
         uav = next((each for each in self.uavs if each.name == name), None)
         if uav is not None:
@@ -192,9 +193,6 @@ class Run:
             publish=publish,
             hear=hear,
         )
-
-    def _base_says(self) -> list[tuple[str, bytes]]:
-        return base_says(self.town, self.queue.now_s)
 
     def _ear(self, name: str) -> Callable[[LinkEvent], None]:
         """What a ground robot does with what happens on its links."""
@@ -257,11 +255,6 @@ def _check(settings: RunSettings) -> None:
 
 def _deaf(_event: LinkEvent) -> None:
     """Nothing that happens on its links matters to a base station."""
-
-
-def _seed_of(seed: int, name: str) -> int:
-    """A seed of its own for one robot."""
-    return random.Random(f"{seed} {name}").getrandbits(62)  # noqa: S311 - repeatable on purpose
 
 
 def goal_bound_share(

@@ -61,9 +61,8 @@ class Flyer:
         self.landed = False
         self._battery = Battery()  # of the simulated autopilot
         full = settings.battery
-        self._battery_s = (
-            None if full == "none" else 60.0 * full
-        )  # until empty; None: no word of it
+        # until it is empty; None: no word of it
+        self._battery_s = None if full == "none" else 60.0 * full
         self._cruise_m = mission.altitude_above_home_m
         self._climb_m_s = settings.uav_climb_m_s
         self._speed_m_s = mission.speed_m_s
@@ -135,7 +134,8 @@ class Flyer:
     def _step(self, step_s: float) -> None:
         east_m, north_m = self.position
         speed_m_s = self._speed_m_s
-        ahead_m = (0.0, 0.0) if self._target is None else _between(self.position, self._target)
+        target = self.position if self._target is None else self._target
+        ahead_m = (target[0] - east_m, target[1] - north_m)
         away_m = sqrt(ahead_m[0] * ahead_m[0] + ahead_m[1] * ahead_m[1])
         old_east, old_north = self.velocity_m_s
         moving_m_s = sqrt(old_east * old_east + old_north * old_north)
@@ -199,10 +199,6 @@ class AirframeFlyer(Flyer):
         self.velocity_m_s = round(east_m_s, 6), round(north_m_s, 6)
         if east_m_s * east_m_s + north_m_s * north_m_s > 1.0:
             self.direction = self.velocity_m_s
-
-
-def _between(start: Point, end: Point) -> tuple[float, float]:
-    return end[0] - start[0], end[1] - start[1]
 
 
 def _braking_m_s(away_m: float, acceleration_m_s2: float, step_s: float) -> float:

@@ -123,9 +123,9 @@ def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
     return Fleet(Team.from_document(document), aerial, ground, BASE if base else None)
 
 
-def base_says(town: Town, now_s: float) -> list[tuple[str, bytes]]:
+def base_says(town: Town, queue: EventQueue) -> list[tuple[str, bytes]]:
     """What a base station has to say to a peer that asks: where it stands, which is at home."""
-    pose = PoseMessage(stamp_s=EPOCH_S + now_s, **degrees(town.frame, town.home))
+    pose = PoseMessage(stamp_s=EPOCH_S + queue.now_s, **degrees(town.frame, town.home))
     return [(POSE_TOPIC, pose.encode())]
 
 

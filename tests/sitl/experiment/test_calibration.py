@@ -12,25 +12,19 @@ from mocha_link.team.document import DocumentError
 from sitl.experiment.analysis import calibration
 from sitl.experiment.analysis.calibration import DRAWS, Prediction, pooled
 from sitl.experiment.analysis.report import Report
-from sitl.experiment.analysis.tables import PAPER_TABLE
+from sitl.experiment.analysis.tables import PAPER_TABLE, paper_row
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.plan import flat, said
 from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.settings import value_of
 
 DRAWN = Path(__file__).parents[3] / "docs" / "evidence" / "calibration-draws.csv"
 WAITS = ("wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay")
 
 
-def paper_row(task):
-    team = tuple(value_of(task.row.settings, key) for key in ("radius_m", "uavs", "ugvs"))
-    return next(row for row in PAPER_TABLE if row[:3] == team)
-
-
 def made_up(task, wait="delay"):
     """The paper's numbers where robots make 0.3 of their speed, and its waits are delays."""
     chance = random.Random(task.seed)
-    row, explorer = paper_row(task), task.row.settings["explorer"]
+    row, explorer = paper_row(task.row.settings), task.row.settings["explorer"]
     faster = math.log(explorer["progress"] / 0.3)
     measures = {
         "goals_found_percent": row.goals_percent + 20 * faster + chance.gauss(0, 3),

@@ -15,12 +15,14 @@ from geo.frame import Geodetic, LocalFrame, Point
 from sitl.experiment.engine import channel
 from sitl.experiment.engine.ages import mean_age_s
 from sitl.experiment.engine.channel import Stage
-from sitl.experiment.engine.engine import Run
+from sitl.experiment.engine.engine import Run, goal_bound_share
 from sitl.experiment.engine.result import measured
 from sitl.experiment.robots import uav
 from sitl.experiment.settings import MissionTimers, PathLossModel, RunSettings
 from sitl.world import terrain
 from sitl.world.explorers import explorer
+from sitl.world.explorers.settings import ExplorerSettings
+from sitl.world.towns.town_file import load_town
 
 ROOT = Path(__file__).parents[4]
 URBAN = ROOT / "missions" / "urban"
@@ -277,3 +279,40 @@ def test_places_are_the_town_s_or_the_seed_s():
     assert places(first) == places(again) != places(other)
     assert first.town.goals == again.town.goals != other.town.goals
     assert len(first.town.goals) == len(fixed[0].town.goals)
+
+
+STREET = """\
+name: Street
+frame: {origin: [38.5, -98.5]}
+home: [0, 0]
+bounds: {west_m: -100, south_m: -20, east_m: 100, north_m: 20}
+outline: [[-98, -18], [98, -18], [98, 18], [-98, 18]]
+roads:
+  - {width_m: 8, points: [[-96, 0], [96, 0]]}
+goals: {a: [53, 0], b: [-53, 0]}
+starts: [[1, 1]]
+"""
+AT_ONE_M_S = ExplorerSettings(speed_m_s=1.0, progress=1.0)
+REACH_M = 13.0  # of arrival, and by which a vehicle may be taken for beside where it is
+
+
+@pytest.fixture
+def street(tmp_path):
+    path = tmp_path / "town.yaml"
+    path.write_text(STREET, encoding="utf-8")
+    return load_town(path)
+
+
+def test_robots_share_goals_and_one_alone_has_a_way_between_them(street):
+    alone, both = [Point(1.0, 1.0)], [Point(1.0, 1.0), Point(-53.0, 1.0)]
+    first_m = 53.0 - REACH_M - 2.0
+    second_m = first_m + 106.0 - 2 * REACH_M
+    share = (2 - (first_m + second_m) / 400.0) / 2
+    assert goal_bound_share(street, alone, AT_ONE_M_S, 400.0) == pytest.approx(share, abs=0.01)
+    assert goal_bound_share(street, both, AT_ONE_M_S, 400.0) == pytest.approx(
+        (2 - first_m / 400.0) / 2, abs=0.01
+    )
+    assert goal_bound_share(street, alone, AT_ONE_M_S, first_m + 20.0) == pytest.approx(
+        20.0 / (first_m + 20.0) / 2, abs=0.03
+    )
+    assert goal_bound_share(street, [], AT_ONE_M_S, 400.0) == 0.0
