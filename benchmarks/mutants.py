@@ -176,7 +176,7 @@ MUTANTS = (
          "self._airspace.with_margin(graph.mission.planner.departure_margin_m)", "self._airspace", "router"),
     _row("leg to a zone", "air_router.router",
          "if self._airspace.point_clear(end) and (whole", "if (whole", "router"),
-    _row("no way from afar", "air_router.planners", "            if seen:", "            if True:",
+    _row("no way from afar", "air_router.router", "            if seen:", "            if True:",
          "router"),
     # and the sync.
     _row("budget overspent", "mocha_link.sync_sender", "        if self._budget:", "        if False:",

@@ -129,9 +129,11 @@ class ReturnPlanner:
         if self._mission.planner.kind == "shortest":
             return None
         worst: tuple[tuple[int, int], Way] | None = None
-        for a, b, edge in self._graph.graph.edges(data=True):
-            if a in self.home and b in self.home:
-                length_m = (edge["length_m"] + self.home[a].length_m + self.home[b].length_m) / 2
+        for a, around in enumerate(self._graph.neighbours):
+            for b, apart_m in around:
+                if a > b or a not in self.home or b not in self.home:
+                    continue
+                length_m = (apart_m + self.home[a].length_m + self.home[b].length_m) / 2
                 legs = 1 + max(self.home[a].legs, self.home[b].legs)
                 if worst is None or length_m > worst[1].length_m:
                     worst = ((a, b), Way(length_m, legs))

@@ -1,28 +1,42 @@
 """Routes from where the vehicle is to a waypoint or any other point, every leg checked.
 
 The mission chooses between two planners (`planner.kind`): on the waypoint graph, as the paper does,
-or the shortest there is; see `planners`. Every leg is clear in the mission's planning airspace;
-what a first leg may do when the vehicle is where it should not be, or moves, is in `departure`.
+or the shortest there is. Both are exact: every leg is clear in the mission's planning airspace, and
+the first one satisfies the rule of departure: what it may do when the vehicle is where it should
+not be, or moves, is in `departure`.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
 
 from air_router.routing.departure import Departure, Momentum, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.planners import Leg, Planner, planner_of
 from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.paths.separators import separators
 
-__all__ = ["Leg", "NoRoute", "Route", "Router"]
-
 _SAME_M = 0.01
 """A free point nearer than this to a waypoint is the waypoint."""
+
+_START = -1
+"""Stands for where the vehicle is among the nodes of a way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A straight leg to a point; `node` is its waypoint number (0: home), None if it is no node."""
+
+    to: Point
+    node: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +64,9 @@ class Router:
 
     Args:
         graph: the mission's waypoint graph.
-        planner: how to plan between start and goal; None: as the mission says.
     """
 
-    def __init__(self, graph: WaypointGraph, planner: Planner | None = None) -> None:
+    def __init__(self, graph: WaypointGraph) -> None:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace  # with the tracking margin
@@ -61,7 +74,8 @@ class Router:
         self._half = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
         self._paths = graph.paths
         self._positions = graph.positions  # of nodes
-        self._planner = planner or planner_of(graph.mission.planner.kind, graph)
+        shortest = graph.mission.planner.kind == "shortest"
+        self._planner = None if shortest else WaypointPlanner(graph)
 
     def route(
         self,
@@ -146,8 +160,19 @@ class Router:
         )
 
     def _legs(self, rule: Departure, target: Leg) -> Sequence[Leg] | None:
-        """Straight there where that is clear, else as the mission's planner finds."""
-        return [target] if rule.allows(target.to) else self._planner.legs(rule, target)
+        """Straight there where that is clear, else on the graph if the mission says so.
+
+        Else, and where the graph has no way, it is the shortest clear one.
+        """
+        if rule.allows(target.to):
+            return [target]
+        legs = None if self._planner is None else self._planner.legs(rule, target)
+        if legs is not None:
+            return legs
+        doors = [rule.rest, *(on.place for on in rule.pending)] if rule.moving else []
+        first = rule.allows if rule.special else None
+        path = self._paths.path(rule.start, target.to, first=first, doors=doors)
+        return None if path is None else [*map(Leg, path[1:-1]), target]
 
     def _ways_out(self, rule: Departure) -> Iterator[tuple[Point, ...]]:
         """To clear places around a start that is not clear: straight ones, nearest first."""
@@ -211,3 +236,85 @@ def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) ->
 def _with_margin(airspace: Airspace, margin_m: float) -> Airspace:
     """Kept for the next leg that begins off the cruise altitudes."""
     return airspace.with_margin(margin_m)
+
+
+class WaypointPlanner:
+    """The paper's: onto the waypoint graph, along it, and off it at the goal.
+
+    Legs onto the graph and off it are as long as its edges at most, unless no node is seen so near.
+    """
+
+    def __init__(self, graph: WaypointGraph) -> None:
+        self._graph = graph
+        self._airspace = graph.mission.planning_airspace  # with the tracking margin
+        self._max_edge_m = graph.mission.planner.max_edge_m  # farther nodes are not joined
+
+    def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
+        """The legs in order, the target last.
+
+        None where start or goal see no waypoint, or none that the graph joins.
+        """
+        way = self._way(rule, target)
+        if way is None:
+            return None
+        first = self._graph.position(way[0])
+        there = first == rule.start and not rule.special  # nothing to fly, no leg
+        legs = [] if there else [Leg(first, way[0])]
+        for before, node in pairwise(way):
+            legs += map(Leg, self._graph.via(before, node))
+            legs.append(Leg(self._graph.position(node), node))
+        return legs if target.node is not None else [*legs, target]
+
+    def _way(self, rule: Departure, target: Leg) -> list[int] | None:
+        """The nodes of the shortest way from those that the start sees to those that the goal sees.
+
+        A* with the straight distance to the goal.
+        """
+        graph = self._graph
+        to_goal_m: list[float] = self._distances_m(target.to).tolist()
+        if target.node is not None:
+            leaving = {target.node}
+        else:
+            leaving = self._seen(target.to, lambda ends: self._airspace.legs_clear(target.to, ends))
+        if not leaving:
+            return None
+        entering = self._seen(rule.start, rule.allowed)
+        queue = []
+        for node in entering:
+            away_m = math.dist(rule.start, graph.position(node))
+            queue.append((away_m + to_goal_m[node], away_m, node, _START))
+        heapq.heapify(queue)
+        came_from: dict[int, int] = {}
+        while queue:
+            _, so_far_m, node, before = heapq.heappop(queue)
+            if node in came_from:
+                continue
+            came_from[node] = before
+            if node in leaving:  # what it is estimated by is the way from there: none is shorter
+                return _trace(came_from, node)
+            for other, length_m in graph.neighbours[node]:
+                if other not in came_from:
+                    reach_m = so_far_m + length_m
+                    heapq.heappush(queue, (reach_m + to_goal_m[other], reach_m, other, node))
+        return None
+
+    def _seen(self, place: Point, ask: Callable[[list[Point]], list[bool]]) -> set[int]:
+        """The nodes seen from a place, no farther than edges are long; else any that are seen."""
+        near = self._distances_m(place) <= self._max_edge_m
+        for nodes in (np.flatnonzero(near).tolist(), np.flatnonzero(~near).tolist()):
+            answers = ask([self._graph.position(node) for node in nodes])
+            seen = {node for node, ok in zip(nodes, answers, strict=True) if ok}
+            if seen:
+                return seen
+        return set()
+
+    def _distances_m(self, place: Point) -> npt.NDArray[np.float64]:
+        return np.asarray(np.hypot(*(self._graph.places - place).T))
+
+
+def _trace(came_from: dict[int, int], node: int) -> list[int]:
+    nodes = []
+    while node != _START:
+        nodes.append(node)
+        node = came_from[node]
+    return nodes[::-1]

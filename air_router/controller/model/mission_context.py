@@ -11,9 +11,8 @@ from functools import cached_property
 from air_router.controller.model.actions import Action, Announce, ControlHolder
 from air_router.controller.model.states import Signal, Spec, State
 from air_router.mission.mission import Mission
-from air_router.routing.planners import Leg
 from air_router.routing.return_planner import Pace
-from air_router.routing.router import NoRoute, Router
+from air_router.routing.router import Leg, NoRoute, Router
 from air_router.vehicle.input_limits import InputWatch
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
