@@ -72,8 +72,7 @@ class FlightStats:
             case Telemetry(altitude_m=altitude_m):
                 self._highest_m = max(self._highest_m, altitude_m)
         for action in actions:
-            if isinstance(action, CHANGES_TRACK):
-                self.flown.action(action)
+            self.flown.action(action)
             if isinstance(action, StateChanged):
                 self._state_changed(action)
 
@@ -176,9 +175,6 @@ def ending_of(finish: Finish, aborted_why: str | None = None) -> tuple[str, Exit
 
 # Where a vehicle flew, how far, and how near it came to what it was to keep away from.
 
-
-CHANGES_TRACK: Final = (RenewPlan, StateChanged)
-"""The actions that `FlownTrack.action` knows."""
 
 TRACK_STEP_M: Final = 0.05
 """Positions closer than this to the last one add nothing to a track but noise."""

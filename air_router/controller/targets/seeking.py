@@ -77,14 +77,6 @@ class RoundRobin:
 
 
 @dataclass(frozen=True, slots=True)
-class MeetingPoint:
-    """Where a robot would be met, and how long the vehicle flies there."""
-
-    place: SearchPlace
-    flight_s: float  # inf: no way leads there
-
-
-@dataclass(frozen=True, slots=True)
 class _Candidate:
     """A robot that could be sought: where, how old what we hold of it is, and what it is worth."""
 
@@ -150,12 +142,12 @@ class Freshest:
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """As `Policy.place`."""
-        return self._meeting(robot, targets, context).place
+        return self._meeting(robot, targets, context)[0]
 
     def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
         known = targets.tracks[robot]
-        meeting = self._meeting(robot, targets, context)
-        arrival_s = context.now_s + meeting.flight_s
+        place, flight_s = self._meeting(robot, targets, context)
+        arrival_s = context.now_s + flight_s
         course = targets.course(robot)
         doubt_s = max(arrival_s - (context.began_s if course is None else course.end_s), 0.0)
         age_s = _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
@@ -163,18 +155,19 @@ class Freshest:
         round_s = context.round_s
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
-        benefit = ages_s * self._values.get(robot, 1.0) * chance / (meeting.flight_s + round_s)
-        return _Candidate(meeting.place, age_s, meeting.flight_s, benefit)
+        benefit = ages_s * self._values.get(robot, 1.0) * chance / (flight_s + round_s)
+        return _Candidate(place, age_s, flight_s, benefit)
 
-    def _meeting(self, robot: str, targets: TargetList, context: SeekContext) -> MeetingPoint:
+    def _meeting(
+        self, robot: str, targets: TargetList, context: SeekContext
+    ) -> tuple[SearchPlace, float]:
+        """Where a robot would be met, and how long the vehicle flies there; infinite: no way."""
         course = targets.course(robot)
         if course is None:
-            return MeetingPoint(
-                SearchPlace(robot, None, NEVER_HEARD), context.flight_s(context.unseen)
-            )
+            return SearchPlace(robot, None, NEVER_HEARD), context.flight_s(context.unseen)
         along_m, flight_s = self._meet(course, context)
         words = _words(course, along_m, context)
-        return MeetingPoint(SearchPlace(robot, course.place(along_m), words), flight_s)
+        return SearchPlace(robot, course.place(along_m), words), flight_s
 
     def _meet(self, course: PredictedPath, context: SeekContext) -> tuple[float, float]:
         """How far along a course the robot is sought, and the flight there."""
