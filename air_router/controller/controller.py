@@ -20,7 +20,6 @@ from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.deviations import Deviations
 from air_router.controller.envelope import Envelope, ReturnMonitor
-from air_router.controller.missing_inputs import MissingInputs
 from air_router.controller.model.actions import (
     Action,
     ControlHolder,
@@ -52,7 +51,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoValidator
-from air_router.controller.states.search_points import Search
+from air_router.controller.states.search_state import Search
 from air_router.controller.states.table import STATES, StateHandlers, transitions
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
@@ -114,9 +113,8 @@ class Controller:
         self._home = HomeWatch(context)
         self._monitor = SafetyMonitor(context, gate, plan)
         self._envelope = Envelope(context, gate, self._home)
-        self._deviations = Deviations(context, gate)
         self.returns = ReturnMonitor(context, states.reachability)
-        self._missing = MissingInputs(context, gate, self.returns)
+        self._deviations = Deviations(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
         self._home.doubted = self.airspace_update.altitude_doubted
@@ -212,8 +210,8 @@ class Controller:
             self._authority.look_on(telemetry)
         elif telemetry.in_air:
             status = context.inputs.look(telemetry)
-            if status is not CALM:
-                self._missing.follow(status, telemetry)  # the climb ends above home by itself
+            if status is not CALM:  # the climb ends above home by itself
+                self._deviations.inputs_missing(status, telemetry)
         if context.state is State.READY:
             self.states.ready.watch(telemetry)
         climbs = context.state is State.READY and context.handed_over and telemetry.in_air
@@ -226,7 +224,7 @@ class Controller:
         """It is ours, and where it may be: all inputs are there; then on with the mission."""
         context, exploration = self.context, self.exploration
         status = context.inputs.look(telemetry)
-        if status is not CALM and self._missing.follow(status, telemetry):
+        if status is not CALM and self._deviations.inputs_missing(status, telemetry):
             return
         cruises = context.spec.cruises and context.zones is None and self._climb.climb is None
         if moved is not None:

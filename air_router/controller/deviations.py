@@ -1,4 +1,4 @@
-"""What follows where the vehicle is off what was planned.
+"""What follows where the vehicle is off what was planned, or inputs are missing.
 
 Each deviation is told when it begins. What follows is in this table; nothing follows while a pilot
 flies, zones are being changed, or the vehicle lands.
@@ -21,6 +21,8 @@ flies, zones are being changed, or the vehicle lands.
 
 Where no way home is clear at both altitudes it hovers; asked for `home` once more, or with the
 battery at its reserve, it comes home by a way that is clear at the autopilot's.
+
+For a fix, a position or the battery that is missing, `InputLimit` has what follows.
 """
 
 from __future__ import annotations
@@ -31,10 +33,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
+from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.model.states import Signal
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
+from air_router.vehicle.input_limits import InputStatus, Stop
+from air_router.vehicle.vehicle import Telemetry
 
 HOLD_S: Final = 2.0
 """A vehicle that holds for a deviation stands after so long, and goes on."""
@@ -49,12 +54,14 @@ class Deviations:
     """Has a vehicle that flies its mission by our commands keep to what was planned.
 
     Args:
-        context: Where it says what is off, and has it come home.
+        context: Where it says what is off or missing, and has it come home.
         gate: Has it hold.
+        returns: Looks at time and charge, which go on while inputs are missing.
     """
 
     _context: MissionContext
     _gate: CommandGate
+    _returns: ReturnMonitor
     _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))  # holds, when
 
     def follow(self, found: Collection[Deviation]) -> None:
@@ -77,6 +84,28 @@ class Deviations:
             self._gate.stop()
             self._context.has_to_stop = True
             self._gate.hold("home was moved")
+
+    def inputs_missing(self, status: InputStatus, telemetry: Telemetry) -> bool:
+        """Tell which inputs are missing; whether too few of them come to fly on by."""
+        context = self._context
+        landing = context.state is State.LAND  # PX4 does so without a position too
+        for what, then in status.news:
+            context.say(f"{what}: {'landing on' if landing else then}" if then else what)
+        if status.home_why is not None:
+            context.come_home(status.home_why)
+        if context.state is State.READY:
+            return False
+        if status.stop is Stop.NONE:
+            if status.back:
+                context.retry_in(0.0)
+            return False
+        may_retry = context.take_retry() or context.retry_at_s is None
+        if status.stop is Stop.HOLD and not landing and may_retry:
+            self._gate.hold(status.why)  # unless that is what it does
+        self._returns.check(telemetry)  # time and charge go on
+        if context.left_s == 0.0 and context.zones is None:
+            context.signal(Signal.TIMER)
+        return True
 
     def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
         context = self._context

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.states.search_points import Search
+from air_router.controller.states.search_state import Search
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
