@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.end_with_parent import stop_signal
 from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.vehicle import Address, Ports, VehicleProcess, px4_ports
+from sitl.process.vehicle import Address, End, Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS
 from sitl.px4sim.state import Place
@@ -145,7 +144,11 @@ def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
 def place_of(arguments: argparse.Namespace) -> Place:
     """Where the command line says that the vehicle starts."""
     home: Place | None = arguments.home
-    return home or _home_of(arguments.mission, arguments.uav)
+    if home is not None or arguments.mission is None:
+        return home or PX4_HOME
+    mission = load_mission(arguments.mission, uav=arguments.uav)
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
+    return Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0)
 
 
 def process_of(arguments: argparse.Namespace, **settings: Any) -> VehicleProcess:
@@ -181,11 +184,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
     with process_of(arguments) as process, stop_signal() as stopped:
         settings, ports = process.settings, process.ports
-        ground = ports.ground_to
+        host, port = ports.truth.partner
         links = {
-            "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",
-            "gcs": None if ground is None else f"udpin://127.0.0.1:{ground[1]}",
-            "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
+            "mavlink": f"udpin://127.0.0.1:{ports.onboard.partner[1]}",
+            "gcs": ports.ground and f"udpin://127.0.0.1:{ports.ground.partner[1]}",
+            "truth": f"udp://{host}:{port}",
         }
         ready_line(links, settings.system_id, settings.speed, settings.place)
         process.run(stopped)
@@ -205,27 +208,12 @@ def _pace(arguments: argparse.Namespace) -> Pace:
     return Pace()
 
 
-def _home_of(path: Path | None, uav: str | None) -> Place:
-    if path is None:
-        return PX4_HOME
-    mission = load_mission(path, uav=uav)
-    latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
-    altitude_m = mission.home_altitude_amsl_m
-    return Place(latitude_deg, longitude_deg, 0.0 if altitude_m is None else altitude_m)
-
-
 def _ports(arguments: argparse.Namespace) -> Ports:
     """PX4's, except where the command line names a partner: those links take a free port."""
-    ports = px4_ports(arguments.instance)
-    if arguments.api_to is not None:
-        ports = replace(ports, onboard_bind=("", 0), onboard_to=arguments.api_to)
-    if arguments.gcs_to is not None:
-        ports = replace(ports, ground_bind=("", 0), ground_to=arguments.gcs_to)
-    if arguments.no_gcs:
-        ports = replace(ports, ground_to=None)
-    if arguments.truth_to is not None:
-        ports = replace(ports, truth_bind=("", 0), truth_to=arguments.truth_to)
-    return ports
+    named = {"onboard": arguments.api_to, "ground": arguments.gcs_to, "truth": arguments.truth_to}
+    ends = {link: End(("", 0), partner) for link, partner in named.items() if partner is not None}
+    ports = px4_ports(arguments.instance)._replace(**ends)
+    return ports._replace(ground=None) if arguments.no_gcs else ports
 
 
 def ready_line(links: dict[str, Any], system_id: int, speed: float, place: Place) -> None:

@@ -5,8 +5,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.node.lifetime import Closeable
@@ -112,36 +111,34 @@ class UdpLink:
             _log.debug("sending to %s:%d: %s", *self._partner, error)
 
 
-@dataclass(frozen=True, slots=True)
-class Ports:
+class End(NamedTuple):
+    """Where one link of a vehicle receives (port 0: on a free one), and whom it sends to."""
+
+    bind: Address
+    partner: Address
+
+
+class Ports(NamedTuple):
     """Where a vehicle listens and sends; see `px4_ports` for PX4's.
 
     Attributes:
-        onboard_bind: Of the API link.
-        onboard_to: Its partner; on PX4's port until another one talks.
-        ground_bind: Of the ground station link.
-        ground_to: The same; None: no such link.
-        truth_bind: Of the truth link.
-        truth_to: Its receiver.
+        onboard: The API link; its partner is on PX4's port until another one talks.
+        ground: The same of the ground station link; None: there is no such link.
+        truth: The truth link, and its receiver.
     """
 
-    onboard_bind: Address
-    onboard_to: Address
-    ground_bind: Address
-    ground_to: Address | None
-    truth_bind: Address
-    truth_to: Address
+    onboard: End
+    ground: End | None
+    truth: End
 
 
 def px4_ports(instance: int) -> Ports:
     """The ports of PX4's SITL instance N; it only ever sends to its own machine."""
+    here, api = "127.0.0.1", 14540 + instance if instance <= 9 else 14549
     return Ports(
-        ("", 14580 + instance),
-        ("127.0.0.1", 14540 + instance if instance <= 9 else 14549),
-        ("", 18570 + instance),
-        ("127.0.0.1", 14550),
-        ("127.0.0.1", 19450 + instance),
-        ("127.0.0.1", 19410 + instance),
+        End(("", 14580 + instance), (here, api)),
+        End(("", 18570 + instance), (here, 14550)),
+        End((here, 19450 + instance), (here, 19410 + instance)),
     )
 
 
@@ -168,10 +165,9 @@ class VehicleProcess(Closeable):
         self.vehicle = MavlinkVehicle(settings)
         self._links: dict[MavlinkLink, UdpLink] = {}  # those that are open
         try:
-            self._open(self.vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
-            if ports.ground_to is not None:
-                self._open(self.vehicle.ground, ports.ground_bind, ports.ground_to, "GCS link")
-            self._open(self.vehicle.truth, ports.truth_bind, ports.truth_to, "truth")
+            self._open(self.vehicle.onboard, ports.onboard, "API link")
+            self._open(self.vehicle.ground, ports.ground, "GCS link")
+            self._open(self.vehicle.truth, ports.truth, "truth")
         except BaseException:
             self.close()
             raise
@@ -216,10 +212,11 @@ class VehicleProcess(Closeable):
             end.close()
         self._links.clear()
 
-    def _open(self, link: MavlinkLink, bind: Address, partner: Address, what: str) -> None:
-        # On a free port only the partner that was named can mean us; the truth has one receiver.
-        fixed = link is self.vehicle.truth or bind[1] == 0
-        self._links[link] = UdpLink(bind, partner, what, fixed=fixed)
+    def _open(self, link: MavlinkLink, end: End | None, what: str) -> None:
+        if end is not None:
+            # On a free port only the partner that was named can mean us; truth has one receiver.
+            fixed = link is self.vehicle.truth or end.bind[1] == 0
+            self._links[link] = UdpLink(*end, what, fixed=fixed)
 
     def _receive(self, timeout_s: float, *, held: bool) -> None:
         """Answer what comes in until it is time for the next step, or the clock is held no more."""

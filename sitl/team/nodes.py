@@ -62,10 +62,10 @@ class RadioReadings(Closeable):
     """Sends readings to each robot's `radio` endpoint; robots without one get none."""
 
     def __init__(self, team: Team) -> None:
-        self._endpoints = {  # host and port, by robot
-            robot.name: _endpoint(robot.radio)
+        self._endpoints = {  # host and port, by robot; the team file has checked their form
+            robot.name: (place.hostname or "", place.port or 0)
             for robot in team.robots.values()
-            if robot.radio is not None
+            if robot.radio is not None and (place := urlsplit(robot.radio))
         }
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # sends only
         self._socket.setblocking(False)
@@ -83,11 +83,6 @@ class RadioReadings(Closeable):
     def close(self) -> None:
         """Free the socket."""
         self._socket.close()
-
-
-def _endpoint(url: str) -> tuple[str, int]:
-    parts = urlsplit(url)  # the team file has checked its form
-    return parts.hostname or "", parts.port or 0
 
 
 @dataclass(slots=True)

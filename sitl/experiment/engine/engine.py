@@ -179,20 +179,19 @@ class Run:
         return robots
 
     def _node(self, number: int, name: str) -> Node:
-        publish: Callable[[], list[tuple[str, bytes]]] = partial(base_says, self.town, self.queue)
-        hear: Callable[[LinkEvent], None] = _deaf
-        uav = next((each for each in self.uavs if each.name == name), None)
-        if uav is not None:
-            publish, hear = uav.say, self.ages.listener(name, uav.hear)
-        elif name in self.robots:
-            publish, hear = self.robots[name].outbox, self.ages.listener(name, self._ear(name))
-        triggered = self.settings.pulls == "node"
-        return Node(
+        make = partial(
+            Node,
             *(number, name, self.fleet.team, self.queue),
-            triggered=triggered,
-            publish=publish,
-            hear=hear,
+            triggered=self.settings.pulls == "node",
         )
+        if name == self.fleet.base:
+            return make(publish=partial(base_says, self.town, self.queue))
+        if name in self.robots:
+            publish, hear = self.robots[name].outbox, self._ear(name)
+        else:
+            uav = next(each for each in self.uavs if each.name == name)
+            publish, hear = uav.say, uav.hear
+        return make(publish=publish, hear=self.ages.listener(name, hear))
 
     def _ear(self, name: str) -> Callable[[LinkEvent], None]:
         """What a ground robot does with what happens on its links."""
@@ -251,10 +250,6 @@ def _check(settings: RunSettings) -> None:
             f"telemetry_s of {settings.telemetry_s:g}; nothing is commanded from positions older "
             f"than {MOST_TELEMETRY_S:g} s"
         )
-
-
-def _deaf(_event: LinkEvent) -> None:
-    """Nothing that happens on its links matters to a base station."""
 
 
 def goal_bound_share(

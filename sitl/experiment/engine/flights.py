@@ -136,13 +136,10 @@ class WorldRun:
             Controller(setup, router, flight_plan),
             MapPainter(mission.frame.origin, self._world.raster, plan.camera),
         )
-        flies = {"publish": uav.say, "hear": uav.hear}
-        drives: dict[str, Any] = {"publish": list, "hear": lambda _event: None}
-        self.nodes = {
-            name: Node(number, name, team, queue, triggered=True, **(drives if number else flies))
-            for number, name in enumerate((roles.vehicles[0], *roles.ground))
-        }
-        uav.node = self.nodes[uav.name]
+        uav.node = Node(0, uav.name, team, queue, triggered=True, publish=uav.say, hear=uav.hear)
+        self.nodes = {uav.name: uav.node}
+        for number, name in enumerate(roles.ground, start=1):  # the world says what they say
+            self.nodes[name] = Node(number, name, team, queue, triggered=True)
         channel = _WorldChannel()
         nodes = list(self.nodes.values())
         channel.sim = self._sim = _WorldSim(queue, channel, nodes, AirtimeStats(lambda _row: None))

@@ -149,8 +149,8 @@ class Node:
         queue: EventQueue,
         *,
         triggered: bool = False,
-        publish: Callable[[], list[tuple[str, bytes]]],
-        hear: Callable[[LinkEvent], None],
+        publish: Callable[[], list[tuple[str, bytes]]] = list,
+        hear: Callable[[LinkEvent], None] = lambda _event: None,
     ) -> None:
         self.number = number
         self.name = name

@@ -62,7 +62,7 @@ def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal():
 def test_a_taken_port_is_one_clear_error(capsys):
     ports = px4_ports(201)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind(ports.onboard_bind)
+        other.bind(ports.onboard.bind)
         assert main(["vehicle", "--instance", "201"]) == 4
     said = capsys.readouterr()
     assert said.out == ""
@@ -97,8 +97,8 @@ def test_a_mission_that_does_not_load_is_an_invalid_file(capsys, tmp_path):
 
 
 def test_the_ports_are_px4s():
-    assert px4_ports(0).onboard_to == ("127.0.0.1", 14540)
-    assert px4_ports(2).onboard_bind == ("", 14582)
-    assert px4_ports(12).onboard_to == ("127.0.0.1", 14549)
-    assert px4_ports(1).ground_bind == ("", 18571)
-    assert px4_ports(1).truth_to == ("127.0.0.1", 19411)
+    assert px4_ports(0).onboard.partner == ("127.0.0.1", 14540)
+    assert px4_ports(2).onboard.bind == ("", 14582)
+    assert px4_ports(12).onboard.partner == ("127.0.0.1", 14549)
+    assert px4_ports(1).ground.bind == ("", 18571)
+    assert px4_ports(1).truth.partner == ("127.0.0.1", 19411)

@@ -9,7 +9,7 @@ from sitl.cli import cli
 from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
 from sitl.conformance.session import DepartureError, Link, UdpLine
 from sitl.mavlink.vehicle import VehicleSettings
-from sitl.process.vehicle import Ports, VehicleProcess
+from sitl.process.vehicle import End, Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
 
 CONVERSATIONS = conversations()
@@ -91,7 +91,7 @@ def test_a_conversation_is_held_over_udp():
     """With a vehicle as a process would run it."""
     line = UdpLine({Link.API: 0})
     here = line._sockets[Link.API].getsockname()
-    ports = Ports(("", 0), here, ("", 0), None, ("", 0), ("127.0.0.1", 9))
+    ports = Ports(End(("", 0), here), None, End(("", 0), ("127.0.0.1", 9)))
     settings = VehicleSettings(HOME, speed=20.0, system_id=7, ground_link=False)
     stop = threading.Event()
     with VehicleProcess(settings, ports) as process:

@@ -14,7 +14,7 @@ from sitl.mavlink.vehicle import STEP_S, VehicleSettings
 from sitl.process import pace as pace_rules
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.vehicle import Ports, VehicleProcess
+from sitl.process.vehicle import End, Ports, VehicleProcess
 from sitl.px4sim.state import Place
 
 HOME = Place(39.94, -75.2, 6.7)
@@ -132,7 +132,7 @@ def make_vehicle():
 
     def make(pace):
         nowhere = ("127.0.0.1", 9)
-        ports = Ports(("", 0), nowhere, ("", 0), None, ("", 0), nowhere)
+        ports = Ports(End(("", 0), nowhere), None, End(("", 0), nowhere))
         settings = VehicleSettings(HOME, speed=FAST, ground_link=False)
         processes.append(VehicleProcess(settings, ports, pace))
         return processes[-1]
