@@ -52,7 +52,7 @@ def test_a_command_is_of_its_program():
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_one_by_one_the_commands_say_the_same_as_all_at_once(program, capsys):
-    whole = PROGRAMS[program].parser()
+    whole = PROGRAMS[program].PROGRAM.parser()
     assert asked(program, "--help") == 0
     assert capsys.readouterr().out == whole.format_help()
     for name, parser in subcommands(whole).items():
@@ -74,14 +74,14 @@ def test_wrong_usage_is_told_the_same(program, words, capsys):
     told = capsys.readouterr().err
     assert told.startswith(f"usage: {program} ")
     with pytest.raises(SystemExit):
-        PROGRAMS[program].parser().parse_args(words)
+        PROGRAMS[program].PROGRAM.parser().parse_args(words)
     assert told == capsys.readouterr().err
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_without_a_command_there_is_the_list_of_them(program, capsys):
     assert asked(program) == 2
-    assert capsys.readouterr().err == PROGRAMS[program].parser().format_help()
+    assert capsys.readouterr().err == PROGRAMS[program].PROGRAM.parser().format_help()
 
 
 MISSING = [  # the program, what is not installed, the command, what is said

@@ -82,7 +82,10 @@ def test_only_simulator_and_radios_import_pymavlink():
 
 
 SERVICES = sorted((ROOT / "packaging" / "systemd").glob("*.service"))
-PARSERS = {"air-router": air_router.cli.cli.parser, "mocha-link": mocha_link.cli.cli.parser}
+PARSERS = {
+    "air-router": air_router.cli.cli.PROGRAM.parser,
+    "mocha-link": mocha_link.cli.cli.PROGRAM.parser,
+}
 
 
 @pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)

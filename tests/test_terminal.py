@@ -33,7 +33,7 @@ def commands(parser, path=()):
                 yield from commands(command, (*path, name))
 
 
-PARSERS = {program: module.parser() for program, module in PROGRAMS.items()}
+PARSERS = {program: module.PROGRAM.parser() for program, module in PROGRAMS.items()}
 ALL = {
     (program, *path): command
     for program, parser in PARSERS.items()
@@ -60,7 +60,9 @@ def test_every_argument_says_what_it_is():
 
 def test_levels_before_and_after_the_command():
     def level(words):
-        return log_level(air_router.cli.cli.parser().parse_args(words.split()), logging.WARNING)
+        return log_level(
+            air_router.cli.cli.PROGRAM.parser().parse_args(words.split()), logging.WARNING
+        )
 
     assert level("check m.yaml") == logging.WARNING
     assert level("-v check m.yaml") == level("check m.yaml -v") == logging.INFO
@@ -80,7 +82,7 @@ def test_the_version(program, capsys):
 def test_bash_completes(tmp_path):
     (tmp_path / "mission.yaml").touch()
     for program, module in PROGRAMS.items():
-        (tmp_path / program).write_text(script(module.parser(), "bash"))
+        (tmp_path / program).write_text(script(module.PROGRAM.parser(), "bash"))
     asked = {
         "air-router re": "replay report",
         "air-router sim --se": "--seek --seed",

@@ -1,6 +1,5 @@
 """The command line: `air-router check`, `plan`, `convert` ...; each command is a module."""
 
-import argparse
 import re
 import sys
 from collections.abc import Sequence
@@ -87,11 +86,6 @@ PROGRAM = program_of(
     _EXIT_CODES,
     COMMANDS,
 )
-
-
-def parser() -> argparse.ArgumentParser:
-    """What the command line can say."""
-    return PROGRAM.parser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

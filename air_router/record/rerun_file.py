@@ -80,17 +80,15 @@ def _pose(recording: rr.RecordingStream, topic: str, message: dict[str, Any]) ->
 def _scene(recording: rr.RecordingStream, topic: str, message: dict[str, Any]) -> None:
     for entity in message["entities"]:
         path = f"world{topic}/{rr.escape_entity_path_part(entity['id'])}"
-        for kind, parts in (("lines", entity["lines"]), ("walls", entity["triangles"])):
-            if parts and kind == "lines":
-                strips = [strip for line in parts for strip in _strips(line)]
-                colours = [_rgba(line["color"]) for line in parts for _ in _strips(line)]
-                recording.log(f"{path}/lines", rr.LineStrips3D(strips, colors=colours))
-            elif parts:
-                corners = [_xyz(point) for part in parts for point in part["points"]]
-                colours = [_rgba(parts[0]["color"])] * len(corners)
-                recording.log(
-                    f"{path}/walls", rr.Mesh3D(vertex_positions=corners, vertex_colors=colours)
-                )
+        if lines := entity["lines"]:
+            strips = [strip for line in lines for strip in _strips(line)]
+            colours = [_rgba(line["color"]) for line in lines for _ in _strips(line)]
+            recording.log(f"{path}/lines", rr.LineStrips3D(strips, colors=colours))
+        if walls := entity["triangles"]:
+            corners = [_xyz(point) for wall in walls for point in wall["points"]]
+            colours = [_rgba(walls[0]["color"])] * len(corners)
+            mesh = rr.Mesh3D(vertex_positions=corners, vertex_colors=colours)
+            recording.log(f"{path}/walls", mesh)
         labels = entity["texts"]
         places = [_xyz(text["pose"]["position"]) for text in labels]
         names = [text["text"] for text in labels]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import logging
 import sys
 from collections.abc import Sequence
@@ -71,11 +70,6 @@ PROGRAM = Program(
     log_level=logging.INFO,
     log_format="%(levelname)s %(message)s",
 )
-
-
-def parser() -> argparse.ArgumentParser:
-    """What the command line can say."""
-    return PROGRAM.parser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,6 +1,5 @@
 """The command line: `sitl vehicle | team | px4 | conform | rehearse | experiment | town`."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -42,11 +41,6 @@ PROGRAM = program_of(
     "5 refused, 7 a package is missing, 130 interrupted",
     COMMANDS,
 )
-
-
-def parser() -> argparse.ArgumentParser:
-    """What the command line can say."""
-    return PROGRAM.parser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -211,6 +211,12 @@ class PretendFlight(Airframe):
     def operator_asks(self, request):
         self.give(request)
 
+    def deliver(self, request):
+        """What is decided on a request."""
+        before = len(self.actions)
+        self.give(request)
+        return self.actions[before:]
+
     # What happened.
 
     @property

@@ -30,7 +30,7 @@ What several commands take; each command names those that it has.
 def page() -> str:
     """The whole page; what several commands take is explained once."""
     modules = (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli)
-    programs = [module.parser() for module in modules]
+    programs = [module.PROGRAM.parser() for module in modules]
     count = Counter(row for program in programs for _, rows in _commands(program) for row in rows)
     means = {name: said for (name, said), times in reversed(count.most_common()) if times > 1}
     shared = sorted(means.items())

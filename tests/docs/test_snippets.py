@@ -165,7 +165,7 @@ def parsed_in(block):
 
 @functools.cache
 def parser_of(program):
-    return MODULES[program].parser()
+    return MODULES[program].PROGRAM.parser()
 
 
 def without_sudo(words):

@@ -44,19 +44,15 @@ class Shown:
         )
         self._told = [len(flight.events), len(flight.actions)]
 
-    def held(self):
-        return {}
-
     def links(self):
         return {
             name: LinkMetrics(name, signal=Reading(-60.0, Unit.DBM, "radio")) for name in ROBOTS
         }
 
     def deliver(self, request):
-        before = len(self.flight.actions)
-        self.flight.give(request)
+        decided = self.flight.deliver(request)
         self.tell()
-        return self.flight.actions[before:]
+        return decided
 
     def tell(self):
         flight = self.flight

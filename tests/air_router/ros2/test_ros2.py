@@ -60,18 +60,13 @@ class FakeClient(ControlClient):
         stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
         view = FlightView(flight.mission, flight.controller, stats, self.links)
         self.commands = CommandService(
-            flight.mission.frame, flight.controller, self.deliver, view=view.tell
+            flight.mission.frame, flight.controller, flight.deliver, view=view.tell
         )
         self.stats, self.told, self._by = stats, 0, "ROS 2"
 
     def links(self):
         rajant = Reading(31, Unit.DEVICE, "rajant")
         return {"io": LinkMetrics("io", signal=rajant), "europa": LinkMetrics("europa")}
-
-    def deliver(self, request):
-        before = len(self.flight.actions)
-        self.flight.give(request)
-        return self.flight.actions[before:]
 
     def request(self, values):
         if self.gone:
