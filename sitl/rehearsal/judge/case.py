@@ -1,33 +1,41 @@
-"""A flight as the rules of the judge see it: who answers, what the companion said and commanded."""
+"""A flight as the rules of the judge see it: its track, who answers, what was said and sent."""
 
 from __future__ import annotations
 
+import bisect
 import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from itertools import pairwise
 from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from sitl.rehearsal.judge.acceptance import accepted
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
-    MISSION,
-    REPOSITION,
-    TAKEOFF,
-    WAYPOINT,
     Evidence,
+    EvidenceError,
     SceneEvent,
     SceneEventKind,
     WireMessage,
-    command_of,
     is_motion,
-    number,
+    target_of,
     uploads_of,
 )
-from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.track import Track
+from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+
+Floats = npt.NDArray[np.float64]
+
+LAND_MODE: Final = 0x06040000
+"""HEARTBEAT.custom_mode of AUTO, LAND."""
+
+_SETTLES_S: Final = 8.0
+"""For so long an estimate that was wrong is still being corrected."""
 
 _GIVEN_BACK_IN: Final = frozenset({0x03040000, 0x04040000})
 """HEARTBEAT.custom_mode of AUTO, LOITER and MISSION: in another the pilot still flies it."""
@@ -52,9 +60,6 @@ _TELLS: Final = {
     "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
 }
 """Which message, and which of its fields, tells that the vehicle goes elsewhere."""
-
-_NOWHERE: Final = 2**31 - 1
-"""Of DO_REPOSITION: where it is."""
 
 _SAID_S: Final = 3.0
 """What the companion has on top of each limit to announce something."""
@@ -101,16 +106,36 @@ class Given(NamedTuple):
     by: Responsible
 
 
-class Case(Track):
-    """What is known of a flight.
+@dataclass(frozen=True, slots=True)
+class MissionVersion:
+    """A mission file, and from when to when it counts."""
+
+    from_s: float
+    until_s: float
+    mission: RawMission
+
+
+class Case:
+    """What is known of a flight; places are in metres of the first mission file's home.
 
     Args:
         evidence: Of it.
 
     Raises:
-        EvidenceError: it cannot be judged.
+        EvidenceError: there is no track, a mission file that cannot be read, or an unknown fault.
 
     Attributes:
+        evidence: The same.
+        versions: Mission files in order of time; the first from the beginning.
+        mission: The first of them.
+        ground_m: Of the ground at home, above mean sea level.
+        time_s: Of each sample.
+        places: East and north of home, m, of each sample.
+        above_m: Above the ground at home.
+        flying: Whether it is off the ground.
+        armed: Whether its motors may turn.
+        lands: Whether it flies in Land mode.
+        off_m: How wrong the estimate is, by the scene.
         commands: What the companion sent to the vehicle.
         said: What it announced, and when: all lines but those that show its state every few
             seconds.
@@ -124,8 +149,28 @@ class Case(Track):
     """
 
     def __init__(self, evidence: Evidence) -> None:
-        super().__init__(evidence)
-        accepted(evidence.faults)  # raises
+        samples = evidence.samples
+        if len(samples) < 2:
+            raise EvidenceError("no true track")
+        self.evidence = evidence
+        self._first_m = samples[0].altitude_amsl_m  # home's AMSL, unless the file says
+        texts = [(-math.inf, evidence.mission_text)]
+        texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
+        self.versions = [
+            MissionVersion(from_s, until_s, self.read(text))
+            for (from_s, text), (until_s, _) in pairwise([*texts, (math.inf, "")])
+        ]
+        self.mission = self.versions[0].mission
+        stated_m = self.mission.ground_amsl_m
+        self.ground_m = self._first_m if stated_m is None else stated_m
+        columns = zip(*((s.time_s, s.latitude_deg, s.longitude_deg) for s in samples), strict=True)
+        self.time_s, latitudes, longitudes = map(np.array, columns)
+        self.places: Floats = np.column_stack(self.mission.frame.metres(latitudes, longitudes))
+        self.above_m: Floats = np.array([s.altitude_amsl_m for s in samples]) - self.ground_m
+        self.flying = np.array([not s.landed for s in samples], dtype=bool)
+        self.armed = np.array([s.armed for s in samples], dtype=bool)
+        self.lands = np.array([s.custom_mode == LAND_MODE for s in samples], dtype=bool)
+        self.off_m = self._estimate_off()
         self.commands = [m for m in evidence.messages if m.component == COMPANION]
         self.said = [(s.time_s, s.text) for s in evidence.lines if not _STATUS.match(s.text)]
         self.given = list(self._given())
@@ -135,24 +180,43 @@ class Case(Track):
         self.uploads = list(uploads_of(evidence.messages))
         asked_s = [at_s for at_s, text in self.said if _LANDS_HERE in text]
         self.landing_place = self.place(self.at(asked_s[0])) if asked_s else None
-        self.legs = [(m, to) for m in self.commands if (to := self.target(m)) is not None]
+        targets = ((m, target_of(m, self.uploads, self.mission.frame)) for m in self.commands)
+        self.legs = [(message, to) for message, to in targets if to is not None]
 
-    def target(self, message: WireMessage) -> Pair | None:
-        """Where a command leads to, in metres; None: to no place."""
-        fields, frame = message.fields, self.mission.frame
-        if command_of(message) == REPOSITION:
-            if "x" in fields:
-                return None if int(fields["x"]) == _NOWHERE else frame.item_place(fields)
-            degrees = number(fields, "param5"), number(fields, "param6")
-            return frame.metres(*degrees) if all(map(math.isfinite, degrees)) else None
-        if message.name != "MISSION_SET_CURRENT":
-            return None
-        at_s, seq = message.time_s, int(fields["seq"])
-        plans = [u for u in self.uploads if u.kind == MISSION and u.time_s <= at_s and u.items]
-        items = plans[-1].items if plans else ()
-        if seq >= len(items) or items[seq].fields["command"] not in {WAYPOINT, TAKEOFF}:
-            return None
-        return frame.item_place(items[seq].fields)
+    def read(self, text: str) -> RawMission:
+        """The mission of a file. Raises EvidenceError."""
+        evidence = self.evidence
+        return read_mission(evidence.mission_path, text, evidence.uav, self._first_m)
+
+    def at(self, time_s: float) -> int:
+        """The sample that was taken last before."""
+        return max(bisect.bisect_right(self.time_s, time_s) - 1, 0)
+
+    def version_at(self, time_s: float) -> MissionVersion:
+        """The mission file that counted then."""
+        return next(version for version in self.versions if time_s < version.until_s)
+
+    def place(self, index: int) -> Pair:
+        """East and north of home at a sample, m."""
+        return float(self.places[index, 0]), float(self.places[index, 1])
+
+    def from_home_m(self, index: int) -> float:
+        """How far a sample is from home, horizontally."""
+        return math.hypot(*self.place(index))
+
+    def speed_m_s(self, index: int, after: int) -> float:
+        """Horizontally, from one sample to another."""
+        seconds = max(float(self.time_s[after] - self.time_s[index]), 1e-3)
+        return math.dist(self.place(index), self.place(after)) / seconds
+
+    def _estimate_off(self) -> Floats:
+        """For each sample; an estimate that comes back is followed by a vehicle that comes back."""
+        off = np.zeros(len(self.time_s))
+        told = [(h.time_s, float(h.value)) for h in self.evidence.told(SceneEventKind.ESTIMATE_OFF)]
+        for (begin_s, off_m), (end_s, _) in pairwise([*told, (math.inf, 0.0)]):
+            span = (self.time_s >= begin_s) & (self.time_s < end_s + _SETTLES_S)
+            off[span] = np.maximum(off[span], off_m)
+        return off
 
     # Who answers.
 

@@ -24,6 +24,7 @@ from sitl.rehearsal.judge.evidence import (
     command_of,
     is_motion,
     number,
+    target_of,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.space import DRIFT_M, room_m
@@ -52,6 +53,9 @@ _READ_S: Final = 0.3
 _REPEATS_S: Final = 5.0
 _FRESH_S: Final = 0.6
 """A repeat needs a HEARTBEAT that is no older."""
+
+_BRAKING_M_S2: Final = 3.0
+"""What a PX4 brakes with at its defaults; the flight reckons with less."""
 
 _STANDS_M: Final = 0.2
 _STRAIGHT_UP_M: Final = 10.0
@@ -224,8 +228,8 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
         told = [m for m in motions if m.delivered and m.time_s < from_s - _READ_S]
         at_once = [m for m in motions if from_s - _READ_S <= m.time_s <= end_s]
         ours = set(case.by[index : case.at(end_s) + 1]) == {Responsible.OURS}
-        target = case.target(told[-1]) if told else None
-        stands = math.dist(case.rest(index), case.place(index)) < _STANDS_M
+        target = target_of(told[-1], case.uploads, case.mission.frame) if told else None
+        stands = math.dist(_rest(case, index), case.place(index)) < _STANDS_M
         if target is None or at_once or stands or not ours or not case.flying[index]:
             continue
         short = _falls_short(case, index, from_s, target)
@@ -234,9 +238,21 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
             yield Violation(from_s, "leg", words)
 
 
+def _rest(case: Case, index: int) -> Pair:
+    """Where it comes to rest, east and north, if it brakes at 3 m/s2 from a sample on."""
+    before = max(index - 1, 0)
+    seconds = max(float(case.time_s[index] - case.time_s[before]), 1e-3)
+    share = case.speed_m_s(before, index) / (2 * _BRAKING_M_S2) / seconds
+    (east_m, north_m), (east_before_m, north_before_m) = case.place(index), case.place(before)
+    return (
+        east_m + share * (east_m - east_before_m),
+        north_m + share * (north_m - north_before_m),
+    )
+
+
 def _falls_short(case: Case, index: int, time_s: float, target: Pair) -> str:
     """How what is swept of a leg from a sample on is too near to something; empty: it is not."""
-    here, rest = case.place(index), case.rest(index)
+    here, rest = case.place(index), _rest(case, index)
     swept = shapely.MultiPoint([here, rest, target]).convex_hull
     stops = shapely.LineString([here, rest])
     height_m = float(case.above_m[index]) + case.ground_m

@@ -28,6 +28,7 @@ MISSION, FENCE, RALLY, EVERYTHING = 0, 1, 2, 255  # MAV_MISSION_TYPE
 _MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
 _MOVING: Final = frozenset({"MISSION_SET_CURRENT", "SET_MODE", "MANUAL_CONTROL"})
 _ITEMS: Final = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
+_NOWHERE: Final = 2**31 - 1  # of DO_REPOSITION: where it is
 
 
 class EvidenceError(Exception):
@@ -279,3 +280,23 @@ class Frame:
         """Latitude and longitude of places: numbers or arrays."""
         longitude, latitude = self._project(east_m, north_m, inverse=True)
         return latitude, longitude
+
+
+def target_of(
+    message: WireMessage, uploads: Sequence[Upload], frame: Frame
+) -> tuple[float, float] | None:
+    """Where a command leads to, in metres; None: to no place."""
+    fields = message.fields
+    if command_of(message) == REPOSITION:
+        if "x" in fields:
+            return None if int(fields["x"]) == _NOWHERE else frame.item_place(fields)
+        degrees = number(fields, "param5"), number(fields, "param6")
+        return frame.metres(*degrees) if all(map(math.isfinite, degrees)) else None
+    if message.name != "MISSION_SET_CURRENT":
+        return None
+    at_s, seq = message.time_s, int(fields["seq"])
+    plans = [u for u in uploads if u.kind == MISSION and u.time_s <= at_s and u.items]
+    items = plans[-1].items if plans else ()
+    if seq >= len(items) or items[seq].fields["command"] not in {WAYPOINT, TAKEOFF}:
+        return None
+    return frame.item_place(items[seq].fields)

@@ -15,12 +15,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sitl.rehearsal.judge.acceptance import End
-from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.case import Case, Floats, Violation
 from sitl.rehearsal.judge.duties import News, comes_home, says, stands, stops
 from sitl.rehearsal.judge.evidence import WireMessage, number
 from sitl.rehearsal.judge.mission_reader import Area
 from sitl.rehearsal.judge.space import depths_m
-from sitl.rehearsal.judge.track import Floats
 
 _EARLY: Final = 0.9
 """So early of its time it may come home: it measures how fast simulated time runs."""

@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import MultiPoint, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.case import Case, Responsible, Violation
+from sitl.rehearsal.judge.case import Case, MissionVersion, Responsible, Violation
 from sitl.rehearsal.judge.evidence import (
     AUTOPILOT,
     EVERYTHING,
@@ -28,9 +28,9 @@ from sitl.rehearsal.judge.evidence import (
     command_of,
     is_motion,
     number,
+    target_of,
 )
 from sitl.rehearsal.judge.mission_reader import RawMission
-from sitl.rehearsal.judge.track import MissionVersion
 
 _IN_POLYGON, _IN_CIRCLE, _OUT_CIRCLE = 5001, 5003, 5004
 _RELATIVE: Final = frozenset({3, 6})
@@ -171,7 +171,7 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
 def _stops(case: Case, motion: WireMessage) -> bool:
     """Whether a motion is Hold mode, or a place to go to that is none."""
     if command_of(motion) == REPOSITION:
-        return case.target(motion) is None
+        return target_of(motion, case.uploads, case.mission.frame) is None
     mode = number(motion.fields, "param2"), number(motion.fields, "param3")
     return command_of(motion) == SET_MODE and mode == _HOLD
 

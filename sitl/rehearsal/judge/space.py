@@ -12,9 +12,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.case import Case, Responsible, Violation
+from sitl.rehearsal.judge.case import Case, Floats, MissionVersion, Responsible, Violation
 from sitl.rehearsal.judge.mission_reader import Area, Pair, RawMission
-from sitl.rehearsal.judge.track import Floats, MissionVersion, Track
 
 _FAR_M: Final = 50_000.0
 """Where no fence is drawn, no way is longer."""
@@ -67,30 +66,30 @@ def rooms_of(case: Case) -> list[Rooms]:
     ]
 
 
-def _rooms(track: Track, version: MissionVersion, area: Area) -> Rooms:
+def _rooms(case: Case, version: MissionVersion, area: Area) -> Rooms:
     """Measure a track; parts of it that stay far away are measured as a whole."""
     span = version.from_s, version.until_s
-    first, last = (bisect.bisect_left(track.time_s, at_s) for at_s in span)
-    rooms = np.where(track.flying[first:last], _roughly_m(track, area, first, last), math.inf)
+    first, last = (bisect.bisect_left(case.time_s, at_s) for at_s in span)
+    rooms = np.where(case.flying[first:last], _roughly_m(case, area, first, last), math.inf)
     near = np.flatnonzero(rooms <= 4 * area.clearance_m) + first
     if len(near):
         rooms[near - first] = math.inf
-        numbers, ways = _clipped(track, area, near)
+        numbers, ways = _clipped(case, area, near)
         rooms[numbers - first] = _rooms_m(area, ways)
     return Rooms(version, area, first, rooms)
 
 
-def _roughly_m(track: Track, area: Area, first: int, last: int) -> Floats:
+def _roughly_m(case: Case, area: Area, first: int, last: int) -> Floats:
     """For each of these samples what the part of the track that it is in keeps, at any altitude.
 
     The last sample of all, if it is alone in its part, keeps minus infinity: look closer.
     """
     begins = np.arange(first, last, _PART)
-    ends = np.minimum(np.minimum(begins + _PART, last) + 1, len(track.places))
+    ends = np.minimum(np.minimum(begins + _PART, last) + 1, len(case.places))
     sizes = ends - begins
     whole = sizes > 1
     corners = [
-        track.places[begin:end] for begin, end in zip(begins[whole], ends[whole], strict=True)
+        case.places[begin:end] for begin, end in zip(begins[whole], ends[whole], strict=True)
     ]
     rooms = np.full(len(begins), -math.inf)
     if corners:
@@ -99,25 +98,25 @@ def _roughly_m(track: Track, area: Area, first: int, last: int) -> Floats:
     return np.repeat(rooms, _PART)[: last - first]
 
 
-def _clipped(track: Track, area: Area, numbers: Any) -> tuple[Any, Any]:
+def _clipped(case: Case, area: Area, numbers: Any) -> tuple[Any, Any]:
     """Of the ways from these samples to the next, the parts within the area's altitudes.
 
     Returns the numbers of those that have one, and it.
     """
-    after = np.minimum(numbers + 1, len(track.places) - 1)
+    after = np.minimum(numbers + 1, len(case.places) - 1)
     # Down at once: a simulated vehicle that was started anew stands at home.
-    down = track.armed[numbers] & ~track.armed[after] & ~track.flying[after]
+    down = case.armed[numbers] & ~case.armed[after] & ~case.flying[after]
     after = np.where(down, numbers, after)
-    heights = track.above_m[numbers] + track.ground_m
-    span = track.above_m[after] + track.ground_m - heights
+    heights = case.above_m[numbers] + case.ground_m
+    span = case.above_m[after] + case.ground_m - heights
     level = span == 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         limits = [(limit - heights) / span for limit in (area.lower_m, area.upper_m)]
     begin = np.where(level, 0.0, np.maximum(np.minimum(*limits), 0.0))
     end = np.where(level, 1.0, np.minimum(np.maximum(*limits), 1.0))
     within = np.where(level, (area.lower_m <= heights) & (heights <= area.upper_m), begin <= end)
-    here = track.places[numbers]
-    step = track.places[after] - here
+    here = case.places[numbers]
+    step = case.places[after] - here
     ends = np.stack((here + begin[:, None] * step, here + end[:, None] * step), axis=1)
     return numbers[within], shapely.linestrings(ends[within])
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
+from sitl.rehearsal.judge.case import LAND_MODE
 from sitl.rehearsal.judge.evidence import (
     Evidence,
     Frame,
@@ -25,7 +26,6 @@ from sitl.rehearsal.judge.evidence import (
 )
 from sitl.rehearsal.judge.mission_reader import Area, read_mission
 from sitl.rehearsal.judge.space import room_m
-from sitl.rehearsal.judge.track import LAND_MODE
 from sitl.rehearsal.judge.verdict import RULES, judge
 from tests.imports import imports_in
 
