@@ -102,6 +102,14 @@ def test_a_service_starts_what_our_programs_take(path):
     assert not getattr(arguments, "arm", False)  # that is the pilot's
 
 
+def test_nodes_of_several_robots_on_one_computer_share_no_endpoint():
+    text = (SERVICES[-1].parent / "mocha-link@.service").read_text(encoding="utf-8")
+    served = re.findall(r"(?:ipc|tcp)://\S+", text)
+    assert len(served) == 2
+    assert all("%i" in endpoint for endpoint in served)
+    assert "\nRuntimeDirectoryPreserve=yes\n" in text  # one that stops leaves the others' sockets
+
+
 def test_containers_run_as_an_ordinary_user_and_copy_what_exists():
     text = (ROOT / "packaging" / "Dockerfile").read_text(encoding="utf-8")
     images = {name: part for part in text.split("\nFROM ")[1:] for name in [part.split()[2]]}
