@@ -15,7 +15,7 @@ from foxglove import messages
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor import FieldDescriptor
 
-from air_router.errors import UsageError
+from air_router.errors import RefusedError
 from air_router.record.log import Log
 from air_router.record.serialization import RecordChannel, json_of
 from mocha_link.errors import Guard
@@ -83,7 +83,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         address: What to open in Foxglove.
 
     Raises:
-        UsageError: it cannot be served there.
+        RefusedError: it cannot be served there.
     """
 
     def __init__(self, host: str, port: int, name: str) -> None:
@@ -96,7 +96,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
                 name=name, host=host, port=port, context=context, server_listener=self
             )
         except RuntimeError as error:
-            raise UsageError(f"--foxglove {host}:{port}: {error}; choose another port") from None
+            raise RefusedError(f"--foxglove {host}:{port}: {error}; choose another port") from None
         self.address = f"ws://{host}:{self._server.port}"
 
     def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:

@@ -104,7 +104,7 @@ def viewing(address: ViewerAddress | None, name: str) -> Iterator[RecordViewer |
 
     Raises:
         MissingExtraError: the SDK is not installed.
-        UsageError: it cannot be served there.
+        RefusedError: it cannot be served there.
     """
     if address is None:
         yield None

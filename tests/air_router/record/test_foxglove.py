@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from air_router.cli.cli import main
-from air_router.errors import ExitCode, UsageError
+from air_router.errors import ExitCode, RefusedError
 from geo.frame import Point
 from tests.air_router.record.conftest import DRAWN
 
@@ -149,7 +149,7 @@ def test_a_flight_is_shown_while_it_lasts_and_to_one_who_comes_late(shown):
         shown(socket)
         topics = {"/scene", "/mission", "/links", "/vehicle/location"}
         messages = asyncio.run(heard(socket.address, topics))
-        with pytest.raises(UsageError, match="choose another port"):
+        with pytest.raises(RefusedError, match="choose another port"):
             foxglove_sdk.FoxgloveSocket(
                 "127.0.0.1", int(socket.address.rpartition(":")[2]), "atlas"
             )
