@@ -25,6 +25,7 @@ from mocha_link.team.team_file import RadioUrl
 MAX_LINE_BYTES = 2048
 MAX_PROGRAMS = 8  # connected to one port
 READ_BYTES = 4096
+ALIVE_S, ANSWER_S, TRIES = 15, 5, 3  # a program that is gone without a word is noticed in 30 s
 UNKNOWN = 255  # in a RADIO_STATUS
 STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware
 
@@ -170,7 +171,8 @@ class TcpRadio(_ListeningRadio):
     """Receives reports as lines from programs that connect to ``tcp://host:port``.
 
     A line is a JSON object as a datagram of `UdpRadio`, or ``io -61.5 dBm``. Lines that are no
-    reports are counted in `refused`, and so is a program beyond the first 8.
+    reports are counted in `refused`, and so is a program beyond the first 8. One whose computer is
+    gone without a word is hung up on after 30 s; one that only says nothing may stay.
     """
 
     def __init__(self, url: str) -> None:
@@ -180,6 +182,11 @@ class TcpRadio(_ListeningRadio):
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
         listener = self._bound(socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)  # connections inherit it
+        if sys.platform == "linux":
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, ALIVE_S)
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, ANSWER_S)
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, TRIES)
         listener.listen(MAX_PROGRAMS)
         self._begin(report, self._serve(listener))
 

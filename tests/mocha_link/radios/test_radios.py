@@ -10,6 +10,7 @@ import os
 import queue
 import socket
 import struct
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -324,6 +325,21 @@ def test_lines_over_tcp(heard, caplog):
             TcpRadio(f"tcp://127.0.0.1:{radio.port}").start(heard)
         radio.close()  # while programs are connected
     assert "Traceback" not in caplog.text
+
+
+def test_programs_that_are_connected_are_asked_whether_they_are_still_there(heard):
+    """One that is gone without a word, e.g. out of range, would keep its place for ever."""
+    radio = TcpRadio("tcp://127.0.0.1:0")
+    radio.start(heard)
+    with contextlib.closing(radio), socket.create_connection(("127.0.0.1", radio.port)) as program:
+        program.sendall(b"io -50\n")
+        assert heard.next() == ("io", dbm(-50.0, "tcp"))
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
+        ours = f":{radio.port:04X}", f":{program.getsockname()[1]:04X}"
+        (timer,) = [row[5] for row in rows if (row[1][8:], row[2][8:]) == ours]
+    kind, hundredths = timer.split(":")
+    assert kind == "02"  # keepalive
+    assert int(hundredths, 16) <= 15 * 100
 
 
 def test_lines_on_standard_input(heard):
