@@ -1,7 +1,7 @@
 """The ROS 1 side of a bridge: rospy, with messages as the bytes that they are.
 
 Nothing is decoded here, so the packages of the message types need not be installed: what rospy
-must know of a type comes from the package if it is there, else from the node.
+must know of a type comes from the node, which has made the bytes.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ FIRST_S = 0.2  # until there is one
 
 LOG = logging.getLogger("mocha_link")
 
+_TEXT = {"md5": "992ce8a1687cec8c8bd883ec73ca41d1", "text": "string data\n"}
+"""Of std_msgs/String, which carries JSON also for a node that knows no ROS types."""
+
 
 class Ros1:
     """Publishes and subscribes as a ROS 1 node. Needs rospy, and waits for a roscore.
@@ -28,11 +31,11 @@ class Ros1:
 
     ros = 1
 
-    def __init__(self, name: str, types: dict[str, dict[str, Any]] | None = None) -> None:
+    def __init__(self, name: str, types: dict[str, dict[str, Any]]) -> None:
         import rospy  # noqa: PLC0415 - of a ROS installation
 
         self._rospy = rospy  # module, of a ROS 1 installation
-        self.types = types or {}
+        self.types = {**types, "std_msgs/String": _TEXT}
         self._classes: dict[str, Any] = {}  # message classes, by type
         self._publishers: dict[str, Any] = {}  # by topic
         self._subscribers: list[Any] = []  # kept from the garbage collector
@@ -109,9 +112,7 @@ class Ros1:
     def _class(self, kind: str) -> Any:
         """A class of messages that are their bytes, with the names that rospy tells others."""
         if kind not in self._classes:
-            about = self._installed(kind) or self.types.get(kind, {})
-            if "md5" not in about:
-                raise LookupError(f"neither ROS nor the node knows the type {kind}")
+            about = self.types[kind]
             self._classes[kind] = type(
                 "Bytes",
                 (self._rospy.AnyMsg,),
@@ -124,15 +125,3 @@ class Ros1:
                 },
             )
         return self._classes[kind]
-
-    @staticmethod
-    def _installed(kind: str) -> dict[str, Any]:
-        try:
-            from roslib.message import get_message_class  # noqa: PLC0415 - of a ROS installation
-
-            found = get_message_class(kind)
-        except Exception:  # noqa: BLE001 - a package that is broken is one that is not there
-            return {}
-        if found is None:
-            return {}
-        return {"md5": found._md5sum, "text": found._full_text}  # noqa: SLF001 - rospy's way

@@ -94,20 +94,43 @@ def test_what_is_asked_for_gets_there(monkeypatch):
     assert levels == [logging.ERROR, "ERROR"]
 
 
-def test_what_is_published_by_another_definition_of_the_type_is_not_heard(monkeypatch):
-    """Its bytes may well be read by ours, and mean something else."""
-    rospy, taken, subscribed = types.ModuleType("rospy"), [], []
-    rospy.init_node = lambda *_, **__: None
-    rospy.AnyMsg = object
-    rospy.Subscriber = lambda _topic, _kind, heard, **_: subscribed.append(heard)
-    monkeypatch.setitem(sys.modules, "rospy", rospy)
+@pytest.fixture
+def rospy(monkeypatch):
+    """As much of rospy as the bridge uses; it is of an installation with other message types."""
+    fake, installed = types.ModuleType("rospy"), types.ModuleType("roslib.message")
+    fake.init_node = fake.publish = lambda *_, **__: None
+    fake.AnyMsg = object
+    installed.get_message_class = lambda _: types.SimpleNamespace(_md5sum="34cd", _full_text="")
+    for name, module in {"rospy": fake, "roslib": fake, "roslib.message": installed}.items():
+        monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setattr(ros1, "LOG", logging.getLogger("of the bridge"))
+    return fake
+
+
+def test_what_is_published_by_another_definition_of_the_type_is_not_heard(rospy):
+    """Its bytes may well be read by ours, and mean something else."""
+    taken, subscribed = [], []
+    rospy.Subscriber = lambda _topic, _kind, heard, **_: subscribed.append(heard)
     bridge = ros1.Ros1("bridge", {"field/Own": {"md5": "12ab", "text": "uint16 count"}})
     bridge.subscribe("/own", "field/Own", 1, taken.append)
     for md5 in ("34cd", "12ab"):
         header = {"type": "field/Own", "md5sum": md5}
         subscribed[0](types.SimpleNamespace(_connection_header=header, _buff=md5.encode()))
     assert taken == [b"12ab"]
+
+
+def test_what_is_published_is_announced_as_the_node_has_the_type(rospy):
+    """It has made the bytes."""
+    announced = []
+    rospy.Publisher = lambda _topic, kind, **_: announced.append(kind) or rospy
+    own = {"md5": "12ab", "text": "uint16 count"}
+    bridge = ros1.Ros1("bridge", {"field/Own": own, "std_msgs/String": {}})
+    bridge.publish("/two/own", "field/Own", 1, b"\7\0")
+    bridge.publish("/two/goal", "std_msgs/String", 1, bridge.text(b"{}"))
+    assert [(kind._type, kind._md5sum) for kind in announced] == [
+        ("field/Own", "12ab"),
+        ("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1"),
+    ]
 
 
 class Rclpy(types.ModuleType):
