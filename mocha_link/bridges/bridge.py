@@ -13,6 +13,7 @@ import logging
 import re
 import sqlite3
 import threading
+import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -29,6 +30,7 @@ from mocha_link.service.service_client import (
 
 WAIT_S = 1.0  # of a request for news
 LEAVES_S = 30.0  # at its end what the robot has said leaves as long as the node answers
+LOOK_S = 0.1  # so often it is looked whether that goes on
 PAUSE_S = 0.5  # before a node that does not answer is asked again
 MAX_HELD = 1000  # messages of the robot that wait for the node
 MAX_HELD_BYTES = 64 * 1024 * 1024
@@ -220,7 +222,9 @@ class Bridge:
                 self._follow(client, team)
             finally:
                 self._stopping.set()
-                outgoing.join(LEAVES_S)
+                until_s = time.monotonic() + LEAVES_S
+                while outgoing.is_alive() and not self._away and time.monotonic() < until_s:
+                    outgoing.join(LOOK_S)
 
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:

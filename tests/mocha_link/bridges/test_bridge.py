@@ -20,7 +20,7 @@ from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec
 from mocha_link.service.endpoint import folder
 from mocha_link.service.service import ServiceServer
-from mocha_link.service.service_client import ServiceClient
+from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
 POSE = "geometry_msgs/PoseStamped"
 CODEC = RosCodec()
@@ -209,6 +209,29 @@ def test_a_node_that_restarts(server, pulled, stored, progress, until_said):
             # Numbers begin anew with the service, but nothing is handed on twice.
             assert middleware.said.get(timeout=60)[2] == middleware.text(b"2")
             assert middleware.said.empty()
+
+
+def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_said, monkeypatch):
+    asked, over = threading.Event(), threading.Event()
+
+    def publish(*_, **__):
+        asked.set()
+        over.wait()
+        raise ServiceUnreachableError("no answer")
+
+    monkeypatch.setattr("mocha_link.bridges.bridge.LEAVES_S", 600.0)
+    monkeypatch.setattr(ServiceClient, "publish", publish)
+    try:
+        with running(server.endpoint, progress) as middleware:
+            middleware.hands["/goal"][1](middleware.text(b"1"))
+            assert asked.wait(60)
+            server.close()
+            until_said("waiting for the node")
+    finally:
+        over.set()
+        for thread in threading.enumerate():
+            if thread.name == "bridge out":
+                thread.join()
 
 
 def test_the_outbox_is_bounded(caplog):
