@@ -26,7 +26,7 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
-from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded
+from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded
 
 OFF_GROUND_M: Final = 2.0
 """A vehicle that never was higher above home has not flown."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from air_router.flight.interactions import Interactions
 from air_router.messages import MAP_TOPIC
-from mocha_link.links.link_events import LinkEvent, MessageStored, RssiChanged
+from mocha_link.links.metrics import LinkEvent, MessageStored, RssiChanged
 
 STAMP_S: Final = 0.0005
 """Stamps are whole milliseconds."""

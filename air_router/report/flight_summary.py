@@ -20,7 +20,7 @@ from air_router.mission.mission import Mission
 from air_router.record.log import Note, RecordEntry
 from air_router.report.exchanges import Exchanges
 from air_router.vehicle.vehicle import Telemetry
-from mocha_link.links.link_events import LinkEvent
+from mocha_link.links.metrics import LinkEvent
 
 TRACK_S: Final = 0.5
 """So often the track has a point, and its distance to zones and fence is looked at."""

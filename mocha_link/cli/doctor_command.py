@@ -16,7 +16,7 @@ from typing import NamedTuple
 from mocha_link.cli.program import examples, seconds
 from mocha_link.clock import Instant
 from mocha_link.errors import ListenError, PortInUseError, RadioError
-from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncTimedOut
+from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded, SyncTimedOut
 from mocha_link.links.reading import Reading, as_reading
 from mocha_link.links.trigger import threshold
 from mocha_link.node.gossip import Gossip

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
-from collections import deque
+import math
+from collections import Counter
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import (
+from mocha_link.links.metrics import (
+    Contact,
     ContactBegan,
     ContactEnded,
     Direction,
     LinkEvent,
+    LinkMetrics,
+    LinkState,
     MessageStored,
     RssiChanged,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.links.metrics import Contact, LinkMetrics, LinkState
-from mocha_link.links.reading import Reading, Unit, as_reading
+from mocha_link.links.reading import Unit, as_reading
 from mocha_link.store.trust import difference
 
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
@@ -36,48 +39,25 @@ LOG = logging.getLogger("mocha_link")
 
 
 @dataclass(slots=True)
-class _Totals:
-    messages_in: int = 0  # that we pulled and stored
-    messages_out: int = 0  # that the peer pulled
-    bytes_in: int = 0  # of replies, as the next
-    bytes_out: int = 0  # of what left for the peer
-
-
-@dataclass(slots=True)
 class _LinkRecord:
-    """All that is known of one link; `LinkMetrics` is made from it on request."""
+    """What is known of one link."""
 
-    states: dict[Direction, LinkState] = field(  # of the latest sync
-        default_factory=lambda: dict.fromkeys(Direction, LinkState.IDLE)
-    )
-    state: LinkState = LinkState.IDLE
-    last_sync_s: dict[Direction, float] = field(default_factory=dict)  # Unix time
-    # syncs ended well
-    syncs: dict[Direction, int] = field(default_factory=lambda: dict.fromkeys(Direction, 0))
-    timeouts: int = 0  # syncs broken off
-    refused: int = 0  # headers, messages and replies that were not accepted
-    rtt_s: float | None = None  # of the last sync
-    rtt_smoothed_s: float | None = None  # over the last syncs
-    bandwidth_bytes_s: float | None = None  # of the last sync that moved enough
-    signal: Reading | None = None  # as the radio said last
-    path: str | None = None  # how it was synced last
-    protected: bool = False  # encrypted
-    team_differs: bool = False  # its configuration hash is another
-    warned_s: float | None = None  # steady time when that was logged last
-    totals: _Totals = field(default_factory=_Totals)
-    counted: _Totals = field(default_factory=_Totals)  # the totals when the last contact ended
-    # contacts that are over
-    contacts: deque[Contact] = field(default_factory=lambda: deque(maxlen=MAX_CONTACTS))
-    contacts_over: int = 0  # how many contacts ended
+    metrics: LinkMetrics  # without the contact that lasts, and without ages
+    # messages and bytes since the contact before, by the names that `Contact` has for them
+    exchanged: Counter[str] = field(default_factory=Counter)
+    warned_s: float | None = None  # steady time when another team file was logged last
     began_s: float | None = None  # of the contact that lasts
     by_radio: bool = False  # the radio has begun it, and will end it
     active_s: float = 0.0  # Unix time of the last event
 
     def set_state(self, direction: Direction, state: LinkState) -> None:
         """A sync of one direction stands otherwise."""
-        self.states[direction] = state
-        busy = LinkState.STARTED in self.states.values()
-        self.state = LinkState.STARTED if busy else state
+        if direction is Direction.IN:
+            now = replace(self.metrics, state_in=state)
+        else:
+            now = replace(self.metrics, state_out=state)
+        busy = LinkState.STARTED in (now.state_in, now.state_out)
+        self.metrics = replace(now, state=LinkState.STARTED if busy else state)
 
     def begin(self, at_s: float, *, by_radio: bool) -> None:
         """The peer is within reach."""
@@ -90,63 +70,30 @@ class _LinkRecord:
         """The peer is out of reach."""
         if self.began_s is not None:  # the clock may have been set back since
             self.began_s = min(self.began_s, at_s)
-        contact = self.contact(at_s, ending)
-        if contact:
-            self.contacts.append(contact)
-            self.contacts_over += 1
-            self.counted = dataclasses.replace(self.totals)
+        before, self.metrics = self.metrics, self.with_contact(at_s, ending)
+        if self.metrics is not before:
+            self.exchanged.clear()
         self.began_s, self.by_radio = None, False
 
-    def contact(self, ended_s: float | None = None, ending: str = "") -> Contact | None:
-        """The contact that lasts, as one that ends so; a try that brings nothing is none."""
-        now, before = self.totals, self.counted
-        if self.began_s is None or (now == before and not self.by_radio):
-            return None
-        return Contact(
-            began_s=self.began_s,
-            ended_s=ended_s,
-            messages_in=now.messages_in - before.messages_in,
-            messages_out=now.messages_out - before.messages_out,
-            bytes_in=now.bytes_in - before.bytes_in,
-            bytes_out=now.bytes_out - before.bytes_out,
-            ending=ending,
-        )
+    def with_contact(self, ended_s: float | None = None, ending: str = "") -> LinkMetrics:
+        """The metrics with the contact that lasts, as one that ends so.
+
+        A try that brings nothing is none.
+        """
+        now, some = self.metrics, self.exchanged
+        if self.began_s is None or not (self.by_radio or any(some.values())):
+            return now
+        messages = some["messages_in"], some["messages_out"]
+        moved = some["bytes_in"], some["bytes_out"]
+        contact = Contact(self.began_s, ended_s, *messages, *moved, ending)
+        contacts = (*now.contacts, contact)[-MAX_CONTACTS:]
+        return replace(now, contacts=contacts, contacts_begun=now.contacts_begun + 1)
 
     def close_if_quiet(self, now_s: float, quiet_s: float) -> None:
         """End a contact that only exchanges have shown when there are none any more."""
-        idle = self.state is not LinkState.STARTED and not self.by_radio
+        idle = self.metrics.state is not LinkState.STARTED and not self.by_radio
         if idle and now_s - self.active_s > quiet_s:
             self.end(self.active_s, "quiet")
-
-    def metrics(self, peer: str, ages_s: Mapping[str, float]) -> LinkMetrics:
-        """The metrics as they stand."""
-        contact, signal = self.contact(), self.signal
-        return LinkMetrics(
-            peer=peer,
-            state=self.state,
-            state_in=self.states[Direction.IN],
-            state_out=self.states[Direction.OUT],
-            last_sync_in_s=self.last_sync_s.get(Direction.IN),
-            last_sync_out_s=self.last_sync_s.get(Direction.OUT),
-            rtt_s=self.rtt_s,
-            rtt_smoothed_s=self.rtt_smoothed_s,
-            bandwidth_bytes_s=self.bandwidth_bytes_s,
-            rssi_dbm=signal.value if signal and signal.unit is Unit.DBM else None,
-            bytes_in=self.totals.bytes_in,
-            bytes_out=self.totals.bytes_out,
-            syncs_in=self.syncs[Direction.IN],
-            syncs_out=self.syncs[Direction.OUT],
-            timeouts=self.timeouts,
-            refused=self.refused,
-            newest_age_s=min(ages_s.values(), default=None),
-            signal=signal,
-            topic_ages_s=dict(ages_s),
-            contacts=(*self.contacts, contact)[-MAX_CONTACTS:] if contact else tuple(self.contacts),
-            contacts_begun=self.contacts_over + (contact is not None),
-            path=self.path,
-            protected=self.protected,
-            team_differs=self.team_differs,
-        )
 
 
 def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float | None:
@@ -167,7 +114,9 @@ class LinkTable:
     def __init__(
         self, peers: Iterable[str], *, quiet_s: float = QUIET_S, protected: Container[str] = ()
     ) -> None:
-        self._links = {peer: _LinkRecord(protected=peer in protected) for peer in peers}  # by peer
+        self._links = {
+            peer: _LinkRecord(LinkMetrics(peer, protected=peer in protected)) for peer in peers
+        }
         self._quiet_s = quiet_s
         self._offset_s = 0.0  # of Unix time from what intervals are counted in
 
@@ -184,14 +133,16 @@ class LinkTable:
             case SyncEnded():
                 _ended(link, event)
             case SyncTimedOut():
-                link.timeouts += 1
+                link.metrics = replace(link.metrics, timeouts=link.metrics.timeouts + 1)
                 link.set_state(event.direction, LinkState.TIMED_OUT)
-                if link.state is not LinkState.STARTED and not link.by_radio:
+                if link.metrics.state is not LinkState.STARTED and not link.by_radio:
                     link.end(event.at_s, "timed out")
             case RssiChanged():
-                link.signal = event.signal or as_reading(event.rssi_dbm)
+                signal = event.signal or as_reading(event.rssi_dbm)
+                rssi_dbm = signal.value if signal and signal.unit is Unit.DBM else None
+                link.metrics = replace(link.metrics, signal=signal, rssi_dbm=rssi_dbm)
             case MessageStored():
-                link.totals.messages_in += 1
+                link.exchanged["messages_in"] += 1
                 link.active_s = event.at_s  # pushed, perhaps, by a peer that is pulled from rarely
             case ContactBegan():
                 link.close_if_quiet(event.at_s, self._quiet_s)
@@ -204,7 +155,7 @@ class LinkTable:
         step_s = self.keep_clock(now)
         for event in events:
             if step_s and abs(event.at_s - now.unix_s) > abs(step_s) / 2:
-                event = dataclasses.replace(event, at_s=event.at_s + step_s)  # noqa: PLW2901
+                event = replace(event, at_s=event.at_s + step_s)  # noqa: PLW2901
             self.update(event)
 
     def keep_clock(self, now: Instant) -> float:
@@ -223,21 +174,22 @@ class LinkTable:
 
     def count(self, peer: str, *, bytes_in: int = 0, bytes_out: int = 0) -> None:
         """Add to the counters of a link."""
-        totals = self._links[peer].totals
-        totals.bytes_in += bytes_in
-        totals.bytes_out += bytes_out
+        link = self._links[peer]
+        link.exchanged.update(bytes_in=bytes_in, bytes_out=bytes_out)
+        bytes_in, bytes_out = link.metrics.bytes_in + bytes_in, link.metrics.bytes_out + bytes_out
+        link.metrics = replace(link.metrics, bytes_in=bytes_in, bytes_out=bytes_out)
 
     def refuse(self, peer: str, reason: str) -> None:
         """Something of a peer was not accepted; the log is told loudly of the first only."""
         link = self._links[peer]
-        level = logging.DEBUG if link.refused else logging.WARNING
-        link.refused += 1
+        level = logging.DEBUG if link.metrics.refused else logging.WARNING
+        link.metrics = replace(link.metrics, refused=link.metrics.refused + 1)
         LOG.log(level, "refused from %s: %s", peer, reason)
 
     def compare_teams(self, me: str, peer: str, now: Instant, *, differs: bool) -> None:
         """Take in whether a peer has another team file than `me`; logged, and at times again."""
         link = self._links[peer]
-        link.team_differs = differs
+        link.metrics = replace(link.metrics, team_differs=differs)
         recently = link.warned_s is not None and now.steady_s - link.warned_s <= REMIND_S
         if differs and not recently:
             link.warned_s = now.steady_s
@@ -252,45 +204,48 @@ class LinkTable:
         path: str | None = None,
     ) -> None:
         """Take in what an exchange measured; None: nothing new."""
-        link = self._links[peer]
+        link, now = self._links[peer], self._links[peer].metrics
         if rtt_s is not None:
-            smoothed = link.rtt_smoothed_s
-            link.rtt_s = rtt_s
-            link.rtt_smoothed_s = (
-                rtt_s if smoothed is None else smoothed + SMOOTHING * (rtt_s - smoothed)
-            )
+            before_s = rtt_s if now.rtt_smoothed_s is None else now.rtt_smoothed_s
+            smoothed_s = before_s + SMOOTHING * (rtt_s - before_s)
+            now = replace(now, rtt_s=rtt_s, rtt_smoothed_s=smoothed_s)
         if bandwidth_bytes_s is not None:
-            link.bandwidth_bytes_s = bandwidth_bytes_s
-        link.path = path or link.path
+            now = replace(now, bandwidth_bytes_s=bandwidth_bytes_s)
+        link.metrics = replace(now, path=path or now.path)
 
     def links(
         self,
-        now_s: float | None = None,
-        ages_s: Mapping[str, Mapping[str, float]] | None = None,
+        now_s: float = -math.inf,
+        ages_s: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
     ) -> dict[str, LinkMetrics]:
         """The metrics of every link.
 
         `now_s` ends contacts that have become quiet; `ages_s` is the age of the newest message by
         robot and topic.
         """
-        if now_s is not None:
-            for link in self._links.values():
-                link.close_if_quiet(now_s, self._quiet_s)
-        ages_s = ages_s or {}
-        return {
-            peer: link.metrics(peer, ages_s.get(peer, {})) for peer, link in self._links.items()
-        }
+        found: dict[str, LinkMetrics] = {}
+        for peer, link in self._links.items():
+            link.close_if_quiet(now_s, self._quiet_s)
+            ages = dict(ages_s.get(peer, {}))
+            newest_age_s = min(ages.values(), default=None)
+            found[peer] = replace(link.with_contact(), topic_ages_s=ages, newest_age_s=newest_age_s)
+        return found
 
 
 def _ended(link: _LinkRecord, event: SyncEnded) -> None:
     link.active_s = event.at_s
-    link.last_sync_s[event.direction] = event.at_s
-    link.syncs[event.direction] += 1
+    now = link.metrics
     if event.direction is Direction.OUT:
-        link.totals.messages_out += event.messages
+        link.exchanged["messages_out"] += event.messages
         # From the peer's first word to its last: a round trip of that nothing moved.
-        moved_s = event.duration_s - (link.rtt_s or 0.0)
-        link.bandwidth_bytes_s = (
-            throughput_bytes_s(event.bytes, moved_s, link.rtt_s) or link.bandwidth_bytes_s
+        moved_s = event.duration_s - (now.rtt_s or 0.0)
+        rate = throughput_bytes_s(event.bytes, moved_s, now.rtt_s) or now.bandwidth_bytes_s
+        link.metrics = replace(
+            now,
+            last_sync_out_s=event.at_s,
+            syncs_out=now.syncs_out + 1,
+            bandwidth_bytes_s=rate,
         )
+    else:
+        link.metrics = replace(now, last_sync_in_s=event.at_s, syncs_in=now.syncs_in + 1)
     link.set_state(event.direction, LinkState.ENDED)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf
 
-from mocha_link.links.link_events import ContactBegan, ContactEnded, RssiChanged
+from mocha_link.links.metrics import ContactBegan, ContactEnded, RssiChanged
 from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
 

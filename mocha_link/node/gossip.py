@@ -11,15 +11,15 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import (
+from mocha_link.links.link_table import QUIET_S, LinkTable
+from mocha_link.links.metrics import (
     ContactEnded,
     Direction,
     LinkEvent,
+    LinkMetrics,
     MessageStored,
     SyncStarted,
 )
-from mocha_link.links.link_table import QUIET_S, LinkTable
-from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
 from mocha_link.node.peer_link import PeerLink, PeerLinks

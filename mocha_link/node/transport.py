@@ -12,7 +12,7 @@ import zmq
 
 from mocha_link.clock import Instant
 from mocha_link.errors import Guard, ListenError
-from mocha_link.links.link_events import LinkEvent
+from mocha_link.links.metrics import LinkEvent
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
 from mocha_link.node.curve import MAX_STRANGERS, ZapHandler

@@ -22,7 +22,7 @@ import zmq
 from pydantic import Field
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.node.node import Node, NodeClosedError
 from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests

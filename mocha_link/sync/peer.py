@@ -13,7 +13,7 @@ from collections.abc import Callable, Container, Iterable
 from typing import NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import (
+from mocha_link.links.metrics import (
     Direction,
     LinkEvent,
     MessageStored,

@@ -12,7 +12,7 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.links.link_events import Direction
+from mocha_link.links.metrics import Direction
 from mocha_link.store.trust import difference
 from mocha_link.sync.frames import HELLO, message_frame
 from mocha_link.sync.original import ServerSession

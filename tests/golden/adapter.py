@@ -30,7 +30,7 @@ from air_router.vehicle import vehicle
 from air_router.vehicle.height_frame import HomeMove
 from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
-from mocha_link.links import link_events
+from mocha_link.links import metrics
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 from sitl.experiment.campaign.running import run_settings
@@ -60,16 +60,16 @@ EVENTS = {
     "plan_replaced": (vehicle.PlanReplaced, "time_s only_fence"),
     "plan_compared": (vehicle.PlanCompared, "time_s difference"),
     "vehicle_silent": (vehicle.LinkSilent, "time_s silent_s"),
-    "sync_started": (link_events.SyncStarted, "peer at_s direction"),
+    "sync_started": (metrics.SyncStarted, "peer at_s direction"),
     "sync_ended": (
-        link_events.SyncEnded,
+        metrics.SyncEnded,
         "peer at_s direction messages bytes duration_s complete",
     ),
-    "sync_timed_out": (link_events.SyncTimedOut, "peer at_s direction reason"),
-    "message_stored": (link_events.MessageStored, "peer at_s robot topic header size"),
-    "rssi": (link_events.RssiChanged, "peer at_s rssi_dbm signal"),
-    "contact_began": (link_events.ContactBegan, "peer at_s signal"),
-    "contact_ended": (link_events.ContactEnded, "peer at_s duration_s reason"),
+    "sync_timed_out": (metrics.SyncTimedOut, "peer at_s direction reason"),
+    "message_stored": (metrics.MessageStored, "peer at_s robot topic header size"),
+    "rssi": (metrics.RssiChanged, "peer at_s rssi_dbm signal"),
+    "contact_began": (metrics.ContactBegan, "peer at_s signal"),
+    "contact_ended": (metrics.ContactEnded, "peer at_s duration_s reason"),
     "robot_pose": (events.RobotPose, "robot position_m=position stamp_s peer"),
     "robot_path": (events.RobotPath, "robot points_m=points stamp_s"),
     "robot_sought": (events.RobotSought, "by robot stamp_s"),
@@ -123,8 +123,8 @@ PARTS = {
 WORDS = {
     "number:inf": math.inf,
     "number:-inf": -math.inf,
-    "direction:in": link_events.Direction.IN,
-    "direction:out": link_events.Direction.OUT,
+    "direction:in": metrics.Direction.IN,
+    "direction:out": metrics.Direction.OUT,
     "unit:dbm": Unit.DBM,
     "unit:snr_db": Unit.SNR_DB,
     "unit:device": Unit.DEVICE,

@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from mocha_link.links.link_events import Direction, SyncEnded, SyncTimedOut
+from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
 from mocha_link.node import zmtp
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
@@ -22,7 +22,7 @@ from tests.mocha_link.network_sim import pulling
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mocha_link.links.link_events import LinkEvent
+    from mocha_link.links.metrics import LinkEvent
 
 WAIT_S = 60.0  # a limit against hangs
 TIMEOUT_S = 3.0

@@ -25,7 +25,7 @@ from mocha_link import (
     open_radio,
 )
 from mocha_link.errors import RadioError
-from mocha_link.links.link_events import Direction
+from mocha_link.links.metrics import Direction
 from mocha_link.radios.reports import parse_report
 from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger

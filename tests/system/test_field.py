@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncTimedOut
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.store.message import message_of
@@ -35,7 +35,7 @@ from tests.mocha_link.fuzz import EXPLORE
 from tests.system.weather import DOWN, Passage, RoughAir, Weather
 
 if TYPE_CHECKING:
-    from mocha_link.links.link_events import LinkEvent
+    from mocha_link.links.metrics import LinkEvent
     from mocha_link.store.message import Message
 
 LOG = logging.getLogger(__name__)

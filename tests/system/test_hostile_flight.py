@@ -16,7 +16,7 @@ from air_router.control.control import ControlClient
 from air_router.sim.ports import free_port
 from air_router.web.serving import SHOWN_AT, PageAddress
 from mocha_link import ManualRadio, Node, Team
-from mocha_link.links.link_events import Direction, SyncEnded
+from mocha_link.links.metrics import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post
 
 HOME = b'{"request":"home"}'

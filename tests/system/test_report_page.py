@@ -17,7 +17,7 @@ from air_router.report.flight_page import page_of
 from air_router.report.flight_summary import summary_of
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
-from mocha_link.links.link_events import Direction, SyncEnded
+from mocha_link.links.metrics import Direction, SyncEnded
 
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC
-from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.store.wire import Header
 from sitl.experiment.events import EventQueue
 from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC

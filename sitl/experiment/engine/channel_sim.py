@@ -11,7 +11,7 @@ from bisect import insort
 from collections.abc import Sequence
 from functools import partial
 
-from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncTimedOut
 from mocha_link.sync.frames import CHUNKS
 from mocha_link.sync.protocol import ID_BYTES, SYNC1, Action, Connect, Disconnect, Reply, Send
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places, Stage

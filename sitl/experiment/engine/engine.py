@@ -25,7 +25,7 @@ from air_router.controller.motion.command_gate import REACTION_S
 from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from geo.grid import Terrain
-from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.links.metrics import LinkEvent, MessageStored
 from sitl.experiment.engine.ages import Ages, Held, Pair
 from sitl.experiment.engine.channel import Channel, PaperChannel, PathLossChannel
 from sitl.experiment.engine.channel_sim import ChannelSim

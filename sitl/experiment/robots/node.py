@@ -16,7 +16,7 @@ from typing import Final
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC, PoseMessage
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
+from mocha_link.links.metrics import ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.links.trigger import NOT_HEARD
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import wire

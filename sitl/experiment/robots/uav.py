@@ -27,7 +27,7 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from geo.frame import Geodetic, Point
 from geo.grid import SemanticGrid
-from mocha_link.links.link_events import LinkEvent, MessageStored
+from mocha_link.links.metrics import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 from sitl.experiment.robots.node import EPOCH_S, Node

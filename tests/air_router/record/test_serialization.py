@@ -27,7 +27,7 @@ from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Shape, Zone
 from geo.frame import Point
 from geo.validity import Hours, Period, Validity
-from mocha_link.links.link_events import MessageStored
+from mocha_link.links.metrics import MessageStored
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.store.wire import Header
 

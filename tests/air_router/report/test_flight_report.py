@@ -37,7 +37,7 @@ from air_router.report.svg import WIDE, Plot, clock, nice, number, thinned
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
-from mocha_link.links.link_events import (
+from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
     Direction,

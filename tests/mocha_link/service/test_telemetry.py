@@ -12,7 +12,7 @@ import pytest
 import zmq
 
 from mocha_link.errors import ListenError
-from mocha_link.links.link_events import RssiChanged
+from mocha_link.links.metrics import RssiChanged
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service import server as server_module
 from mocha_link.service.endpoint import bind

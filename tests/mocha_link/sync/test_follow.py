@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from mocha_link.links.link_events import (
+from mocha_link.links.metrics import (
     Direction,
     MessageStored,
     SyncEnded,

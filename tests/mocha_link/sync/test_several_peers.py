@@ -9,7 +9,7 @@ from functools import partial
 
 import pytest
 
-from mocha_link.links.link_events import MessageStored
+from mocha_link.links.metrics import MessageStored
 from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import SLOW_S, STALL_S
 from mocha_link.store.record import Record

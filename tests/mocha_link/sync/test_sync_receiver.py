@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.links.link_events import MessageStored
+from mocha_link.links.metrics import MessageStored
 from mocha_link.store import wire
 from mocha_link.store.record import Knowledge
 from mocha_link.store.wire import WRAP_MS, PayloadError

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.links.link_events import MessageStored
+from mocha_link.links.metrics import MessageStored
 from sitl.experiment.engine.ages import Ages, mean_age_s, peak_age_s
 
 ROBOTS = ("uav01", "ugv01", "ugv02")

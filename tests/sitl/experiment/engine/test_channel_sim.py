@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mocha_link.links.link_events import (
+from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
     MessageStored,
