@@ -7,7 +7,7 @@ import contextlib
 import logging
 import selectors
 import threading
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from typing import Any, Protocol
 
 from mocha_link.errors import MochaLinkError, RadioError
@@ -87,6 +87,18 @@ class BackgroundRadio:
             self._report(peer, reading)
         except MochaLinkError as error:
             self.refuse(error)
+
+    def pass_on_best(self, found: Mapping[str, Reading | None], peers: Mapping[str, str]) -> None:
+        """Report how peers are heard, given by the ids of their radios: the best one of each."""
+        best: dict[str, Reading | None] = {}
+        for radio_id, reading in found.items():
+            peer = peers.get(radio_id)
+            if peer is not None:
+                known = best.setdefault(peer, reading)
+                if reading and (known is None or reading.value > known.value):
+                    best[peer] = reading
+        for peer, reading in best.items():
+            self.pass_on(peer, reading)
 
     def refuse(self, error: MochaLinkError) -> None:
         """Count a report that is none; the first one is logged for people, the rest for debug."""

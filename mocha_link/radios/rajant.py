@@ -92,7 +92,8 @@ class RajantRadio(BackgroundRadio):
                     async for line in self.lines(stream):
                         printed = True
                         silence.reschedule(asyncio.get_running_loop().time() + self._silent_s)
-                        self._tell(monitor.feed(line.decode(errors="replace"), time.monotonic()))
+                        heard = monitor.feed(line.decode(errors="replace"), time.monotonic())
+                        self.pass_on_best(heard, self._peers)
             except (OSError, RadioError) as error:
                 why = str(error) or "no answer"
             if why != complaint:  # once, not every two seconds
@@ -126,19 +127,6 @@ class RajantRadio(BackgroundRadio):
             with contextlib.suppress(ProcessLookupError):
                 monitor.kill()
             await monitor.wait()
-
-    def _tell(self, found: Mapping[str, Reading | None]) -> None:
-        """Report how peers are heard: the best of those of a robot's radios."""
-        peers: dict[str, Reading | None] = {}
-        for radio_id, reading in found.items():
-            peer = self._peers.get(radio_id)
-            if peer is None:
-                continue
-            best = peers.setdefault(peer, reading)
-            if reading and (best is None or reading.value > best.value):
-                peers[peer] = reading
-        for peer, reading in peers.items():
-            self.pass_on(peer, reading)
 
 
 class _Blocks:

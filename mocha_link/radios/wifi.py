@@ -8,7 +8,6 @@ import re
 import shutil
 from asyncio.subprocess import DEVNULL, PIPE
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
@@ -20,36 +19,11 @@ TIMEOUT_S = 5.0
 INACTIVE_S = 10.0  # a station that has been silent for longer is not heard
 MAX_OUTPUT_LETTERS = 1024 * 1024
 
-_STATION = re.compile(r"Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE)
-_SIGNAL = re.compile(r"\s*(signal(?: avg)?):\s*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b")
-_INACTIVE = re.compile(r"\s*inactive time:\s*(\d{1,15}) ms\b")
-
-
-@dataclass(slots=True)
-class _Station:
-    signal: float | None = None  # dBm of the last frame
-    signal_avg: float | None = None  # dBm, smoothed
-    inactive_s: float | None = None  # since its last frame
-
-    def take(self, line: str) -> None:
-        """Take a line in; only the first of a kind: those of single links come behind it."""
-        if match := _SIGNAL.match(line):
-            if match[1] == "signal" and self.signal is None:
-                self.signal = float(match[2])
-            elif match[1] == "signal avg" and self.signal_avg is None:
-                self.signal_avg = float(match[2])
-        elif (match := _INACTIVE.match(line)) and self.inactive_s is None:
-            self.inactive_s = int(match[1]) / 1000
-
-    def reading(self) -> Reading | None:
-        """How the station is heard."""
-        value = self.signal if self.signal_avg is None else self.signal_avg
-        if value is None or (self.inactive_s or 0) > INACTIVE_S:
-            return None
-        try:
-            return Reading(value, Unit.DBM, "wifi")
-        except RadioError:  # no power that a radio can receive
-            return None
+_STATION = re.compile(r"^Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)
+_SIGNAL = re.compile(
+    r"^\s*(signal(?: avg)?):\s*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b", re.MULTILINE
+)
+_INACTIVE = re.compile(r"^\s*inactive time:\s*(\d{1,15}) ms\b", re.MULTILINE)
 
 
 def parse_station_dump(text: str) -> dict[str, Reading]:
@@ -58,15 +32,22 @@ def parse_station_dump(text: str) -> dict[str, Reading]:
     The average signal where the driver has one, else that of the last frame. Lines that are not
     about that are left out, and so are stations that have been silent for 10 s.
     """
-    stations: dict[str, _Station] = {}
-    station = _Station()
-    for line in text[:MAX_OUTPUT_LETTERS].splitlines():
-        if match := _STATION.match(line):
-            station = stations.setdefault(match[1].lower(), _Station())
-        else:
-            station.take(line)
-    readings = {mac: station.reading() for mac, station in stations.items()}
+    _, *parts = _STATION.split(text[:MAX_OUTPUT_LETTERS])
+    readings = {
+        mac.lower(): _reading(lines) for mac, lines in zip(parts[::2], parts[1::2], strict=True)
+    }
     return {mac: reading for mac, reading in readings.items() if reading}
+
+
+def _reading(lines: str) -> Reading | None:
+    """How a station is heard; only the first of a kind: those of single links come behind it."""
+    signals = dict(reversed(_SIGNAL.findall(lines)))
+    inactive = _INACTIVE.search(lines)
+    if not signals or (inactive and int(inactive[1]) > INACTIVE_S * 1000):
+        return None
+    with contextlib.suppress(RadioError):  # no power that a radio can receive
+        return Reading(float(signals.get("signal avg", signals.get("signal"))), Unit.DBM, "wifi")
+    return None
 
 
 class WifiRadio(BackgroundRadio):
@@ -100,31 +81,24 @@ class WifiRadio(BackgroundRadio):
         self._begin(report, self._watch())
 
     async def _watch(self) -> None:
-        heard: set[str] = set()
+        before: dict[str, Reading] = {}
         while True:
-            readings = await self._readings()
-            for peer in sorted(readings.keys() | heard):
-                self.pass_on(peer, readings.get(peer))
-            heard = set(readings)
+            stations = await self._stations()
+            self.pass_on_best({**dict.fromkeys(before), **stations}, self._peers)
+            before = stations
             await asyncio.sleep(self._poll_s)
 
-    async def _readings(self) -> dict[str, Reading]:
-        """How each peer is heard: the better one of a robot with several radios."""
+    async def _stations(self) -> dict[str, Reading]:
+        """How each station is heard, by MAC address."""
+        stations, complaint = {}, ""
         try:
             stations = parse_station_dump(await self._ask())
         except OSError as error:
             complaint = f"cannot run {self._command[0]}: {error.strerror}"
-            if complaint != self._complaint:  # once, not every second
-                LOG.warning("%s", complaint)
-            self._complaint = complaint
-            return {}
-        self._complaint = ""
-        readings: dict[str, Reading] = {}
-        for mac, reading in stations.items():
-            peer = self._peers.get(mac)
-            if peer and (peer not in readings or reading.value > readings[peer].value):
-                readings[peer] = reading
-        return readings
+        if complaint and complaint != self._complaint:  # once, not every second
+            LOG.warning("%s", complaint)
+        self._complaint = complaint
+        return stations
 
     async def _ask(self) -> str:
         """What `iw` says; nothing if it has no answer now. Raises OSError if it cannot run."""
