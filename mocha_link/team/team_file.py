@@ -63,24 +63,25 @@ class PortRange:
 _HOST = r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}(\.[A-Za-z0-9_-]{1,63})*\.?"
 """A name or an IPv4 address; of other labels no look-up makes anything."""
 
-_URL = re.compile(rf"(?P<scheme>[a-z]+):(?://(?P<host>{_HOST})(?::(?P<port>\d{{1,5}}))?)?")
+_PLACE, _PORT = rf"//(?P<host>{_HOST})", r":(?P<port>\d{1,5})"
 
 
 @dataclass(frozen=True, slots=True)
 class _Form:
     shown: str  # an example, for messages
-    port: str  # "no", "may", "must"
+    pattern: str  # of what is between scheme and options
     options: tuple[str, ...] = ()  # that such a URL may have
-    host: bool = True  # it needs one
 
 
 FORMS: Mapping[str, _Form] = {
-    "udp": _Form("udp://host:port", "must"),
-    "tcp": _Form("tcp://host:port", "must"),
-    "stdin": _Form("stdin:", "no", host=False),
-    "wifi": _Form("wifi://interface", "no"),
-    "rajant": _Form("rajant://host:port or rajant://host?jar=monitor.jar", "may", ("jar",)),
-    "mavlink": _Form("mavlink://host:port?peer=robot", "must", ("peer",)),
+    "udp": _Form("udp://host:port", _PLACE + _PORT),
+    "tcp": _Form("tcp://host:port", _PLACE + _PORT),
+    "stdin": _Form("stdin:", ""),
+    "wifi": _Form("wifi://interface", _PLACE),
+    "rajant": _Form(
+        "rajant://host:port or rajant://host?jar=monitor.jar", f"{_PLACE}({_PORT})?", ("jar",)
+    ),
+    "mavlink": _Form("mavlink://host:port?peer=robot", _PLACE + _PORT, ("peer",)),
 }
 
 
@@ -102,29 +103,26 @@ class RadioUrl:
     def parse(cls, text: str, scheme: str | None = None) -> Self:
         """Read a URL, of one scheme if that is given. Raises RadioUrlError."""
         head, mark, query = text.partition("?")
-        match = _URL.fullmatch(head)
-        found = match["scheme"] if match else head.partition(":")[0]
-        form = FORMS.get(scheme or found)
-        if form is None or match is None or (scheme and found != scheme):
-            forms = [form] if form else FORMS.values()
-            raise _wrong(text, ", ".join(form.shown for form in forms))
-        port = int(match["port"]) if match["port"] else None
+        found = scheme or head.partition(":")[0]
+        form = FORMS.get(found)
+        if form is None:
+            raise _wrong(text, ", ".join(form.shown for form in FORMS.values()))
+        match = re.fullmatch(f"{found}:{form.pattern}", head)
         try:
             pairs = parse_qsl(query, strict_parsing=True, max_num_fields=4) if mark else []
         except ValueError:
             raise _wrong(text, form.shown) from None
-        options = dict(pairs)
+        options, parts = dict(pairs), match.groupdict() if match else {}
+        port = int(parts["port"]) if parts.get("port") else None
         fits = (
-            (match["host"] is not None) == form.host
-            and (port is None or form.port != "no")
-            and (port is not None or form.port != "must")
+            match is not None
             and (port or 0) <= LAST_PORT
             and len(options) == len(pairs)
             and options.keys() <= set(form.options)
         )
         if not fits or (found == "rajant" and (port is None) != ("jar" in options)):
             raise _wrong(text, form.shown)
-        return cls(found, match["host"] or "", port, options, text)
+        return cls(found, parts.get("host", ""), port, options, text)
 
     def __str__(self) -> str:
         return self.text
