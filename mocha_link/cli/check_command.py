@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.cli.keys_command import links, protection_lines
-from mocha_link.cli.links_view import table
+from mocha_link.cli.links_view import aligned
 from mocha_link.cli.program import examples
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
@@ -82,7 +82,7 @@ def _team_tables(team: Team) -> str:
             kinds.append(
                 (kind, topic.name, *ids, topic.priority.name.lower(), interval, keeps, sends)
             )
-    return f"{table(_used(rows))}\n\n{table(_used(kinds))}"
+    return "\n".join([*aligned(_used(rows)), "", *aligned(_used(kinds))])
 
 
 def _rules_line(team: Team) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
@@ -74,14 +75,7 @@ class EventFilter:
         return brought or not known or before != fields.get("reason")
 
 
-class Size(NamedTuple):
-    """A terminal's."""
-
-    columns: int
-    rows: int
-
-
-PRINTED = Size(200, 100)  # without a terminal
+PRINTED = os.terminal_size((200, 100))  # columns and rows, without a terminal
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +141,7 @@ class NodeView:
                 self._news.append(line)
         self._heard_s = steady_s
 
-    def lines(self, size: Size, style: Style, steady_s: float) -> list[str]:
+    def lines(self, size: os.terminal_size, style: Style, steady_s: float) -> list[str]:
         """The screen at a steady time: title, table, and the latest news in what room is left."""
         silent_s = steady_s - self._heard_s
         title = f"links of {sanitize(str(self._links['robot']))}, {self._endpoint}"
@@ -164,11 +158,11 @@ class NodeView:
             style.paint(title[: size.columns], colour),
             *(style.paint(row, _COLOURS.get(state, "")) for row, state in rows),
         ]
-        room = size.rows - len(lines) - 2
+        room = size.lines - len(lines) - 2
         if room > 0 and self._news:
             news = list(self._news)[-room:]
             lines += ["", *(style.paint(line[: size.columns], DIM) for line in news)]
-        return lines[: max(1, size.rows - 1)]
+        return lines[: max(1, size.lines - 1)]
 
 
 def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[list[str]]:
@@ -194,15 +188,9 @@ def _fitted(table: Sequence[Sequence[str]], width: int) -> list[str]:
         if sum(widths[each] + 2 for each in shown) - 2 <= width:
             break
         shown.remove(index)
-    return [
-        "  ".join(
-            row[index].rjust(widths[index])
-            if index and _COLUMNS[index - 1].right
-            else row[index].ljust(widths[index])
-            for index in shown
-        ).rstrip()[:width]
-        for row in table
-    ]
+    rows = [[row[index] for index in shown] for row in table]
+    right = {place for place, index in enumerate(shown) if index and _COLUMNS[index - 1].right}
+    return [line[:width] for line in aligned(rows, right)]
 
 
 def _age(seconds: float | None) -> str:
@@ -295,11 +283,13 @@ _COLUMNS = (
 )
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as lines of text, their columns one below the other."""
+def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> list[str]:
+    """Rows as lines of text, their columns one below the other, those in `right` at its right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    return [
+        "  ".join(
+            cell.rjust(width) if place in right else cell.ljust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
         for row in rows
-    )
-    return "\n".join(lines)
+    ]

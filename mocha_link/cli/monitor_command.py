@@ -13,9 +13,8 @@ import time
 import tty
 from collections.abc import Iterator
 from types import FrameType
-from typing import Any
 
-from mocha_link.cli.links_view import UNREADABLE, NodeView, Size, Style
+from mocha_link.cli.links_view import UNREADABLE, NodeView, Style
 from mocha_link.cli.program import coloured, endpoint, examples
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.service_client import Subscription
@@ -97,24 +96,9 @@ def _hear(subscription: Subscription, picture: NodeView, timeout_s: float = POLL
 
 def _draw(picture: NodeView, style: Style) -> None:
     """Write over what is there, line by line, so that nothing flickers."""
-    size = Size(*os.get_terminal_size(sys.stdout.fileno()))
+    size = os.get_terminal_size(sys.stdout.fileno())
     lines = picture.lines(size, style, time.monotonic())
     _write(_HOME + "".join(f"{line}{_END_OF_LINE}\r\n" for line in lines) + _BELOW)
-
-
-class _Keys:
-    """Has keys come at once, and not shown, if there is a keyboard."""
-
-    def __init__(self) -> None:
-        self._before: list[Any] | None = None  # the terminal's settings
-        if sys.stdin.isatty():
-            self._before = termios.tcgetattr(sys.stdin)
-            tty.setcbreak(sys.stdin)
-
-    def give_back(self) -> None:
-        """As it was."""
-        if self._before is not None:
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
 
 @contextlib.contextmanager
@@ -125,15 +109,15 @@ def _screen() -> Iterator[list[bool]]:
     def note(_number: int, _frame: FrameType | None) -> None:
         resized.append(True)
 
-    before = signal.signal(signal.SIGWINCH, note)
-    keys = _Keys()
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGWINCH, signal.signal(signal.SIGWINCH, note))
+        if sys.stdin.isatty():  # keys come at once, and are not shown
+            usual = termios.tcgetattr(sys.stdin)
+            stack.callback(termios.tcsetattr, sys.stdin, termios.TCSADRAIN, usual)
+            tty.setcbreak(sys.stdin)
+        stack.callback(_write, _LEAVE)
         _write(_ENTER)
         yield resized
-    finally:
-        _write(_LEAVE)
-        keys.give_back()
-        signal.signal(signal.SIGWINCH, before)
 
 
 def _shows_blocks() -> bool:

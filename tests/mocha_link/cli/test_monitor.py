@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from mocha_link.cli import monitor_command
 from mocha_link.cli.cli import main
-from mocha_link.cli.links_view import NodeView, Size, Style
+from mocha_link.cli.links_view import NodeView, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service.endpoint import bind
@@ -58,6 +58,10 @@ EUROPA = LinkMetrics(
 )
 
 
+def size(columns, rows):
+    return os.terminal_size((columns, rows))
+
+
 def snapshot(*links, robot="titan", at_s=T):
     return {"robot": robot, "at_s": at_s, "links": {link.peer: as_fields(link) for link in links}}
 
@@ -76,7 +80,7 @@ def picture(*links):
 
 
 def test_the_table():
-    lines = picture(IO, EUROPA).lines(Size(150, 20), PLAIN, 100.0)
+    lines = picture(IO, EUROPA).lines(size(150, 20), PLAIN, 100.0)
     assert [line[:79].rstrip() for line in lines] == [
         "links of titan, tcp://x:1",
         "peer    state      path               signal    in  out    RTT  bandwidth/s",
@@ -93,23 +97,23 @@ def test_the_table():
 def test_rows_fit_any_width():
     it = picture(IO, EUROPA)
     for width in range(1, 160):
-        lines = it.lines(Size(width, 20), PLAIN, 100.0)
+        lines = it.lines(size(width, 20), PLAIN, 100.0)
         assert all(len(line) <= width for line in lines)
-    heads = it.lines(Size(60, 20), PLAIN, 100.0)[1].split()
+    heads = it.lines(size(60, 20), PLAIN, 100.0)[1].split()
     assert heads == ["peer", "state", "signal", "in", "out", "newest"]
-    assert it.lines(Size(10, 20), PLAIN, 100.0)[1] == "peer"
+    assert it.lines(size(10, 20), PLAIN, 100.0)[1] == "peer"
     for rows in range(1, 8):
-        assert len(it.lines(Size(80, rows), PLAIN, 100.0)) <= max(1, rows - 1)
+        assert len(it.lines(size(80, rows), PLAIN, 100.0)) <= max(1, rows - 1)
 
 
 def test_ages_grow_without_news():
     it = picture(IO)
-    assert "3.5s" in it.lines(Size(150, 20), PLAIN, 100.0)[2]
-    assert "5.5s" in it.lines(Size(150, 20), PLAIN, 102.0)[2]
-    assert it.lines(Size(150, 20), PLAIN, 102.0)[2].split()[-5:] == [
+    assert "3.5s" in it.lines(size(150, 20), PLAIN, 100.0)[2]
+    assert "5.5s" in it.lines(size(150, 20), PLAIN, 102.0)[2]
+    assert it.lines(size(150, 20), PLAIN, 102.0)[2].split()[-5:] == [
         *("3.2s", "/pose", "3.2s", "/path", "25h")
     ]
-    lines = it.lines(Size(150, 20), Style(), 109.0)
+    lines = it.lines(size(150, 20), Style(), 109.0)
     assert lines[0].startswith("\x1b[31mNO NEWS FOR 9 s  links of titan")
 
 
@@ -117,7 +121,7 @@ def test_news_fill_the_room_below():
     it = picture(IO)
     for number in range(300):
         it.take("event", event(rssi_dbm=float(-number)), 100.0)
-    lines = it.lines(Size(80, 10), PLAIN, 100.0)
+    lines = it.lines(size(80, 10), PLAIN, 100.0)
     assert lines[3] == ""
     assert lines[4:] == [
         f"11:58:20.000Z RssiChanged io rssi_dbm=-{number}.000" for number in range(295, 300)
@@ -135,7 +139,7 @@ def test_what_the_table_shows_is_no_news():
         {**nothing, "complete": False},
     ):
         it.take("event", news, 100.0)
-    lines = it.lines(Size(100, 20), PLAIN, 100.0)[4:]
+    lines = it.lines(size(100, 20), PLAIN, 100.0)[4:]
     assert [line.partition("messages=")[2] for line in lines] == ["0", "2", "0 complete=False"]
 
 
@@ -144,7 +148,7 @@ def test_nothing_that_a_terminal_obeys_gets_through():
     evil = LinkMetrics("a\x1b]0;x\x07", topic_ages_s={"/\x1b[2J": 1.0}, path="\r\n")
     it.take("links", snapshot(evil, robot="\x1b[31m"), 0.0)
     it.take("event", event(peer="\x9b5m"), 0.0)
-    for line in it.lines(Size(200, 20), PLAIN, 0.0):
+    for line in it.lines(size(200, 20), PLAIN, 0.0):
         assert line.isprintable()
 
 
@@ -167,7 +171,7 @@ def test_any_json_is_shown_or_refused(kind, value, key):
         return
     if it.ready:
         for later_s in (0.0, 5.0):
-            it.lines(Size(100, 20), PLAIN, later_s)
+            it.lines(size(100, 20), PLAIN, later_s)
 
 
 # On a terminal.
@@ -249,7 +253,7 @@ class Terminal:
 @pytest.fixture
 def terminal(fake):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
-    with contextlib.closing(Terminal(["monitor", fake.endpoint], Size(120, 12))) as terminal:
+    with contextlib.closing(Terminal(["monitor", fake.endpoint], size(120, 12))) as terminal:
         fake.wait()
         fake.say("links", snapshot(IO, EUROPA))
         yield terminal
@@ -262,7 +266,7 @@ def test_live_and_resized(fake, terminal):
     fake.say("links", snapshot(LinkMetrics("io", state=LinkState.ENDED)))
     fake.say("event", event())
     terminal.wait("RssiChanged io")
-    terminal.resize(Size(40, 5))
+    terminal.resize(size(40, 5))
     os.killpg(terminal.process.pid, signal.SIGWINCH)
     fake.say("links", snapshot(IO, EUROPA))
     terminal.wait("europa", columns=40)
