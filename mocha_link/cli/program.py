@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from mocha_link import __version__
-from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 from mocha_link.errors import needs_extra
+from mocha_link.node.lifetime import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 
 USAGE = 2
 EXIT_CODES = (

@@ -1,4 +1,4 @@
-"""Things that are started, and given up by `close`, also at the end of a ``with``; SIGTERM.
+"""Things that are started, and given up by `close`, also at the end of a ``with``; signals.
 
 Python 3.8 reads this file too: see `mocha_link.service.service_client`.
 """
@@ -6,6 +6,7 @@ Python 3.8 reads this file too: see `mocha_link.service.service_client`.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -64,3 +65,28 @@ def until_terminated() -> Iterator[None]:
             yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+INTERRUPTED = 130
+"""The exit code of a program that was interrupted, as shells have it."""
+
+
+def leave_when_interrupted() -> None:
+    """Ctrl-C ends the process with one line from now on, not a traceback, unless it is ignored.
+
+    For the seconds in which a slow computer imports modules, and after a command has ended: nothing
+    is open that would have to be closed.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+
+
+def raise_when_interrupted() -> None:
+    """An interrupt is a KeyboardInterrupt again."""
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    os.write(2, b"interrupted\n")
+    os._exit(INTERRUPTED)
