@@ -32,7 +32,7 @@ from cyclonedds.util import duration
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
-from mocha_link.bridges.rcl import Cdr
+from mocha_link.bridges.ros_clients import Cdr
 from mocha_link.errors import Guard, MochaLinkError
 from mocha_link.node.lifetime import Closeable
 from mocha_link.ros.ros_store import RosTypes, element

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.bridges.bridge import Bridge, Progress, channel
+from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.endpoint import EndpointKeyError, folder
@@ -118,12 +119,8 @@ def _state_file(name: str) -> Path | None:
 def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) -> Any:
     name = "mocha_bridge_" + re.sub(r"[^A-Za-z0-9_]", "_", team["robot"])
     if kind == "ros1":
-        from mocha_link.bridges.ros1 import Ros1  # noqa: PLC0415 - only where rospy is
-
         return Ros1(name, team["types"])
     if has("rclpy") and not options.dds:
-        from mocha_link.bridges.rcl import Rcl  # noqa: PLC0415 - only where rclpy is
-
         if options.domain is not None:
             os.environ["ROS_DOMAIN_ID"] = str(options.domain)
         return Rcl(name, best_effort=options.best_effort)

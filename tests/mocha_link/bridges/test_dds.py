@@ -21,7 +21,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from mocha_link.bridges.dds import Dds, DdsError, DdsTypes
-from mocha_link.bridges.rcl import Cdr
+from mocha_link.bridges.ros_clients import Cdr
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec, RosError
 from tests.loopback_dds import taken

@@ -13,17 +13,16 @@ from pathlib import Path
 import pytest
 
 import mocha_link
-from mocha_link.bridges import ros1, run
+from mocha_link.bridges import ros_clients, run
 from mocha_link.bridges.bridge import channel
-from mocha_link.bridges.rcl import Rcl
+from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.cli.cli import main
 
 PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
-    "mocha_link.bridges.rcl",
-    "mocha_link.bridges.ros1",
+    "mocha_link.bridges.ros_clients",
     "mocha_link.bridges.run",
     "mocha_link.service.endpoint",
     "mocha_link.errors",
@@ -103,7 +102,7 @@ def rospy(monkeypatch):
     installed.get_message_class = lambda _: types.SimpleNamespace(_md5sum="34cd", _full_text="")
     for name, module in {"rospy": fake, "roslib": fake, "roslib.message": installed}.items():
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setattr(ros1, "LOG", logging.getLogger("of the bridge"))
+    monkeypatch.setattr(ros_clients, "LOG", logging.getLogger("of the bridge"))
     return fake
 
 
@@ -111,7 +110,7 @@ def test_what_is_published_by_another_definition_of_the_type_is_not_heard(rospy)
     """Its bytes may well be read by ours, and mean something else."""
     taken, subscribed = [], []
     rospy.Subscriber = lambda _topic, _kind, heard, **_: subscribed.append(heard)
-    bridge = ros1.Ros1("bridge", {"field/Own": {"md5": "12ab", "text": "uint16 count"}})
+    bridge = Ros1("bridge", {"field/Own": {"md5": "12ab", "text": "uint16 count"}})
     bridge.subscribe("/own", "field/Own", 1, taken.append)
     for md5 in ("34cd", "12ab"):
         header = {"type": "field/Own", "md5sum": md5}
@@ -124,7 +123,7 @@ def test_what_is_published_is_announced_as_the_node_has_the_type(rospy):
     announced = []
     rospy.Publisher = lambda _topic, kind, **_: announced.append(kind) or rospy
     own = {"md5": "12ab", "text": "uint16 count"}
-    bridge = ros1.Ros1("bridge", {"field/Own": own, "std_msgs/String": {}})
+    bridge = Ros1("bridge", {"field/Own": own, "std_msgs/String": {}})
     bridge.publish("/two/own", "field/Own", 1, b"\7\0")
     bridge.publish("/two/goal", "std_msgs/String", 1, bridge.text(b"{}"))
     assert [(kind._type, kind._md5sum) for kind in announced] == [
