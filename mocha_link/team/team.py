@@ -99,6 +99,7 @@ class Team:
     trust: Trust
     definitions: Mapping[str, str]
     path: Path
+    model: TeamModel = field(repr=False)  # as the file has it, with what it leaves out
     topics_by_key: Mapping[int, tuple[Robot, Topic]] = field(init=False, repr=False)
     histories: Mapping[int, int] = field(init=False, repr=False)  # versions kept, by topic key
 
@@ -146,6 +147,7 @@ class Team:
             trust=model.trust,
             definitions=MappingProxyType(model.definitions),
             path=document.path,
+            model=model,
         )
 
     def robot(self, name: str) -> Robot:
@@ -186,7 +188,7 @@ class Team:
             UnknownRobotError: a name that is not in the team (a new robot would move the ids).
             DocumentError: the changed team would not be valid.
         """
-        data = self._data()
+        data = self.model.model_dump(mode="json")
         for name, values in changes.items():
             data["robots"][self.robot(name).name].update(
                 {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
@@ -195,32 +197,12 @@ class Team:
 
     def dump(self) -> str:
         """The team as the text of a team file, without the keys that a robot does not have."""
-        data = self._data()
+        data = self.model.model_dump(mode="json")
         robots = {
             name: {key: value for key, value in robot.items() if value is not None}
             for name, robot in data["robots"].items()
         }
         return as_yaml({**data, "robots": robots})
-
-    def _data(self) -> dict[str, Any]:
-        robot_keys, topic_keys = set(RobotModel.model_fields), set(TopicModel.model_fields)
-        return {
-            "robots": {
-                name: robot.model_dump(mode="json", include=robot_keys)
-                for name, robot in self.robots.items()
-            },
-            "kinds": {
-                name: {
-                    "topics": [
-                        topic.model_dump(mode="json", include=topic_keys) for topic in topics
-                    ]
-                }
-                for name, topics in self.kinds.items()
-            },
-            "trigger": self.trigger.model_dump(),
-            "trust": self.trust.value,
-            "definitions": dict(self.definitions),
-        }
 
 
 def _problems(document: Document, model: TeamModel) -> Iterator[Problem]:
