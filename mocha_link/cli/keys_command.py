@@ -194,16 +194,14 @@ def _plan(robot: Robot, directory: Path, *, force: bool) -> _Plan:
 
 
 def _write_secrets(plans: list[_Plan], directory: Path, *, force: bool) -> None:
-    made = [plan for plan in plans if plan.secret]
+    made = {plan.robot.name: plan.secret for plan in plans if plan.secret}
     if made:
         try:
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise keys.KeyFileError(f"cannot make {directory}: {error.strerror}") from None
-    for plan in made:
-        if plan.secret:
-            name = plan.robot.name
-            keys.write(keys.path_of(name, directory), name, plan.secret, replace=force)
+    for name, secret in made.items():
+        keys.write(keys.path_of(name, directory), name, secret, replace=force)
 
 
 def _read(path: Path) -> tuple[str, bytes]:

@@ -79,7 +79,12 @@ def _bind_tcp(server: zmq.Socket[Any], endpoint: str, what: str) -> str:
             f"{what}: other machines could reach it; write ipc://path or tcp://127.0.0.1:{port}, "
             "and reach it from elsewhere through SSH"
         )
-    key = lock(server, endpoint)
+    if not zmq.has("curve"):
+        raise EndpointKeyError("the ZeroMQ library here has no CURVE; serve at ipc://path")
+    key = kept_key(endpoint) or zmq.curve_keypair()  # the last one, so that its clients find back
+    server.setsockopt(zmq.CURVE_SERVER, 1)
+    server.setsockopt(zmq.CURVE_SECRETKEY, key[1])
+    server.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
     server.bind(endpoint)
     endpoint = _bound(server)
     keep_key(endpoint, key)
@@ -169,23 +174,6 @@ def keep_key(endpoint: str, key: tuple[bytes, bytes]) -> None:
         Path(name).replace(path)
     except OSError as error:
         raise EndpointKeyError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def lock(server: zmq.Socket[Any], endpoint: str) -> tuple[bytes, bytes]:
-    """Have a socket, before it is bound to a TCP endpoint, talk to holders of its key only.
-
-    The key that the endpoint had last is used again, so that its clients find back.
-
-    Raises:
-        EndpointKeyError: this libzmq has no CURVE.
-    """
-    if not zmq.has("curve"):
-        raise EndpointKeyError("the ZeroMQ library here has no CURVE; serve at ipc://path")
-    key = kept_key(endpoint) or zmq.curve_keypair()
-    server.setsockopt(zmq.CURVE_SERVER, 1)
-    server.setsockopt(zmq.CURVE_SECRETKEY, key[1])
-    server.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
-    return key
 
 
 def connect(client: zmq.Socket[Any], endpoint: str) -> bool:

@@ -126,7 +126,7 @@ class EndpointServer(Startable):
         """Say the last things, before the socket is closed."""
 
 
-def as_fields(value: LinkEvent | LinkMetrics) -> dict[str, Any]:
+def as_fields(value: LinkEvent | LinkMetrics | Reading | Contact) -> dict[str, Any]:
     """An event or metrics as plain values for JSON: enums by value, headers as hex digits."""
     return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
 
@@ -139,7 +139,7 @@ def _plain(value: object) -> object:
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
     if isinstance(value, Reading | Contact):
-        return {part.name: _plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+        return as_fields(value)
     return value
 
 

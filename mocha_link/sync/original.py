@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mocha_link.clock import Instant
-from mocha_link.links.link_events import Direction
+from mocha_link.links.metrics import Direction
 from mocha_link.store import wire
 from mocha_link.store.record import Record
 from mocha_link.store.wire import WRAP_MS, Header, HeaderError, PayloadError

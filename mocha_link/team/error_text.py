@@ -78,7 +78,9 @@ def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
     name = _name(keys)
     what = f"{name}: {detail['msg']}, found {_shown(found)}; change it"
     if kind == "missing":
-        what = f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
+        described = _described(model, keys)
+        about = f" ({described})" if described else ""
+        what = f"missing key '{keys[-1]}'{about}; add it"
     elif kind in UNKNOWN:
         known = _field_names(model, keys[:-1])
         what = f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
@@ -150,11 +152,6 @@ def _suggestion(word: str, known: Iterable[str]) -> str:
     if close:
         return f"did you mean '{close[0]}'?"
     return f"use one of {', '.join(known)}" if known else "remove it"
-
-
-def _about(model: type[BaseModel], keys: Sequence[Key]) -> str:
-    description = _described(model, keys)
-    return f" ({description})" if description else ""
 
 
 def _described(model: type[BaseModel], keys: Sequence[Key]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -65,12 +64,8 @@ def first_of_each_kind(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     """Problems in file order, at most `MOST_OF_A_KIND` per file and code, and how many are left."""
     collected = ProblemList()
     for problem in sorted(set(problems)):
-        collected.add(problem.path, problem.code, partial(_itself, problem))
+        collected.add(problem.path, problem.code, lambda problem=problem: problem)
     return tuple(sorted(collected))
-
-
-def _itself(problem: Problem) -> Problem:
-    return problem
 
 
 class ProblemList:
