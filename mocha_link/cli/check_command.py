@@ -52,9 +52,7 @@ def _ids(team: Team) -> dict[str, Any]:
         },
         "trigger": team.trigger.model_dump(),
         "trust": team.trust.value,
-        "links": [
-            {"robots": link.robots, "open_because": link.open_because} for link in links(team)
-        ],
+        "links": [{"robots": robots, "open_because": why} for robots, why in links(team).items()],
     }
 
 

@@ -25,13 +25,6 @@ class TeamTextError(MochaLinkError):
     """A team file whose text cannot be changed."""
 
 
-class Link(NamedTuple):
-    """A link of the team; `open_because` is None if it is protected."""
-
-    robots: tuple[str, str]
-    open_because: str | None
-
-
 class _Plan(NamedTuple):
     """What becomes of one robot: `secret` is to be written, `public` goes into the team file."""
 
@@ -91,35 +84,30 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def links(team: Team) -> list[Link]:
-    """Every link of the team once, and whether keys protect it.
+def links(team: Team) -> dict[tuple[str, str], str | None]:
+    """Every link of the team once, by its robots: why keys do not protect it; None: they do.
 
     Raises:
         KeyMismatchError: what the team file has for a robot is no key (told if PyNaCl is there).
     """
     for robot in team.robots.values() if keys.available() else ():
         keys.public_key(robot)
-    return [
-        Link((robot.name, peer), keys.open_because(robot, team.robot(peer)))
-        for robot in sorted(team.robots.values(), key=lambda robot: robot.name)
-        for peer in sorted(robot.peers)
-        if robot.name < peer
-    ]
+    return {
+        (name, peer): keys.open_because(team.robot(name), team.robot(peer))
+        for name in sorted(team.robots)
+        for peer in sorted(team.robot(name).peers)
+        if name < peer
+    }
 
 
 def protection_lines(team: Team) -> list[str]:
     """The protected links in one line, and each of the others with the reason."""
-    found = links(team)
-    closed = [" - ".join(link.robots) for link in found if link.open_because is None]
     if not any(robot.key for robot in team.robots.values()):
         return ["no link is protected by keys ('mocha-link keys' makes them)"]
+    found = {" - ".join(robots): why for robots, why in links(team).items()}
+    closed = [link for link, why in found.items() if why is None]
     lines = [f"protected by keys: {', '.join(closed)}" if closed else "no link is protected:"]
-    lines += [
-        f"NOT protected: {' - '.join(link.robots)} ({link.open_because})"
-        for link in found
-        if link.open_because is not None
-    ]
-    return lines
+    return lines + [f"NOT protected: {link} ({why})" for link, why in found.items() if why]
 
 
 def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
