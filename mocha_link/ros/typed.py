@@ -14,7 +14,7 @@ from typing import Any
 
 from mocha_link.errors import MissingExtraError, MochaLinkError
 from mocha_link.store.message import Message
-from mocha_link.team.team import Robot, Ros, Team, Topic
+from mocha_link.team.team import Ros, Team
 
 JSON_PACKAGE = "json/"
 
@@ -138,25 +138,23 @@ class Typed:
             UnknownTopicError: the robot has no such topic.
             TypedError: the value does not fit the topic's type.
         """
-        sender, known = self._known(robot, topic)
+        known = self._team.topic(robot, topic)
         try:
-            return self.types.encode(known.type, value, sender.ros)
+            return self.types.encode(known.type, value, self._team.robot(robot).ros)
         except TypedError as error:
             raise TypedError(f"{robot} {topic}: {error}") from None
 
     def _all(self, message: Message, work: Callable[[str, bytes, Ros], Any]) -> Any:
-        robot, topic = self._known(message.robot, message.topic)
+        topic = self._team.topic(message.robot, message.topic)
+        ros = self._team.robot(message.robot).ros
         if topic.aggregate and message.data and not message.parts:
             raise TypedError(f"{message.robot} {message.topic}: not a batch of messages")
         try:
             if topic.aggregate:
-                return [work(topic.type, part, robot.ros) for part in message.parts]
-            return work(topic.type, message.data, robot.ros)
+                return [work(topic.type, part, ros) for part in message.parts]
+            return work(topic.type, message.data, ros)
         except TypedError as error:
             raise TypedError(f"{message.robot} {message.topic}: {error}") from None
-
-    def _known(self, robot: str, topic: str) -> tuple[Robot, Topic]:
-        return self._team.robot(robot), self._team.topic(robot, topic)
 
 
 def _codec(definitions: Mapping[str, str]) -> Any:

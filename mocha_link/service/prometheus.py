@@ -127,14 +127,7 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """The metrics."""
-        self._answer(with_body=True)
-
-    def do_HEAD(self) -> None:
-        """How long the metrics are."""
-        self._answer(with_body=False)
-
-    def _answer(self, *, with_body: bool) -> None:
+        """The metrics; only how long they are, if asked so."""
         if self.path.partition("?")[0] not in ("/", "/metrics"):
             self.send_error(HTTPStatus.NOT_FOUND, "the metrics are at /metrics")
             return
@@ -143,8 +136,10 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", CONTENT_TYPE_PLAIN_0_0_4)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        if with_body:
+        if self.command == "GET":
             self.wfile.write(body)
+
+    do_HEAD = do_GET  # noqa: N815 - the name that the library calls
 
     def log_message(self, *_: Any) -> None:
         """Requests are not news."""
