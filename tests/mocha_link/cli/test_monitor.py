@@ -221,7 +221,7 @@ class Terminal:
         self.raw = ""
 
     def resize(self, size):
-        new = struct.pack("HHHH", size.rows, size.columns, 0, 0)
+        new = struct.pack("HHHH", size.lines, size.columns, 0, 0)
         fcntl.ioctl(self._fd, termios.TIOCSWINSZ, new)
 
     def press(self, keys):

@@ -92,10 +92,10 @@ def test_a_wifi_radio(tmp_path, seen):
     radio = WifiRadio(RadioUrl.parse("wifi://wlan0"), peers, poll_s=0.01, command=command)
     radio.start(put_all(seen))
     with contextlib.closing(radio):
-        assert seen.get(timeout=WAIT_S) == ("io", Reading(-77.0, Unit.DBM, "wifi"))
         assert seen.get(timeout=WAIT_S) == ("titan", Reading(-60.0, Unit.DBM, "wifi"))
-        assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
+        assert seen.get(timeout=WAIT_S) == ("io", Reading(-77.0, Unit.DBM, "wifi"))
         assert seen.get(timeout=WAIT_S) == ("titan", None)
+        assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
 
 
 def test_an_interface_that_comes_up_late(tmp_path, seen):
