@@ -45,8 +45,9 @@ def _reading(lines: str) -> Reading | None:
     inactive = _INACTIVE.search(lines)
     if not signals or (inactive and int(inactive[1]) > INACTIVE_S * 1000):
         return None
+    value = float(signals["signal avg" if "signal avg" in signals else "signal"])
     with contextlib.suppress(RadioError):  # no power that a radio can receive
-        return Reading(float(signals.get("signal avg", signals.get("signal"))), Unit.DBM, "wifi")
+        return Reading(value, Unit.DBM, "wifi")
     return None
 
 

@@ -64,7 +64,7 @@ def first_of_each_kind(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     """Problems in file order, at most `MOST_OF_A_KIND` per file and code, and how many are left."""
     collected = ProblemList()
     for problem in sorted(set(problems)):
-        collected.add(problem.path, problem.code, lambda problem=problem: problem)
+        collected.add(problem.path, problem.code, lambda: problem)  # noqa: B023 - called at once
     return tuple(sorted(collected))
 
 
