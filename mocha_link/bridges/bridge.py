@@ -30,7 +30,6 @@ from mocha_link.service.service_client import (
 
 WAIT_S = 1.0  # of a request for news
 LEAVES_S = 30.0  # at its end what the robot has said leaves as long as the node answers
-LOOK_S = 0.1  # so often it is looked whether that goes on
 PAUSE_S = 0.5  # before a node that does not answer is asked again
 MAX_HELD = 1000  # messages of the robot that wait for the node
 MAX_HELD_BYTES = 64 * 1024 * 1024
@@ -89,8 +88,8 @@ class Outbox:
         with self._changed:
             self._held.append((topic, data))
             self._size += len(data)
-            while len(self._held) > MAX_HELD or (
-                self._size > MAX_HELD_BYTES and len(self._held) > 1
+            while len(self._held) > 1 and (
+                len(self._held) > MAX_HELD or self._size > MAX_HELD_BYTES
             ):
                 if not self.dropped:
                     LOG.warning("too much waits for the node: the oldest are given up")
@@ -224,7 +223,7 @@ class Bridge:
                 self._stopping.set()
                 until_s = time.monotonic() + LEAVES_S
                 while outgoing.is_alive() and not self._away and time.monotonic() < until_s:
-                    outgoing.join(LOOK_S)
+                    outgoing.join(PAUSE_S)
 
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:
