@@ -13,7 +13,6 @@ import logging
 import re
 import sqlite3
 import threading
-import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -86,15 +85,14 @@ class Outbox:
     def put(self, topic: str, data: bytes) -> None:
         """Add a message, from any thread."""
         with self._changed:
-            self._held.append((topic, data))
+            held = self._held
+            held.append((topic, data))
             self._size += len(data)
-            while len(self._held) > 1 and (
-                len(self._held) > MAX_HELD or self._size > MAX_HELD_BYTES
-            ):
+            while len(held) > 1 and (len(held) > MAX_HELD or self._size > MAX_HELD_BYTES):
                 if not self.dropped:
                     LOG.warning("too much waits for the node: the oldest are given up")
                 self.dropped += 1
-                self._size -= len(self._held.popleft()[1])
+                self._size -= len(held.popleft()[1])
             self._changed.notify()
 
     def first(self, timeout_s: float) -> tuple[str, bytes] | None:
@@ -221,9 +219,9 @@ class Bridge:
                 self._follow(client, team)
             finally:
                 self._stopping.set()
-                until_s = time.monotonic() + LEAVES_S
-                while outgoing.is_alive() and not self._away and time.monotonic() < until_s:
-                    outgoing.join(PAUSE_S)
+                for _ in range(int(LEAVES_S / PAUSE_S)):
+                    if not self._away:
+                        outgoing.join(PAUSE_S)
 
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:
