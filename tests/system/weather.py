@@ -7,30 +7,23 @@ does not depend on how fast the machine is. The relay keeps book of what it did 
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import errno
-import heapq
+import functools
 import itertools
 import random
-import selectors
 import socket
 import struct
 import threading
-import time
-from collections import deque
+from collections.abc import Coroutine
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Any, Literal, Self
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mocha_link.team.team import Robot, Team
+from mocha_link.team.team import Robot, Team
 
 UP, DOWN = 0, 1  # from the asking side to the serving one, and back
 MEDIA = ("tcp", "udp")
 CHUNK_BYTES = 16 * 1024
-AHEAD_BYTES = 256 * 1024  # that a connection may hold
-DATAGRAM_BYTES = 2048
 RESET = struct.pack("ii", 1, 0)
 
 Media = Literal["tcp", "udp"]
@@ -135,144 +128,75 @@ class Passage:
         return data
 
 
+class _Datagrams(asyncio.DatagramProtocol):
+    """Hands on what comes in, each with the way it goes and where it came from."""
+
+    def __init__(self, link: _Link, direction: int) -> None:
+        self.datagram_received = functools.partial(link.take, direction)
+
+
 @dataclass(slots=True, eq=False)
-class _End:
-    """One end of a relayed connection, and what it has yet to take."""
-
-    socket: socket.socket
-    direction: int  # of what is read here
-    out: bytearray = field(default_factory=bytearray)
-    scheduled: int = 0  # bytes that are on their way to it
-    ended: bool = False  # nothing more will be read here
-    end_due: bool = False  # nothing more will be written here
-    told: bool = False
-    watched: int = 0
-
-
 class _Connection:
-    def __init__(self, link: _Link, near: socket.socket, far: socket.socket) -> None:
-        self.link = link
-        self.passage = link.passage
-        self.near, self.far = _End(near, UP), _End(far, DOWN)
-        self.connected = self.closed = False
+    """A relayed connection: who carries it, and its ends, of which the far one may be missing."""
 
-    def other(self, end: _End) -> _End:
-        return self.far if end is self.near else self.near
+    task: asyncio.Task[None]
+    ends: list[asyncio.StreamWriter]
+
+    def drop(self, *, reset: bool = True) -> None:
+        self.close(reset=reset)
+        self.task.cancel()
+
+    def close(self, *, reset: bool = True) -> None:
+        for end in self.ends:
+            if reset:
+                with contextlib.suppress(OSError):
+                    linger = socket.SOL_SOCKET, socket.SO_LINGER, RESET
+                    end.get_extra_info("socket").setsockopt(*linger)
+            end.transport.abort()
 
 
 class _Link:
-    """One robot asks another: a place for connections, and sockets for datagrams both ways."""
+    """One robot asks another: a place for connections, and sockets for datagrams both ways.
+
+    All of it is for the loop's thread.
+    """
 
     def __init__(self, client: Robot, server: Robot) -> None:
         self.passage = Passage(Weather())
         number = server.port_for(client.name)
-        self.served = server.listen, number
-        self.caller: tuple[str, int] | None = None
-        self.connections: set[_Connection] = set()
-        self.listener = socket.create_server((server.address, number), backlog=16)
-        self.near = _datagrams(server.address, number)
+        self._served, self._dialled = (server.listen, number), (server.address, number)
         # A node takes datagrams of a peer only from the address that the team file says.
-        self.far = _datagrams(client.address, 0)
-        self.listener.setblocking(False)
+        self._from = client.address, 0
+        self._caller: Any = None  # where the last datagram of the asking side came from
+        self._connections: set[_Connection] = set()
 
-    @property
-    def sockets(self) -> tuple[socket.socket, ...]:
-        return self.listener, self.near, self.far
+    async def open(self) -> None:
+        datagrams = asyncio.get_running_loop().create_datagram_endpoint
+        self._server = await asyncio.start_server(self._accept, *self._dialled, backlog=16)
+        self._near, _ = await datagrams(lambda: _Datagrams(self, UP), self._dialled)
+        self._far, _ = await datagrams(lambda: _Datagrams(self, DOWN), self._from)
 
+    async def begin(self, weather: Weather) -> Passage:
+        """What is left of the interaction before is gone."""
+        for connection in tuple(self._connections):
+            connection.drop()
+        self.passage = Passage(weather)
+        return self.passage
 
-def _datagrams(host: str, port: int) -> socket.socket:
-    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    made.bind((host, port))
-    made.setblocking(False)
-    return made
+    async def close(self) -> None:
+        self._server.close()
+        self._near.close()
+        self._far.close()
+        while self._connections:
+            await self.begin(Weather())
+            await asyncio.sleep(0)
+        await asyncio.sleep(0)  # until the sockets are closed
 
-
-class RoughAir:
-    """The relays of a team: robots are dialled at their `address`, and `listen` elsewhere.
-
-    A context manager; one thread carries everything.
-    """
-
-    def __init__(self, team: Team) -> None:
-        self._lock = threading.Lock()
-        self._selector = selectors.DefaultSelector()
-        self._later: list[tuple[float, int, Callable[[], None]]] = []
-        self._order = itertools.count()
-        self._links = {
-            (client, server.name): _Link(team.robot(client), server)
-            for server in team.robots.values()
-            for client in server.peers
-        }
-        self._woken, self._waker = socket.socketpair()
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name="rough air")
-
-    def __enter__(self) -> Self:
-        self._selector.register(self._woken, selectors.EVENT_READ, self._wake)
-        for link in self._links.values():
-            for each, action in zip(
-                link.sockets, (self._accept, self._datagram_up, self._datagram_down), strict=True
-            ):
-                self._selector.register(each, selectors.EVENT_READ, (action, link))
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._closing = True
-        self._waker.send(b"\0")
-        self._thread.join()
-        for link in self._links.values():
-            self._drop_all(link)
-            for each in link.sockets:
-                each.close()
-        self._selector.close()
-        self._waker.close()
-        self._woken.close()
-
-    def begin(self, client: str, server: str, weather: Weather) -> Passage:
-        """The next interaction on a link; what is left of the one before is gone."""
-        link = self._links[client, server]
-        with self._lock:
-            self._drop_all(link)
-            link.passage = Passage(weather)
-            return link.passage
-
-    # --- all below on the thread
-
-    def _run(self) -> None:
-        wait_s: float | None = None
-        while not self._closing:
-            ready = self._selector.select(wait_s)
-            with self._lock:
-                for key, mask in ready:
-                    action, *arguments = key.data if isinstance(key.data, tuple) else (key.data,)
-                    if arguments and isinstance(arguments[0], _Connection):
-                        arguments.append(mask)
-                    action(*arguments)
-                now_s = time.monotonic()
-                while self._later and self._later[0][0] <= now_s:
-                    heapq.heappop(self._later)[2]()
-                wait_s = max(self._later[0][0] - now_s, 0) if self._later else None
-
-    def _wake(self) -> None:
-        self._woken.recv(16)
-
-    def _after(self, delay_s: float, action: Callable[[], None]) -> None:
-        heapq.heappush(self._later, (time.monotonic() + delay_s, next(self._order), action))
-
-    # datagrams
-
-    def _datagram_up(self, link: _Link) -> None:
-        for packet, source in _received(link.near):
-            link.caller = source
-            self._pass(link, UP, packet)
-
-    def _datagram_down(self, link: _Link) -> None:
-        for packet, _ in _received(link.far):
-            self._pass(link, DOWN, packet)
-
-    def _pass(self, link: _Link, direction: int, packet: bytes) -> None:
-        passage, weather = link.passage, link.passage.weather
+    def take(self, direction: int, packet: bytes, source: Any) -> None:
+        """Pass a datagram on, as the weather has it."""
+        if direction == UP:
+            self._caller = source
+        passage, weather = self.passage, self.passage.weather
         number = passage.packets[direction]
         passage.packets[direction] += 1
         if "udp" not in weather.media or "udp" in passage.cut:
@@ -287,168 +211,123 @@ class RoughAir:
         if luck.random() < weather.late:
             delays_s[0] += luck.uniform(0, 0.01)
         for delay_s in delays_s:
-            if delay_s:
-                self._after(delay_s, lambda: self._cast(link, passage, direction, packet))
-            else:
-                self._cast(link, passage, direction, packet)
+            _after(delay_s, self._cast, passage, direction, packet)
 
-    def _cast(self, link: _Link, passage: Passage, direction: int, packet: bytes) -> None:
-        if link.passage is not passage:
+    def _cast(self, passage: Passage, direction: int, packet: bytes) -> None:
+        if self.passage is not passage or self._near.is_closing():
             return
-        with contextlib.suppress(OSError):
-            if direction == UP:
-                link.far.sendto(packet, link.served)
-            elif link.caller:
-                link.near.sendto(packet, link.caller)
+        if direction == UP:
+            self._far.sendto(packet, self._served)
+        elif self._caller:
+            self._near.sendto(packet, self._caller)
 
-    # connections
-
-    def _accept(self, link: _Link) -> None:
-        with contextlib.suppress(OSError):
-            near, _ = link.listener.accept()
-            passage = link.passage
+    async def _accept(self, reader: asyncio.StreamReader, near: asyncio.StreamWriter) -> None:
+        passage, task = self.passage, asyncio.current_task()
+        assert task is not None
+        connection = _Connection(task, [near])
+        self._connections.add(connection)
+        try:
             if "tcp" in passage.cut and passage.weather.cut != "silence":
-                _close(near, reset=True)
-                return
-            near.setblocking(False)
-            far = socket.socket()
-            far.setblocking(False)
-            for each in (near, far):
-                each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            connection = _Connection(link, near, far)
-            link.connections.add(connection)
+                connection.drop()
             if "tcp" not in passage.weather.media or "tcp" in passage.cut:
-                return  # it stands, and nothing ever comes
-            if far.connect_ex(link.served) not in (0, errno.EINPROGRESS):
-                self._drop(connection)
-                return
-            self._watch(connection)
+                await asyncio.Event().wait()  # it stands, and nothing ever comes
+            far_reader, far = await asyncio.open_connection(*self._served)
+            connection.ends.append(far)
+            async with asyncio.TaskGroup() as both:
+                both.create_task(self._carry(passage, UP, reader, far))
+                both.create_task(self._carry(passage, DOWN, far_reader, near))
+            for end in connection.ends:
+                end.close()
+                await end.wait_closed()
+        except* OSError:
+            connection.close()
+        except* asyncio.CancelledError:
+            pass  # it was dropped
+        finally:
+            self._connections.discard(connection)
 
-    def _watch(self, connection: _Connection) -> None:
-        for end in (connection.near, connection.far):
-            other = connection.other(end)
-            wanted = 0
-            if not connection.closed and "tcp" not in connection.passage.cut:
-                dialling = end is connection.far and not connection.connected
-                if dialling or end.out:
-                    wanted |= selectors.EVENT_WRITE
-                held = len(other.out) + other.scheduled
-                if not dialling and not end.ended and held < AHEAD_BYTES:
-                    wanted |= selectors.EVENT_READ
-            if wanted == end.watched:
-                continue
-            if not wanted:
-                self._selector.unregister(end.socket)
-            elif end.watched:
-                self._selector.modify(end.socket, wanted, (self._turn, connection, end))
-            else:
-                self._selector.register(end.socket, wanted, (self._turn, connection, end))
-            end.watched = wanted
-
-    def _turn(self, connection: _Connection, end: _End, mask: int) -> None:
-        if connection.closed:
-            return
-        try:
-            if end is connection.far and not connection.connected:
-                if end.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
-                    raise ConnectionError
-                connection.connected = True
-            if mask & selectors.EVENT_WRITE:
-                self._write(connection, end)
-            if mask & selectors.EVENT_READ:
-                self._read(connection, end)
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._drop(connection)
-            return
-        self._watch(connection)
-
-    def _read(self, connection: _Connection, end: _End) -> None:
-        data = end.socket.recv(CHUNK_BYTES)
-        passage, other = connection.passage, connection.other(end)
-        if data:
-            data = passage.take("tcp", end.direction, data)
-        else:
-            end.ended = True
-        if "tcp" in passage.cut and connection.link.passage is passage:
-            self._cut(connection.link)
-            if passage.weather.cut == "reset":
-                return
+    async def _carry(
+        self,
+        passage: Passage,
+        direction: int,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+    ) -> None:
+        """One way of a connection, until its end or the link's; the last bytes are written."""
         delay_s = passage.weather.delay_s
-        if delay_s:
-            other.scheduled += len(data)
-            self._after(delay_s, lambda: self._arrive(connection, other, data, len(data)))
-        else:
-            self._arrive(connection, other, data, 0)
+        while "tcp" not in passage.cut and (data := await reader.read(CHUNK_BYTES)):
+            if "tcp" in passage.cut:
+                break
+            data = passage.take("tcp", direction, data)
+            if "tcp" not in passage.cut or passage.weather.cut != "reset":
+                _after(delay_s, _write, writer, data)
+            await writer.drain()
+        if "tcp" in passage.cut:
+            self._cut(passage)
+            await asyncio.Event().wait()  # until it is dropped
+        _after(delay_s, _end, writer)
+        await asyncio.sleep(delay_s)
 
-    def _arrive(self, connection: _Connection, end: _End, data: bytes, scheduled: int) -> None:
-        end.scheduled -= scheduled
-        if connection.closed:
+    def _cut(self, passage: Passage) -> None:
+        if self.passage is not passage:
             return
-        end.out += data
-        end.end_due = connection.other(end).ended and not end.scheduled
-        try:
-            self._write(connection, end)
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._drop(connection)
-            return
-        self._watch(connection)
-
-    def _write(self, connection: _Connection, end: _End) -> None:
-        if end is connection.far and not connection.connected:
-            return
-        while end.out:
-            del end.out[: end.socket.send(end.out)]
-        if end.end_due and not end.told:
-            end.told = True
-            end.socket.shutdown(socket.SHUT_WR)
-        if connection.near.told and connection.far.told:
-            self._drop(connection, reset=False)
-
-    def _cut(self, link: _Link) -> None:
-        """The link is cut; what of the last bytes got through is still written."""
-        how = link.passage.weather.cut
-        for connection in tuple(link.connections):
-            if how == "reset":
-                self._drop(connection)
-            elif how == "close":
-                self._after(
-                    link.passage.weather.delay_s + 0.001,
-                    lambda each=connection: self._drop(each, reset=False),
-                )
-            self._watch(connection)
-
-    def _drop_all(self, link: _Link) -> None:
-        for connection in tuple(link.connections):
-            self._drop(connection)
-
-    def _drop(self, connection: _Connection, *, reset: bool = True) -> None:
-        if connection.closed:
-            return
-        connection.closed = True
-        connection.link.connections.discard(connection)
-        self._watch(connection)
-        for end in (connection.near, connection.far):
-            _close(end.socket, reset=reset)
+        for connection in tuple(self._connections):
+            if passage.weather.cut == "reset":
+                connection.drop()
+            elif passage.weather.cut == "close":
+                _after(passage.weather.delay_s + 0.001, connection.drop, reset=False)
 
 
-def _received(source: socket.socket) -> list[tuple[bytes, tuple[str, int]]]:
-    packets: deque[tuple[bytes, tuple[str, int]]] = deque()
-    for _ in range(64):
-        try:
-            packets.append(source.recvfrom(DATAGRAM_BYTES))
-        except BlockingIOError:
-            break
-        except OSError:
-            continue  # an ICMP error of an earlier one
-    return list(packets)
+def _after(delay_s: float, action: Any, *arguments: Any, **named: Any) -> None:
+    """Do it later; at once if there is no delay."""
+    act = functools.partial(action, *arguments, **named)
+    if delay_s:
+        asyncio.get_running_loop().call_later(delay_s, act)
+    else:
+        act()
 
 
-def _close(connection: socket.socket, *, reset: bool) -> None:
-    if reset:
-        with contextlib.suppress(OSError):
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
-    connection.close()
+def _write(writer: asyncio.StreamWriter, data: bytes) -> None:
+    if not writer.is_closing():
+        writer.write(data)
+
+
+def _end(writer: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(OSError):  # the other side may be gone
+        writer.write_eof()
+
+
+class RoughAir:
+    """The relays of a team: robots are dialled at their `address`, and `listen` elsewhere.
+
+    A context manager; one thread carries everything.
+    """
+
+    def __init__(self, team: Team) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._links = {
+            (client, server.name): _Link(team.robot(client), server)
+            for server in team.robots.values()
+            for client in server.peers
+        }
+        self._thread = threading.Thread(target=self._loop.run_forever, name="rough air")
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        for link in self._links.values():
+            self._do(link.open())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for link in self._links.values():
+            self._do(link.close())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def begin(self, client: str, server: str, weather: Weather) -> Passage:
+        """The next interaction on a link; what is left of the one before is gone."""
+        return self._do(self._links[client, server].begin(weather))
+
+    def _do(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
