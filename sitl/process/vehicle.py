@@ -195,10 +195,15 @@ class VehicleProcess(Closeable):
                     _log.log(level, "too slow for this speed: %.2f s of real time lost", late_s)
                     level = logging.DEBUG  # once is enough
                 next_s = now_s
-            while next_s <= now_s and self.vehicle.autopilot.time_s < limit.until_s - _SOON_S:
+            held = False
+            while next_s <= now_s:
+                held = self.vehicle.autopilot.time_s >= limit.until_s - _SOON_S
+                if held:
+                    break
                 self.vehicle.step()
                 next_s += step_s
-            held = next_s <= now_s
+                if time.monotonic() > now_s + _MOST_WAIT_S:
+                    break  # also one that is far behind listens
             self._flush()
             wait_s = next_s - time.monotonic()
             least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
@@ -220,8 +225,8 @@ class VehicleProcess(Closeable):
 
     def _receive(self, timeout_s: float, *, held: bool) -> None:
         """Answer what comes in until it is time for the next step, or the clock is held no more."""
-        end_s = time.monotonic() + timeout_s
-        while (left_s := end_s - time.monotonic()) > 0:
+        left_s, end_s = timeout_s, time.monotonic() + timeout_s
+        while left_s >= 0.0:  # once at least
             ends: list[UdpLink | socket.socket] = [*self._links.values(), *self._pace.sockets]
             ready = select.select(ends, [], [], left_s)[0]
             if self._pace.attend(ready) and held:
@@ -232,6 +237,7 @@ class VehicleProcess(Closeable):
                         self.vehicle.receive(link, datagram)
             if ready:
                 self._flush()
+            left_s = end_s - time.monotonic()
 
     def _flush(self) -> None:
         for link in (self.vehicle.onboard, self.vehicle.ground, self.vehicle.truth):

@@ -3,6 +3,7 @@
 import json
 import random
 import socket
+import time
 
 import pytest
 
@@ -10,7 +11,7 @@ from air_router.vehicle.clock import ALLOWANCE_S
 from air_router.vehicle.pace import PaceClient, PaceSource, line
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
-from sitl.mavlink.vehicle import STEP_S, VehicleSettings
+from sitl.mavlink.vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.process import pace as pace_rules
 from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
@@ -19,6 +20,7 @@ from sitl.px4sim.state import Place
 
 HOME = Place(39.94, -75.2, 6.7)
 FAST = 100.0
+NOWHERE = ("127.0.0.1", 9)
 
 
 def make_pace(**reached_s):
@@ -130,10 +132,9 @@ def patient(monkeypatch):
 def make_vehicle():
     processes = []
 
-    def make(pace):
-        nowhere = ("127.0.0.1", 9)
-        ports = Ports(End(("", 0), nowhere), None, End(("", 0), nowhere))
-        settings = VehicleSettings(HOME, speed=FAST, ground_link=False)
+    def make(pace, speed=FAST, partner=NOWHERE):
+        ports = Ports(End(("", 0), partner), None, End(("", 0), NOWHERE))
+        settings = VehicleSettings(HOME, speed=speed, ground_link=False)
         processes.append(VehicleProcess(settings, ports, pace))
         return processes[-1]
 
@@ -175,6 +176,18 @@ def test_a_vehicle_stands_still_for_a_process_that_works_and_flies_on_when_it_is
     assert told["asked"] == FAST
     assert 0 < told["kept"] <= FAST
     assert told["processes"]["titan"]["waited_s"] > 0
+
+
+def test_a_vehicle_that_cannot_keep_to_its_speed_listens(make_vehicle, monkeypatch):
+    heard, step = [], MavlinkVehicle.step
+    monkeypatch.setattr(MavlinkVehicle, "step", lambda it: (time.sleep(2 * STEP_S), step(it)))
+    monkeypatch.setattr(MavlinkVehicle, "receive", lambda _, _link, data: heard.append(data))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as partner:
+        partner.bind(("127.0.0.1", 0))
+        process = make_vehicle(None, speed=1.0, partner=partner.getsockname())
+        partner.sendto(b"an order", ("127.0.0.1", process.port(process.vehicle.onboard)))
+        run_until(process, lambda: heard or time_s(process) > 20 * STEP_S)
+    assert heard == [b"an order"]
 
 
 @pytest.mark.usefixtures("patient")
