@@ -102,9 +102,9 @@ def served(page):
 
 
 class Looker:
-    """The page; collects what must not happen."""
+    """The page; collects what must not happen. A script may be run in it before its own."""
 
-    def __init__(self, page, address):
+    def __init__(self, page, address, script=""):
         self.page = page
         self.faults = []
         self.asked = []
@@ -115,7 +115,7 @@ class Looker:
         )
         page.on("request", lambda request: self.asked.append(request.url))
         page.on("websocket", lambda socket: self.asked.append(socket.url))
-        page.add_init_script(SOCKETS)
+        page.add_init_script(SOCKETS + script)
         page.goto(address)
 
     def strangers(self, address):

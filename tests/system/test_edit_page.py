@@ -17,7 +17,7 @@ from PIL import Image
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession, MissionFile
 from tests.air_router.tile_maker import around, colour_of, tile_at, write_tiles
-from tests.system.looker import LIMIT_MS, expect, served
+from tests.system.looker import Looker, expect, served
 
 ROOT = Path(__file__).parents[2]
 # Answers of the program can be held back, as a busy machine does.
@@ -67,27 +67,13 @@ def mission(tmp_path):
     return tmp_path / "pennovation" / "mission.yaml"
 
 
-class EditPage:
-    """The page, as a person uses it; collects what must not happen."""
+class EditPage(Looker):
+    """The page, as a person uses it."""
 
-    def __init__(self, page, address, script=None):
-        self.page = page
-        if script:
-            page.add_init_script(script)
-        self.faults = []
-        self.strangers = []
-        page.set_default_timeout(LIMIT_MS)
-        page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on(
-            "console", lambda said: self.faults.append(said.text) if said.type == "error" else 0
-        )
-        page.on("request", lambda request: self.note(request.url, address))
-        page.goto(address)
+    def __init__(self, page, address, script=""):
+        super().__init__(page, address, script)
+        self.address = address
         page.wait_for_selector(".place.waypoint")
-
-    def note(self, url, address):
-        if not url.startswith((address, "data:")):
-            self.strangers.append(url)
 
     def place(self, name):
         return self.page.locator(f'[data-place="{name}"]')
@@ -135,7 +121,7 @@ def open_page(browser, command):
 
     with contextlib.ExitStack() as stack:
 
-        def open_(mission, *options, script=None, **view):
+        def open_(mission, *options, script="", **view):
             if options:
                 address, program = served_by_a_program(mission, options)
             else:
@@ -150,7 +136,7 @@ def open_page(browser, command):
         yield open_
     for page in pages:
         assert page.faults == []
-        assert page.strangers == [], "the page asks other machines"
+        assert page.strangers(page.address) == [], "the page asks other machines"
 
 
 def expect_tiles(page):

@@ -18,6 +18,7 @@ from air_router.report.flight_summary import summary_of
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded
+from tests.system.looker import Looker
 
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -46,13 +47,8 @@ def report(tmp_path):
 
 
 def test_the_report_fits_every_screen_and_asks_for_nothing(report, browser):
-    asked, faults = [], []
-    page = browser.new_page()
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda said: faults.append(said.text))
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.goto(report.as_uri())
-    papers = set()
+    page, papers = browser.new_page(), set()
+    looker = Looker(page, report.as_uri())
     for width, shown, scheme in ((1200, "wide", "light"), (390, "narrow", "dark")):
         page.set_viewport_size({"width": width, "height": 860})
         page.emulate_media(color_scheme=scheme)
@@ -71,8 +67,8 @@ def test_the_report_fits_every_screen_and_asks_for_nothing(report, browser):
             page.screenshot(path=folder / "report.png", clip=SHOWN)
     page.close()
     assert len(papers) == 2
-    assert asked == [report.as_uri()]
-    assert faults == []
+    assert looker.asked == [report.as_uri()]
+    assert looker.faults == []
 
 
 SHOWN = {"x": 80, "y": 0, "width": 1040, "height": 860}
