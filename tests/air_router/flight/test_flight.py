@@ -42,18 +42,40 @@ from geo.validity import Validity
 from tests.air_router.conftest import STEP_S
 from tests.air_router.flight.whole_flight import WholeFlight
 
+PILOT = "waiting for the pilot"
+
 
 class Rig(WholeFlight):
-    def at(self, when, then):
-        """Once `when()` holds, do `then()`."""
-        done = []
+    def plan(self, *steps):
+        """What happens, one thing after the other: when, and what is done then.
+
+        When: the vehicle's clock in seconds, words that were printed, or a condition.
+        """
+        left = list(steps)
+
+        def come(when):
+            if isinstance(when, str):
+                return when in self.out.getvalue()
+            return when() if callable(when) else self.vehicle.airframe.now_s > when
 
         def on_step():
-            if not done and when():
-                done.append(True)
-                then()
+            if left and come(left[0][0]):
+                left.pop(0)[1]()
 
         self.vehicle.on_step = on_step
+
+    def in_charge(self):
+        return self.flight.controller.context.in_charge
+
+    def becomes(self, mode, **state):
+        """The pilot, or PX4, chooses a mode; nothing is flown to any more."""
+        state = {"mode": mode, "target": None, **state}
+        return lambda: [setattr(self.vehicle.airframe, *each) for each in state.items()]
+
+
+def sends(number):
+    """The signal comes."""
+    return lambda: os.kill(os.getpid(), number)
 
 
 @pytest.fixture
@@ -113,10 +135,10 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     assert "arm" not in flight.vehicle.verbs
     flight = rig(arm=False, window=window)
     zones = AirspaceChanged(pennovation.fences, (timed,))  # reloaded before the take-off
-    flight.at(lambda: flight.flight._admitted, lambda: flight.flight.loop.on_event(zones))
+    flight.plan((lambda: flight.flight._admitted, lambda: flight.flight.loop.on_event(zones)))
     assert flight.run().exit_code == ExitCode.REFUSED
     flight = rig(arm=False, window=window)  # all zones count at all times
-    flight.at(lambda: flight.clock.now_s() > 1.7e9 + 40, flight.vehicle.airframe.take_off)
+    flight.plan((lambda: flight.clock.now_s() > 1.7e9 + 40, flight.vehicle.airframe.take_off))
     assert flight.run().outcome == "done"
 
 
@@ -177,10 +199,7 @@ def test_a_vehicle_that_answers_and_tells_no_position_is_none(rig, monkeypatch):
 
 def test_without_arm_the_pilot_starts_it(rig):
     flight = rig(arm=False)
-    flight.at(
-        lambda: "waiting for the pilot" in flight.out.getvalue(),
-        flight.vehicle.airframe.take_off,
-    )
+    flight.plan((PILOT, flight.vehicle.airframe.take_off))
     assert flight.run().outcome == "done"
     assert "arm" not in flight.vehicle.verbs
     assert "start" not in flight.vehicle.verbs
@@ -188,8 +207,7 @@ def test_without_arm_the_pilot_starts_it(rig):
 
 def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     flight = rig(duration_s=None)
-    airframe, vehicle = flight.vehicle.airframe, flight.vehicle
-    answer = asyncio.Event()
+    vehicle, answer = flight.vehicle, asyncio.Event()
     answered = []
 
     async def jump(item, objection):
@@ -197,17 +215,13 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
         await answer.wait()
         answered.append(item)
 
-    def step():
-        if 149.9 < airframe.now_s < 150.1:
-            os.kill(os.getpid(), signal.SIGUSR1)  # home: a motion that waits for its turn
-        elif 160.0 < airframe.now_s < 250.0:
-            airframe.mode, airframe.target = FlightMode.OTHER, None
-        elif airframe.now_s > 250.0:
-            airframe.mode = FlightMode.LAND
-        if airframe.now_s > 200.0:
-            answer.set()
-
-    vehicle.jump, vehicle.on_step = jump, step
+    vehicle.jump = jump
+    flight.plan(
+        (149.9, sends(signal.SIGUSR1)),  # home: a motion that waits for its turn
+        (160.0, flight.becomes(FlightMode.OTHER)),
+        (200.0, answer.set),
+        (250.0, flight.becomes(FlightMode.LAND)),
+    )
     result = flight.run()
     assert result.exit_code == ExitCode.PILOT_TOOK_OVER
     assert "HOME" in result.report["states_visited"]
@@ -218,22 +232,14 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
 
 def test_a_failsafe_is_told_from_a_pilot(rig):
     flight = rig(duration_s=None)
-    airframe = flight.vehicle.airframe
-
-    def fail():
-        airframe.mode, airframe.target, airframe.failsafe = FlightMode.LAND, None, True
-
-    flight.at(lambda: airframe.now_s > 150.0, fail)
+    flight.plan((150.0, flight.becomes(FlightMode.LAND, failsafe=True)))
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("failsafe", ExitCode.ENDED_OTHERWISE)
 
 
 def test_ctrl_c_holds_the_vehicle(rig):
     flight = rig(duration_s=None)
-    flight.at(
-        lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: os.kill(os.getpid(), signal.SIGINT),
-    )
+    flight.plan((150.0, sends(signal.SIGINT)))
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("interrupted", ExitCode.INTERRUPTED)
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
@@ -243,10 +249,7 @@ def test_ctrl_c_holds_the_vehicle(rig):
 
 def test_a_signal_from_elsewhere_brings_it_home(rig):
     flight = rig(duration_s=None)
-    flight.at(
-        lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: os.kill(os.getpid(), signal.SIGUSR1),
-    )
+    flight.plan((150.0, sends(signal.SIGUSR1)))
     assert flight.run().outcome == "done"
     assert any("the operator's request" in text for text in flight.vehicle.announced)
 
@@ -254,10 +257,7 @@ def test_a_signal_from_elsewhere_brings_it_home(rig):
 def test_everything_is_closed_whatever_holding_ends_in(rig):
     flight = rig(arm=True)
     flight.vehicle.failures["hold"] = [OSError("the link broke")]
-    flight.at(
-        lambda: "READY -> INIT" in flight.out.getvalue(),
-        lambda: os.kill(os.getpid(), signal.SIGINT),
-    )
+    flight.plan(("READY -> INIT", sends(signal.SIGINT)))
     with pytest.raises(OSError, match="the link broke"):
         flight.run()
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
@@ -266,29 +266,15 @@ def test_everything_is_closed_whatever_holding_ends_in(rig):
 
 def test_ctrl_c_leaves_a_pilot_s_vehicle_alone(rig):
     flight = rig(duration_s=None)
-    airframe = flight.vehicle.airframe
-
-    def take():
-        airframe.mode, airframe.target = FlightMode.OTHER, None
-
-    def step():
-        if 149.9 < airframe.now_s < 150.1:
-            take()
-        elif 159.9 < airframe.now_s < 160.1:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    flight.vehicle.on_step = step
+    flight.plan((149.9, flight.becomes(FlightMode.OTHER)), (159.9, sends(signal.SIGINT)))
     assert flight.run().exit_code == ExitCode.INTERRUPTED
     assert "hold" not in flight.vehicle.verbs
-    assert airframe.mode is FlightMode.OTHER
+    assert flight.vehicle.airframe.mode is FlightMode.OTHER
 
 
 def test_ctrl_c_on_the_ground_commands_nothing(rig):
     flight = rig(arm=False)
-    flight.at(
-        lambda: "waiting for the pilot" in flight.out.getvalue(),
-        lambda: os.kill(os.getpid(), signal.SIGINT),
-    )
+    flight.plan((PILOT, sends(signal.SIGINT)))
     assert flight.run().exit_code == ExitCode.INTERRUPTED
     assert flight.vehicle.verbs == ["connect", "inspect", "upload", "close"]
 
@@ -399,12 +385,7 @@ def test_on_the_ground_there_is_nothing_to_resume(rig):
 
 def test_a_pilot_who_takes_over_lands_it_and_is_told_so_in_the_ground_station(rig):
     flight = rig(duration_s=None)
-    airframe = flight.vehicle.airframe
-
-    def take():
-        airframe.mode, airframe.target = FlightMode.LAND, None
-
-    flight.at(lambda: airframe.now_s > 150.0, take)
+    flight.plan((150.0, flight.becomes(FlightMode.LAND)))
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
     assert not {"hold", "land"} & set(flight.vehicle.verbs)
@@ -414,17 +395,11 @@ def test_a_pilot_who_takes_over_lands_it_and_is_told_so_in_the_ground_station(ri
 
 def test_the_operator_has_the_mission_resumed_by_a_signal(rig):
     flight = rig(duration_s=90.0)
-    airframe = flight.vehicle.airframe
-
-    def step():
-        if 149.9 < airframe.now_s < 150.1:
-            airframe.mode, airframe.target = FlightMode.OTHER, None
-        elif 154.9 < airframe.now_s < 155.1:
-            airframe.mode = FlightMode.HOLD
-        elif 159.9 < airframe.now_s < 160.1:
-            os.kill(os.getpid(), signal.SIGUSR2)
-
-    flight.vehicle.on_step = step
+    flight.plan(
+        (149.9, flight.becomes(FlightMode.OTHER)),
+        (154.9, flight.becomes(FlightMode.HOLD)),
+        (159.9, sends(signal.SIGUSR2)),
+    )
     result = flight.run()
     assert result.outcome == "done"
     assert {"PASSIVE", "EXPL"} <= set(result.report["states_visited"])
@@ -449,10 +424,7 @@ def test_ctrl_c_twice_leaves_at_once(rig, monkeypatch):
         await hold()
 
     flight.vehicle.hold = hold_and_be_interrupted_again
-    flight.at(
-        lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: os.kill(os.getpid(), signal.SIGINT),
-    )
+    flight.plan((150.0, sends(signal.SIGINT)))
     with pytest.raises(Left):
         flight.run()
     ((code, verbs),) = left
@@ -484,15 +456,7 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
         airframe.take_off()
         airframe.altitude_m /= 2
 
-    def step():
-        if not airframe.in_air and "waiting for the pilot" in flight.out.getvalue():
-            start()
-        elif airframe.in_air and flight.flight.controller.context.in_charge and not interrupted:
-            interrupted.append(True)
-            os.kill(os.getpid(), signal.SIGINT)
-
-    interrupted = []
-    flight.vehicle.on_step = step
+    flight.plan((PILOT, start), (flight.in_charge, sends(signal.SIGINT)))
     assert flight.run().exit_code == ExitCode.INTERRUPTED
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
 
@@ -500,10 +464,7 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
 @pytest.mark.parametrize(("silent_s", "code"), [(59.0, 0), (61.0, ExitCode.ENDED_OTHERWISE)])
 def test_a_vehicle_that_is_silent_for_a_minute_is_lost(rig, silent_s, code):
     flight = rig(duration_s=200.0)
-    flight.at(
-        lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: flight.vehicle.callback(LinkSilent(150.0, silent_s)),
-    )
+    flight.plan((150.0, lambda: flight.vehicle.callback(LinkSilent(150.0, silent_s))))
     result = flight.run()
     assert result.exit_code == code
     assert ("silent" in result.outcome) == bool(code)
@@ -512,11 +473,7 @@ def test_a_vehicle_that_is_silent_for_a_minute_is_lost(rig, silent_s, code):
 @pytest.mark.parametrize("arm", [False, True], ids=["on the ground", "in the air"])
 def test_a_vehicle_that_restarts_is_not_commanded(rig, arm):
     flight = rig(arm=arm, duration_s=None)
-    airframe = flight.vehicle.airframe
-    flight.at(
-        lambda: airframe.now_s > 150.0 if arm else "waiting for the pilot" in flight.out.getvalue(),
-        lambda: setattr(airframe, "now_s", 3.0),
-    )
+    flight.plan((150.0 if arm else PILOT, lambda: setattr(flight.vehicle.airframe, "now_s", 3.0)))
     result = flight.run()
     assert result.exit_code == ExitCode.ENDED_OTHERWISE
     assert "restarted" in result.outcome
@@ -554,7 +511,7 @@ def test_a_fault_in_a_decision_ends_the_flight_and_holds_the_vehicle(rig):
         flight.flight.controller.handle = fault
         loop.call_soon(flight.vehicle.callback, flight.vehicle.airframe.telemetry())
 
-    flight.at(lambda: flight.vehicle.airframe.now_s > 150.0, break_it)
+    flight.plan((150.0, break_it))
     with pytest.raises(ZeroDivisionError):
         flight.run()
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
@@ -581,9 +538,6 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     airframe = flight.vehicle.airframe
     told = airframe.telemetry
 
-    def interrupt():
-        os.kill(os.getpid(), signal.SIGINT)
-
     def lose_all():
         flight.vehicle._running.cancel()
         asyncio.get_running_loop().call_soon(then)
@@ -591,16 +545,16 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     def then():
         airframe.mode = FlightMode.POSITION
         flight.vehicle.callback(LinkSilent(airframe.now_s, 4.0))
-        interrupt()
+        sends(signal.SIGINT)()
 
     def lose_the_mode():
         began_s, airframe.mode = airframe.now_s, FlightMode.POSITION
         airframe.telemetry = lambda: dataclasses.replace(
             told(), mode=FlightMode.MISSION, ages=Ages(mode_s=airframe.now_s - began_s)
         )
-        flight.at(lambda: airframe.now_s > began_s + 6.0, interrupt)
+        flight.plan((began_s + 6.0, sends(signal.SIGINT)))
 
-    flight.at(lambda: airframe.now_s > 130.0, lose_all if unheard == "all" else lose_the_mode)
+    flight.plan((130.0, lose_all if unheard == "all" else lose_the_mode))
     flight.run()
     assert "hold" not in flight.vehicle.verbs
     assert "a pilot may have taken it unheard" in flight.out.getvalue()
@@ -626,10 +580,7 @@ def test_called_off_before_the_climb_it_does_not_climb_alone(rig):
 
     async def start():
         airframe.mode = FlightMode.MISSION  # armed, and about to climb
-        flight.at(
-            lambda: flight.flight.controller.context.in_charge,
-            lambda: os.kill(os.getpid(), signal.SIGUSR1),
-        )
+        flight.plan((flight.in_charge, sends(signal.SIGUSR1)))
 
     flight.vehicle.start = start
     assert flight.run().exit_code == ExitCode.ENDED_OTHERWISE

@@ -2,7 +2,6 @@
 
 import dataclasses
 import errno
-import os
 import re
 import signal
 from functools import partial
@@ -30,7 +29,7 @@ from air_router.vehicle.vehicle import (
     VehicleInfo,
 )
 from geo.frame import Point
-from tests.air_router.flight.test_flight import Rig
+from tests.air_router.flight.test_flight import Rig, sends
 
 INFO = VehicleInfo(1, "PX4", "1.17.0", Point(0.0, 0.0), 6.7)
 DURATION_S = 200.0
@@ -51,10 +50,7 @@ def first(mission, pretend_vehicle, tmp_path):
     airframe.telemetry = lambda: dataclasses.replace(
         told(), altitude_amsl_m=HOME_AMSL_M + airframe.altitude_m
     )
-    rig.at(
-        lambda: controller.exploration.mark()[0] == 1,
-        lambda: os.kill(os.getpid(), signal.SIGINT),
-    )
+    rig.plan((lambda: controller.exploration.mark()[0] == 1, sends(signal.SIGINT)))
     rig.run()
     return rig
 
@@ -169,9 +165,7 @@ def test_a_plan_that_is_replaced_while_the_flight_is_looked_at_is_not_flown(seco
 
     second.vehicle.inspect = replaced_meanwhile
     controller = second.flight.controller
-    second.at(
-        lambda: controller.state is State.PASSIVE, lambda: os.kill(os.getpid(), signal.SIGINT)
-    )
+    second.plan((lambda: controller.state is State.PASSIVE, sends(signal.SIGINT)))
     second.run()
     assert "hands off: another plan is on board (the mission: 8 items)" in second.out.getvalue()
     assert not {"jump", "reposition", "land"} & {*second.vehicle.verbs}
