@@ -1,6 +1,7 @@
 """Starts our commands as a user does: as processes, on ports that are free."""
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -15,11 +16,13 @@ import threading
 import time
 import tomllib
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 import air_router.cli.cli
+import sitl.cli.cli
 from air_router.sim.ports import free_port
 from mocha_link import Team
 from sitl.team.roles import derive_team
@@ -30,6 +33,8 @@ ROOT = Path(__file__).parents[2]
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
 UNDER_TEST = Path(os.environ.get("CHECKOUT_UNDER_TEST", ROOT)).absolute()
 """The checkout whose programs are started; their vehicle, peers and tests are always ours."""
+
+PROGRAMS = {"air-router": air_router.cli.cli, "sitl": sitl.cli.cli}
 
 LIMIT_S = 280.0 if UNDER_TEST == ROOT else 120.0
 """Of the wall's clock, against hangs only: a busy machine is slow."""
@@ -149,30 +154,27 @@ def command(tmp_path):
         yield start
 
 
-@pytest.fixture
-def answered(capsys, tmp_path, monkeypatch):
-    """What `air-router` answers: exit code, stdout, stderr. Ours is run in this process."""
-
-    def run_theirs(*arguments):
-        done = subprocess.run(
-            [*program("air-router"), *map(str, arguments)],
-            cwd=tmp_path,
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+def answer(folder, *arguments, of="air-router"):
+    """What a program answers: exit code, stdout, stderr. Ours is run in this process."""
+    words, said = [*map(str, arguments)], (io.StringIO(), io.StringIO())
+    if UNDER_TEST != ROOT:
+        how = {"cwd": folder, "env": environment(), "stdin": subprocess.DEVNULL, "timeout": 60}
+        command = [*program(of), *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, **how)
         return done.returncode, done.stdout, done.stderr
+    with (
+        contextlib.chdir(folder),
+        mock.patch("sys.stdin", io.StringIO()),
+        contextlib.redirect_stdout(said[0]),
+        contextlib.redirect_stderr(said[1]),
+    ):
+        code = PROGRAMS[of].main(words)
+    return code, *(text.getvalue() for text in said)
 
-    def run(*arguments):
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "stdin", io.StringIO())
-        code = air_router.cli.cli.main([str(argument) for argument in arguments])
-        return code, *capsys.readouterr()
 
-    return run if UNDER_TEST == ROOT else run_theirs
+@pytest.fixture
+def answered(tmp_path):
+    return functools.partial(answer, tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -257,11 +259,10 @@ def vehicle(udp_port, free_udp_port, short_mission):
     """Starts a simulated PX4 that sends to `udp_port`, by default at the mission's home."""
     with contextlib.ExitStack() as stack:
 
-        def start(*more, speed=10, pace=()):
+        def start(*more, speed=10):
             vehicle = simulated_vehicle(
                 *(more or (short_mission,)),
                 f"--speed={speed}",
-                *pace,
                 f"--api-to=127.0.0.1:{udp_port}",
                 "--no-gcs",
                 f"--truth-to=127.0.0.1:{free_udp_port()}",

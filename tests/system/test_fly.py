@@ -11,12 +11,9 @@ import termios
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.control.control import ControlClient, ControlError
-from air_router.mission.loading import load_mission
+from air_router.control.control import ControlClient
 from air_router.record.log import Log
 from air_router.record.replay import replay
-from air_router.sim.ports import free_port
-from geo.frame import Point
 from mocha_link import Team
 from tests.system.conftest import program
 
@@ -56,40 +53,6 @@ def fly(command, udp_port, short_mission):
         )
 
     return start
-
-
-def test_a_flight_that_meets_no_robot_goes_where_it_is_told_and_comes_home(
-    vehicle, fly, short_mission, tmp_path
-):
-    mission = load_mission(short_mission)
-    inside = Point(*mission.zones[0].polygon.centroid.coords[0])
-    outside = Point(0.0, 5000.0)
-    pace = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    vehicle(speed=25, pace=["--pace", pace])
-    endpoint = f"ipc://{tmp_path}/control"
-    flight = fly("--arm", "--yes", "--control", endpoint, f"--pace-from={pace},25")
-    flight.wait_for("INIT -> SEARCH")
-    with ControlClient(endpoint, by="the test", timeout_s=30) as uav:
-        beside = uav.goto([mission.frame.to_geodetic(inside)], hold_s=1)
-        refused = uav.goto([mission.frame.to_geodetic(outside)])
-        with pytest.raises(ControlError, match="no request 'dance'"):
-            uav.request({"request": "dance"})
-        flight.wait_for("GOTO -> EXPL")
-        assert uav.home().accepted
-    code, out = flight.finish()
-    assert code == 0, flight.said[-3000:]
-    assert beside.accepted, beside
-    hover = mission.frame.to_local(*beside.points[0])
-    assert mission.planning_airspace.with_margin(-0.01).point_clear(hover)
-    assert "it is inside no-fly zone" in beside.why
-    assert (refused.accepted, refused.code) == (False, "outside-fence")
-    assert "the test: refused: the point lies outside of the fence" in flight.said
-    report = json.loads(out)
-    assert report["outcome"] == "done"
-    assert report["states_visited"][:2] == ["INIT", "SEARCH"]
-    assert {"GOTO", "EXPL", "HOME"} <= set(report["states_visited"])
-    assert report["closest_approach_m"] >= 5.0
-    assert report["interactions"]["started"] == 0
 
 
 def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):

@@ -163,7 +163,7 @@ def test_a_damaged_database_is_set_aside_and_one_that_is_deleted_is_begun_anew(n
     assert wait_until(is_written, LIMIT_S)
 
 
-def test_a_port_of_px4_that_is_taken_is_one_error_and_no_departure(command, tmp_path):
+def test_a_port_of_px4_that_is_taken_is_one_error_and_no_departure(answered, tmp_path):
     build = tmp_path / "build" / "px4_sitl_default"
     for name, text in (("bin/px4", "#!/bin/sh\nexec sleep 60\n"), ("etc/init.d-posix/rcS", "")):
         path = build / name
@@ -173,10 +173,10 @@ def test_a_port_of_px4_that_is_taken_is_one_error_and_no_departure(command, tmp_
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         with contextlib.suppress(OSError):  # another program has it
             station.bind(("127.0.0.1", 14550))
-        conform = command("sitl", "conform", "arm-twice", "--px4", tmp_path)
-        assert conform.finish() == (4, "")
-    assert conform.said.count("\n") == 1
-    assert "cannot listen on UDP port 14550" in conform.said
+        code, out, said = answered("conform", "arm-twice", "--px4", tmp_path, of="sitl")
+    assert (code, out) == (4, "")
+    assert said.count("\n") == 1
+    assert "cannot listen on UDP port 14550" in said
 
 
 def test_a_reload_before_the_vehicle_is_heard_waits_for_it(command, tmp_path):
@@ -192,10 +192,19 @@ def test_a_reload_before_the_vehicle_is_heard_waits_for_it(command, tmp_path):
     assert "Traceback" not in flight.program.said
 
 
-def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
-    with Operated(
-        command, tmp_path, speed=2, weather=Weather(streams={"": StreamFault.LATE}, late_s=0.01)
-    ) as flight:
+@pytest.fixture(scope="class")
+def ready(tmp_path_factory):
+    """A flight that gets ready over a slow link, for the tests of this class, and its control."""
+    control, folder = free_port(socket.SOCK_STREAM), tmp_path_factory.mktemp("ready")
+    slow = Weather(streams={"": StreamFault.LATE}, late_s=0.01)
+    control_at, options = [f"--control={control}"], {"speed": 2, "weather": slow}
+    with commands(folder) as start, Operated(start, folder, *control_at, **options) as flight:
+        yield flight, control
+
+
+class TestBeforeItsPilotFlies:
+    def test_a_reload_during_the_upload_goes_on_board_after_it(self, ready):
+        flight, _ = ready
         (first,) = flight.wait_for("MISSION_COUNT", mission_type=1)
         draw_zone(flight.mission)
         flight.type("reload")
@@ -210,30 +219,22 @@ def test_a_reload_during_the_upload_goes_on_board_after_it(command, tmp_path):
         assert wait_until(told, LIMIT_S)
         assert told() == [first.fields["count"] + 1]
 
-
-@pytest.fixture(scope="class")
-def ready(tmp_path_factory):
-    """A flight that waits for its pilot; it ends with the tests of this class."""
-    control, folder = free_port(socket.SOCK_STREAM), tmp_path_factory.mktemp("ready")
-    with commands(folder) as start, Operated(start, folder, f"--control={control}", speed=4) as it:
-        it.control = control
-        it.program.wait_for("waiting for the pilot")
-        yield it
-
-
-class TestWhileItWaitsForItsPilot:
     def test_a_web_page_asks_a_flight_for_nothing(self, ready):
-        assert b"{" not in answer_to_a_page(ready.control, b'{"request":"status","id":1}')
+        flight, control = ready
+        flight.program.wait_for("waiting for the pilot")
+        assert b"{" not in answer_to_a_page(control, b'{"request":"status","id":1}')
 
     def test_a_record_goes_on_when_the_disk_has_room_again(self, ready):
-        (path,) = ready.logs.glob("*.mcap")
-        process = ready.program.process.pid
+        flight, _ = ready
+        flight.program.wait_for("waiting for the pilot")
+        (path,) = flight.logs.glob("*.mcap")
+        process = flight.program.process.pid
         _, most = resource.prlimit(process, resource.RLIMIT_FSIZE)
         resource.prlimit(process, resource.RLIMIT_FSIZE, (path.stat().st_size, most))
-        ready.program.wait_for(str(path.name) + ": ")
+        flight.program.wait_for(str(path.name) + ": ")
         resource.prlimit(process, resource.RLIMIT_FSIZE, (most, most))
         full = path.stat().st_size
-        assert wait_until(lambda: path.stat().st_size > full + 10_000, 20.0)
+        assert wait_until(lambda: path.stat().st_size > full + 10_000, LIMIT_S)
 
 
 LATE_MODE = Weather(streams={"HEARTBEAT": StreamFault.LATE}, late_s=1.0)

@@ -12,9 +12,11 @@ import threading
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.control.control import ControlClient
+from air_router.control.control import ControlClient, ControlError
+from air_router.mission.loading import load_mission
 from air_router.sim.ports import free_port
 from air_router.web.serving import SHOWN_AT, PageAddress
+from geo.frame import Point
 from mocha_link import ManualRadio, Node, Team
 from mocha_link.links.metrics import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post
@@ -172,11 +174,26 @@ def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission,
         assert now["in_charge"]
         assert now["in_air"]
         assert now["state"] not in {"HOME", "PASSIVE", "DONE", "HOLD", "LANDING"}
+        mission = load_mission(short_mission)
+        inside = Point(*mission.zones[0].polygon.centroid.coords[0])
+        beside = uav.goto([mission.frame.to_geodetic(inside)], hold_s=1)
+        refused = uav.goto([mission.frame.to_geodetic(Point(0.0, 5000.0))])
+        with pytest.raises(ControlError, match="no request 'dance'"):
+            uav.request({"request": "dance"})
+        flight.wait_for("GOTO -> EXPL")
         assert uav.home().accepted
+    assert beside.accepted, beside
+    hover = mission.frame.to_local(*beside.points[0])
+    assert mission.planning_airspace.with_margin(-0.01).point_clear(hover)
+    assert "it is inside no-fly zone" in beside.why
+    assert (refused.accepted, refused.code) == (False, "outside-fence")
     code, out = flight.finish()
     report = json.loads(out)
     assert (code, report["outcome"]) == (0, "done"), flight.said[-3000:]
-    assert flight.said.count(": accepted: ") == 1, flight.said[-3000:]
+    assert {"INIT", "GOTO", "EXPL", "HOME"} <= set(report["states_visited"])
+    assert flight.said.count("the operator: accepted: ") == 2, flight.said[-3000:]
+    assert flight.said.count(": accepted: ") == 2, flight.said[-3000:]
+    assert "the operator: refused: the point lies outside of the fence" in flight.said
     assert "which is not the vehicle's address" in flight.said
     assert report["closest_approach_m"] >= 5.0
     assert "Traceback" not in flight.said

@@ -9,7 +9,7 @@ import zmq
 
 from air_router.sim.ports import free_port
 from mocha_link import Team
-from tests.system.conftest import hurry
+from tests.system.conftest import answer, hurry
 from tests.system.simulated import simulated_vehicle
 
 
@@ -61,7 +61,7 @@ def test_another_place_s_vehicle_is_refused(vehicle, preflight):
 
 
 @pytest.fixture(scope="module")
-def card(shared_command, shared_folder):
+def card(shared_folder):
     """The lines of a card, by name; some parameters of the vehicle are wrong."""
     mission, port = hurry(shared_folder / "wrong"), free_port()
     text = re.sub(r"(?m)^accepts: .*$", "", mission.read_text(encoding="utf-8"))
@@ -73,11 +73,8 @@ def card(shared_command, shared_folder):
         f"--truth-to=127.0.0.1:{free_port()}",
         *(f"--param={name}={value}" for name, value in wrong.items()),
     ):
-        looked = shared_command(
-            *("air-router", "preflight", mission, "--look", "--json", "--no-record"),
-            f"--connect=udpin://127.0.0.1:{port}",
-        )
-        _, out = looked.finish()
+        look = "preflight", mission, "--look", "--json", "--no-record"
+        _, out, _ = answer(shared_folder, *look, f"--connect=udpin://127.0.0.1:{port}")
     return {line["name"]: line for line in json.loads(out)["checks"]}
 
 

@@ -35,7 +35,7 @@ def test_rovers_of_three_kinds_are_found(command, answered, domain, tmp_path, mo
     assert answered(*new[1:])[0] == 0
     mission = tmp_path / "yard" / "mission.yaml"
     mission.write_text(re.sub(r"(init_s|explore_s): \d+", r"\1: 5", mission.read_text()))
-    flight = command("air-router", *sim[1:], "--speed=20", "--no-record")
+    flight = command("air-router", *sim[1:], "--speed=10", "--no-record")
     command("mocha-link", *bridge[1:])
     rovers = [
         command(program.removesuffix(".py").replace("/", "."), *arguments)

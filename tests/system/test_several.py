@@ -16,7 +16,7 @@ from tests.system.looker import CHROMIUM, Looker
 
 PICTURED = "DOCS_IMAGES" in os.environ
 PAIR = Path(__file__).parents[2] / "missions" / "pair" / "mission.yaml"
-SPEED = 5  # a browser looks on, and has to keep up with all that is told
+SPEED = 3  # the page is looked at in real time, and what is flown meanwhile costs as well
 MISSION = """\
 name: Two
 coordinates: local

@@ -46,7 +46,7 @@ def simulation(shared_command, shared_mission, shared_folder):
     """A flight that climbs, the processes of its world, and where to ask it something."""
     control = f"ipc://{shared_folder}/control"
     flight = shared_command(
-        *("air-router", "sim", shared_mission, "--speed=20", f"--control={control}"),
+        *("air-router", "sim", shared_mission, "--speed=5", f"--control={control}"),
         *("--log-dir", shared_folder / "logs"),
     )
     flight.wait_for("READY -> INIT")

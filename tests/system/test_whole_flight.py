@@ -27,7 +27,7 @@ from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
 
 PICTURED = "DOCS_IMAGES" in os.environ
-SPEED = 12
+SPEED = 8
 ROBOTS = {"callisto", "europa", "io"}
 MISSION = """\
 name: Field
