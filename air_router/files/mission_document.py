@@ -49,7 +49,8 @@ def local_ring(ring: tuple[Geodetic, ...], frame: LocalFrame) -> Ring:
     """
     sides = np.diff(np.array([*ring, ring[0]]), axis=0)
     sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
-    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
+    with np.errstate(over="ignore"):  # of corners that are far from Earth
+        around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
     dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
     return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
 

@@ -277,7 +277,7 @@ class _Plain:
 
 def _whole(text: str) -> int:
     number = int(text, 0) if text.startswith(("0o", "0x")) else int(text)
-    str(number)  # of so many digits that Python does not write them: ValueError
+    float(number)  # one that no setting can be: OverflowError
     return number
 
 
@@ -304,7 +304,7 @@ def _scalar(node: yaml.Node) -> Any:
         raise ValueError(_strange(node))
     try:
         return _READERS[kind](node.value)
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, OverflowError):
         text = f"{node.value[:40]!r} is not a finite {kind} value; correct it"
         raise ValueError(text) from None
 

@@ -48,7 +48,7 @@ def flawed_zones():
     ("flaw", "said"),
     [
         (lambda text, _: text.replace(CORNER, "1e308"), "not-on-earth"),
-        (lambda text, _: text.replace(CORNER, "9" * 400), "not-on-earth"),
+        (lambda text, _: text.replace(CORNER, "9" * 400), "wrong-value"),
         (lambda *_: "[" * 100_000, "too-deep"),
         (lambda text, folder: text + zones_of(folder, flawed_zones()), "1980 more problems"),
     ],
