@@ -235,7 +235,7 @@ class Vehicle(Protocol):
     Raises:
         NoVehicleError: from `connect`, with a diagnosis.
         PlanRefusedError: from `upload`, `renew` and `recognise`, when what is on board is not what
-            was sent.
+            was sent; from `start`, when it was replaced meanwhile.
         ArmingRefusedError: from `arm`, with the autopilot's reasons; from `arm` and `start`, where
             the pilot has disarmed the vehicle or chosen a mode.
         NotConfirmedError: when a command was sent and the vehicle did not follow.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from air_router.errors import ArmingRefusedError, NotConfirmedError
+from air_router.errors import ArmingRefusedError, NotConfirmedError, PlanRefusedError
 from air_router.mission.mission import Mission
 from air_router.vehicle.px4.px4_commands import (
     CONFIRM_S,
@@ -92,12 +92,26 @@ class Px4Motions:
         """See `Vehicle.start`.
 
         Where nothing is heard of it any more it may climb: what it says next shows that.
+
+        Raises:
+            PlanRefusedError: another plan came on board meanwhile, so it was not asked again.
+            NotConfirmedError: it does not start.
         """
+        telemetry = self._telemetry
+        mode, plan = telemetry.mode, telemetry.plan_ids
         self._check_armed()
         try:
             await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
         except NotShownError as error:
             _log.warning("%s; it may be taking off", error)
+        except NotConfirmedError:
+            stays = telemetry.mode is mode and not telemetry.in_air
+            if telemetry.plan_ids == plan or not stays:
+                raise
+            raise PlanRefusedError(
+                "the plan or fence on board was replaced as it took off; it is on the ground: "
+                "start the mission anew"
+            ) from None
 
     def _check_armed(self) -> None:
         telemetry = self._telemetry

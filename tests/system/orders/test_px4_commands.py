@@ -8,6 +8,7 @@ import itertools
 
 import pytest
 
+from air_router.errors import PlanRefusedError
 from air_router.vehicle.px4.px4_motions import ATTEMPTS
 from geo.frame import Point
 from tests.system.orders.verbs import (
@@ -68,7 +69,11 @@ def test_mission_mode_is_not_chosen_again_once_another_plan_is_on_board(run):
     def replaced(px4, _order):
         px4.plan_id = 2
 
-    px4 = run(replaced, fails(start), **state_for(start))
+    async def refused(vehicle):
+        with pytest.raises(PlanRefusedError, match="start the mission anew"):
+            await start(vehicle)
+
+    px4 = run(replaced, refused, **state_for(start))
     assert px4.commands() == ORDERS[start]
 
 

@@ -1,16 +1,17 @@
 """What a PX4 is told in order to stop, and in what pieces it is told something."""
 
 import asyncio
+from types import SimpleNamespace
 
 import pytest
 
-from air_router.errors import NotConfirmedError
+from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import TEXT_LIMIT, chunks_of
 from air_router.vehicle.px4.px4_commands import CONFIRM_S
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_order import choose, stop
-from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import PlanIds, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
 
@@ -53,6 +54,31 @@ def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(pennovation, mode, l
         return commands.told
 
     assert asyncio.run(script()) == [order]
+
+
+@pytest.mark.parametrize(
+    ("replaced", "chosen", "error"),
+    [
+        (True, FlightMode.HOLD, PlanRefusedError),
+        (False, FlightMode.HOLD, NotConfirmedError),
+        (True, FlightMode.POSITION, NotConfirmedError),  # the pilot's choice is what counts
+    ],
+)
+def test_a_start_over_which_a_plan_is_put_on_board_is_refused(pennovation, replaced, chosen, error):
+    async def script():
+        telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
+        telemetry.mode, telemetry.armed, telemetry.in_air = FlightMode.HOLD, True, False
+        telemetry.plan_ids = PlanIds(1, 1, 1)
+
+        async def tell(order, shown, *, attempts):
+            telemetry.plan_ids = PlanIds(2 if replaced else 1, 1, 1)
+            telemetry.mode = chosen
+            raise NotConfirmedError("Mission mode was asked for and does not show")
+
+        with pytest.raises(error):
+            await Px4Motions(pennovation, telemetry, SimpleNamespace(tell=tell)).start()
+
+    asyncio.run(script())
 
 
 def test_a_jump_that_does_not_show_is_waited_for_in_flight_no_longer_than_outside(px4, pennovation):
