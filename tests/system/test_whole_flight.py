@@ -27,7 +27,7 @@ from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
 
 PICTURED = "DOCS_IMAGES" in os.environ
-SPEED = 8
+SPEED = 12
 ROBOTS = {"callisto", "europa", "io"}
 MISSION = """\
 name: Field
