@@ -10,16 +10,15 @@ is the one in which an original node is told what there is.
 from __future__ import annotations
 
 import secrets
-import struct
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from hashlib import blake2b
 from math import isfinite
-from operator import attrgetter, xor
+from operator import xor
 
-from mocha_link.store.record import Kept, Knowledge, Record, follows
+from mocha_link.store.record import Floors, Kept, Knowledge, Record, WireOrder, follows
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
 from mocha_link.store.wire import STAMPS_MS, WRAP_MS, Header, latest_ms
@@ -31,7 +30,6 @@ GROUPS = 16
 # them, and at random, so that a file restored from a copy does not give the same ones again.
 _GAP_BITS = 44
 _GAP = 1 << 32
-_FIELDS = struct.Struct(">HHH")  # of a header: topic key, seconds, milliseconds
 
 
 class Database:
@@ -53,7 +51,8 @@ class Database:
         self._versions: dict[int, list[Kept]] = {}  # by topic key, newest first
         self._by_raw: dict[bytes, Kept] = {}  # by their headers
         self._by_number: dict[int, Kept] = {}  # in the order of the numbers
-        self._ordered: list[Kept] | None = None  # the newest in wire order; None: to be sorted anew
+        self._floors = Floors()
+        self._wire = WireOrder()
         self._groups: dict[int, list[int]] = {}  # digests by robot id
         self._knowledge: dict[str, Knowledge] = {}  # of peers' databases
         if storage:
@@ -89,7 +88,7 @@ class Database:
     def records(self) -> tuple[Record, ...]:
         """The newest message of every topic in the order of the wire."""
         with self._lock:
-            return tuple(kept.record for kept in self._in_wire_order())
+            return self._wire.records(self._versions)
 
     def kept(self) -> tuple[Record, ...]:
         """All versions of all messages, in the order in which they entered."""
@@ -99,7 +98,7 @@ class Database:
     def header_list(self) -> bytes:
         """The headers of `records()`, 6 bytes each, as an original node wants them."""
         with self._lock:
-            return b"".join([kept.raw for kept in self._in_wire_order()])
+            return self._wire.headers(self._versions)
 
     def wants(self, header: Header, now_s: float, stamp_ms: int | None = None) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`.
@@ -109,14 +108,12 @@ class Database:
         with self._lock:
             if header.pack() in self._by_raw:
                 return False
-            oldest = self._oldest(header.key)
-            if oldest is None:
-                return True
+            floor_ms = self._floors.stamps_ms[header.key]
             if stamp_ms is None:
                 stamp_ms = header.stamp_ms(now_s)
-            elif not oldest.extrapolated:
-                return stamp_ms > oldest.stamp_ms
-            return follows(stamp_ms, oldest.stamp_ms, latest_ms(now_s))
+            elif floor_ms < 0 or not self._versions[header.key][-1].record.extrapolated:
+                return stamp_ms > floor_ms
+            return follows(stamp_ms, floor_ms, latest_ms(now_s))
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -126,21 +123,10 @@ class Database:
         `header_list` has a multiple of 6 bytes.
         """
         latest = latest_ms(now_s)
-        newest: dict[int, tuple[int, bytes]] = {}  # by topic key: stamp, header
         with self._lock:
-            for place, fields in enumerate(_FIELDS.iter_unpack(header_list)):
-                raw = header_list[place * Header.SIZE : (place + 1) * Header.SIZE]
-                if raw in self._by_raw:
-                    continue
-                key, seconds, milliseconds = fields
-                stamp_ms = latest - (latest - seconds * 1000 - milliseconds) % WRAP_MS
-                oldest = self._oldest(key)
-                stays = oldest and not follows(stamp_ms, oldest.stamp_ms, latest)
-                if stays and milliseconds < 1000:
-                    continue
-                if key not in newest or stamp_ms > newest[key][0]:
-                    newest[key] = stamp_ms, raw
-        return [raw for _, raw in newest.values()]
+            newer = self._floors.exceeded(header_list, latest)
+            wanted = [raw for raw in newer if raw not in self._by_raw]
+        return self._floors.newest_of_each(wanted, latest)
 
     def insert(self, record: Record, now_s: float) -> bool:
         """Store a message if it is among the newest of its topic; says whether it was.
@@ -210,20 +196,6 @@ class Database:
             if self._storage:
                 self._storage.learn(peer, knowledge)
 
-    def _in_wire_order(self) -> list[Kept]:
-        """The newest version of every topic."""
-        if self._ordered is None:
-            newest = (versions[0] for versions in self._versions.values())
-            self._ordered = sorted(newest, key=attrgetter("rank"))
-        return self._ordered
-
-    def _oldest(self, key: int) -> Record | None:
-        """What another version of a topic has to follow; None: there is room for any."""
-        versions = self._versions.get(key)
-        if versions and len(versions) >= self._histories.get(key, 1):
-            return versions[-1].record
-        return None
-
     def _keep(self, record: Record, number: int, now_s: float) -> bool:
         header = record.header
         raw = header.pack()
@@ -241,7 +213,7 @@ class Database:
         # Sorts as the wire does: most urgent first, then newest first, then by key.
         rank = -((record.priority * STAMPS_MS + record.stamp_ms) << 16 | key)
         if place == 0:
-            self._ordered = None
+            self._wire.changed.setdefault(key, versions[0].rank if versions else None)
         kept = Kept(record, raw, rank, number)
         versions.insert(place, kept)
         self._versions[key] = versions
@@ -252,6 +224,8 @@ class Database:
             self._storage.put(number, record)
         while len(versions) > depth:
             self._drop(versions.pop(), group)
+        if len(versions) == depth:
+            self._floors.stamps_ms[key] = versions[-1].record.stamp_ms
         return True
 
     def _drop(self, old: Kept, group: list[int]) -> None:

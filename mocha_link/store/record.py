@@ -1,11 +1,22 @@
-"""What a database holds, and which of two messages is the newer one."""
+"""What a database holds, and two indexes for long header lists: what is newer, in what order.
+
+Topics of robots are numbered here: key = robot id * 256 + topic id, as the first two bytes of a
+header read.
+"""
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+
+import numpy as np
 
 from mocha_link.store.wire import AHEAD_MS, WRAP_MS, Header
 
+KEYS = 65_536
 _UNSET_MS = 50 * 365 * 86_400_000  # a clock that says 1970 or soon after was never set
 _FUTURE_MS = AHEAD_MS // 3
 _TURNED_MS = WRAP_MS - 2 * AHEAD_MS
@@ -77,9 +88,108 @@ def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
     is newer then, and the other way round. If our clock is not set at all, the shorter way round
     the 18 h counts.
     """
+    if stored_ms < 0:
+        return True
     seen, stored = today(stamp_ms, latest_ms), today(stored_ms, latest_ms)
-    border_ms, far_ms = latest_ms - AHEAD_MS + _FUTURE_MS, _TURNED_MS
-    if latest_ms < _UNSET_MS:
-        border_ms, far_ms = -1, WRAP_MS // 2
+    border_ms, far_ms = _turn(latest_ms)
     turned = max(seen, stored) > border_ms and far_ms <= abs(seen - stored) < WRAP_MS
     return (seen > stored) != turned
+
+
+def _turn(latest_ms: int) -> tuple[int, int]:
+    """Beyond which time, and how far apart, two stamps are the other way round."""
+    if latest_ms < _UNSET_MS:
+        return -1, WRAP_MS // 2
+    return latest_ms - AHEAD_MS + _FUTURE_MS, _TURNED_MS
+
+
+class Floors:
+    """For every topic the stamp that a version must exceed to be among those that are kept."""
+
+    def __init__(self) -> None:
+        self.stamps_ms = array("q", [-1]) * KEYS  # by topic key; -1: any
+        self._view = np.frombuffer(self.stamps_ms, np.int64)  # the same, for numpy
+
+    def exceeded(self, headers: bytes, latest_ms: int) -> list[bytes]:
+        """Those of the headers whose time exceeds the floor, and those whose time is impossible.
+
+        A time is taken for the last one up to `latest_ms`.
+        """
+        fields = np.frombuffer(headers, ">u2").reshape(-1, 3).astype(np.int64)
+        milliseconds = fields[:, 2]
+        seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
+        floors = self._view[fields[:, 0]]
+        # As `follows` does.
+        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (floors >= 0))
+        stored = np.where(strange, latest_ms - (latest_ms - floors) % WRAP_MS, floors)
+        apart = np.abs(seen - stored)
+        border_ms, far_ms = _turn(latest_ms)
+        turned = (np.maximum(seen, stored) > border_ms) & (floors >= 0)
+        turned &= (apart >= far_ms) & (apart < WRAP_MS)
+        chosen = ((seen > stored) ^ turned) | (milliseconds > 999)
+        raws: list[bytes] = np.frombuffer(headers, f"V{Header.SIZE}")[chosen].tolist()
+        return raws
+
+    @staticmethod
+    def newest_of_each(headers: Sequence[bytes], latest_ms: int) -> list[bytes]:
+        """Of several headers of a topic only the newest, at the place of the first."""
+        fields = np.frombuffer(b"".join(headers), ">u2").reshape(-1, 3).astype(np.int64)
+        keys = fields[:, 0]
+        if np.bincount(keys).max(initial=0) < 2:
+            return list(headers)
+        ages = (latest_ms - fields[:, 1] * 1000 - fields[:, 2]) % WRAP_MS
+        best: dict[int, tuple[int, bytes]] = {}
+        for key, age, raw in zip(keys.tolist(), ages.tolist(), headers, strict=True):
+            if key not in best or age < best[key][0]:
+                best[key] = (age, raw)
+        return [raw for _, raw in best.values()]
+
+
+class WireOrder:
+    """The newest version of every topic, sorted. Brought up to date only on request.
+
+    Attributes:
+        changed: topics that have another newest version, by key, with the rank of the one that is
+            in the lists, if any is.
+    """
+
+    def __init__(self) -> None:
+        self._ranks: list[int] = []  # sorted
+        self._records: list[Record] = []  # in the same order
+        self._raws = bytearray()  # their headers in a row
+        self._headers = b""  # copy of `_raws`
+        self.changed: dict[int, int | None] = {}
+
+    def records(self, versions: Mapping[int, Sequence[Kept]]) -> tuple[Record, ...]:
+        """The newest records in order. `versions` by topic key, newest first."""
+        self._update(versions)
+        return tuple(self._records)
+
+    def headers(self, versions: Mapping[int, Sequence[Kept]]) -> bytes:
+        """Their headers in order."""
+        self._update(versions)
+        return self._headers
+
+    def _update(self, versions: Mapping[int, Sequence[Kept]]) -> None:
+        if not self.changed:
+            return
+        if len(self.changed) > 16 + len(self._ranks) // 16:
+            newest = sorted((each[0] for each in versions.values()), key=attrgetter("rank"))
+            self._ranks = [kept.rank for kept in newest]
+            self._records = [kept.record for kept in newest]
+            self._raws = bytearray(b"".join([kept.raw for kept in newest]))
+        else:
+            for key, old_rank in self.changed.items():
+                self._move(old_rank, versions[key][0])
+        self.changed.clear()
+        self._headers = bytes(self._raws)
+
+    def _move(self, old_rank: int | None, newest: Kept) -> None:
+        if old_rank is not None:
+            place = bisect_left(self._ranks, old_rank)
+            del self._ranks[place], self._records[place]
+            del self._raws[place * Header.SIZE : (place + 1) * Header.SIZE]
+        place = bisect_left(self._ranks, newest.rank)
+        self._ranks.insert(place, newest.rank)
+        self._records.insert(place, newest.record)
+        self._raws[place * Header.SIZE : place * Header.SIZE] = newest.raw
