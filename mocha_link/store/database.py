@@ -237,8 +237,9 @@ class Database:
     def _begin(self, storage: Storage) -> None:
         """Take what the file has; if not all of it could be read, as a database of another name."""
         found = storage.load(self._epoch)
+        last_s = found.last_s
         for number, record in found.records.items():
-            self._keep(record, number if found.epoch else self._sequence + 1, found.last_s)
+            self._keep(record, number if found.epoch else self._sequence + 1, last_s)
         if found.epoch:
             self._epoch = found.epoch
             newest = max(found.records, default=0)
@@ -265,9 +266,10 @@ class Database:
                     same.add(number)
                 else:
                     storage.drop(number)
+            last_s = found.last_s
             for number, record in found.records.items():
                 if number not in same:
-                    self._keep(record, self._sequence + 1, found.last_s)
+                    self._keep(record, self._sequence + 1, last_s)
             for number, kept in self._by_number.items():
                 if number not in same:
                     storage.put(number, kept.record)

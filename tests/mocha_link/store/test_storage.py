@@ -13,6 +13,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,6 +107,31 @@ def test_everything_comes_back(shelter):
     assert new.numbered_since(0) == old.numbered_since(0)
     assert again.storage.fault is None
     assert again.faults.empty()
+
+
+def test_a_start_looks_through_what_is_there_once_and_not_once_for_each_message(
+    shelter, monkeypatch
+):
+    """65,536 messages took a minute and a half."""
+
+    class Counted(dict):
+        looks = 0
+
+        def __iter__(self):
+            Counted.looks += 1
+            return super().__iter__()
+
+    node = shelter()
+    node.write(*range(100))
+    assert node.storage.close()
+    load = Storage.load
+    monkeypatch.setattr(
+        Storage,
+        "load",
+        lambda self, epoch: replace(found := load(self, epoch), records=Counted(found.records)),
+    )
+    assert len(shelter().database.kept()) == 100
+    assert Counted.looks < 5
 
 
 def test_numbers_are_never_given_twice(shelter, tmp_path):
