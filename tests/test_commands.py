@@ -72,7 +72,8 @@ def test_one_by_one_the_commands_say_the_same_as_all_at_once(program, capsys):
 def test_wrong_usage_is_told_the_same(program, words, capsys):
     assert asked(program, *words) == 2
     told = capsys.readouterr().err
-    assert told.startswith(f"usage: {program} ")
+    assert told.startswith(f"{program}: error: ")
+    assert told.endswith(f"`{program} --help` says what it takes\n")
     with pytest.raises(SystemExit):
         PROGRAMS[program].PROGRAM.parser().parse_args(words)
     assert told == capsys.readouterr().err

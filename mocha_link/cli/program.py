@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NoReturn, TextIO
 
 from mocha_link import __version__
 from mocha_link.errors import needs_extra
@@ -43,6 +43,16 @@ SHELLS = {
 """How each is told, in words of its own."""
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are two lines: what is wrong, and where to read on."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command line, and end."""
+        self.exit(
+            USAGE, f"{self.prog}: error: {message}\n`{self.prog} --help` says what it takes\n"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """A command of a program.
@@ -57,10 +67,10 @@ class Command:
     module: str
     about: str
 
-    def parser(self, program: str) -> argparse.ArgumentParser:
+    def parser(self, program: str) -> Parser:
         """The parser of its arguments, as a command of `program`."""
         module = importlib.import_module(self.module)
-        parser = argparse.ArgumentParser(
+        parser = Parser(
             prog=f"{program} {self.name}",
             description=sentence(self.about),
             formatter_class=Help,
@@ -97,7 +107,7 @@ class Program:
         If `whole`, the modules of all commands are imported now: for code that looks into their
         parsers, to write documentation or to complete words. Otherwise each when it is asked for.
         """
-        parser = argparse.ArgumentParser(
+        parser = Parser(
             prog=self.name, description=self.description, epilog=self.epilog, formatter_class=Help
         )
         add_verbose(parser)
@@ -146,7 +156,7 @@ class Program:
         return code
 
 
-class _StandIn(argparse.ArgumentParser):
+class _StandIn(Parser):
     """Stands where a command's parser belongs, until there is something for it to parse."""
 
     def __init__(self, command: Command, program: str) -> None:
