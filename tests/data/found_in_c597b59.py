@@ -3,7 +3,8 @@
     cp tests/data/found_in_c597b59.py OLD/tests/air_router/test_found.py
     cd OLD && python -m pytest -n 0 tests/air_router/test_found.py
 
-All fail there; the tests of the same names pass here. docs/rehearsal.md has the whole list.
+All fail there; the tests of the same names pass here. The whole list is
+docs/evidence/faults-of-c597b59.csv.
 """
 
 import asyncio

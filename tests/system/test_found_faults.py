@@ -1,7 +1,7 @@
 """Faults that were found in commit c597b59, each as it is seen from outside.
 
 With CHECKOUT_UNDER_TEST=DIR the programs of that checkout are started instead of ours: all of this
-fails on c597b59. docs/rehearsal.md has the whole list, with the flights that show the others.
+fails on c597b59. The whole list is docs/evidence/faults-of-c597b59.csv.
 """
 
 import contextlib
