@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.vehicle.px4.px4_messages import (
+from air_router.vehicle.px4.px4_events import (
     ARMING_SUMMARY,
     HEALTH_SUMMARY,
     WORDS,

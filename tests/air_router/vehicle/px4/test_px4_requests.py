@@ -11,7 +11,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_messages import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
+from air_router.vehicle.px4.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
 from air_router.vehicle.px4.px4_telemetry import PREARM_GOOD, Px4Telemetry
 from air_router.vehicle.vehicle import GpsFix
 

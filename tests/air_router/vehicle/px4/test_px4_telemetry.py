@@ -3,7 +3,7 @@
 import pytest
 
 from air_router.vehicle.height_frame import HomeMove
-from air_router.vehicle.px4.px4_messages import event_id
+from air_router.vehicle.px4.px4_events import event_id
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 
 HOLD, MISSION, POSITION = 0x03040000, 0x04040000, 0x00030000

@@ -1,0 +1,146 @@
+"""What PX4 says in EVENT messages, in plain words.
+
+A companion computer gets no STATUSTEXT from PX4 (those go to ground stations only): why a mission
+is refused or arming denied reaches it as EVENT (message 410) with a number and packed arguments.
+The number is the FNV-1a hash of the event's name with the component in the top byte, so the table
+of names in `px4_event_words.toml` is all that is needed, also where the autopilot's own table of
+words cannot be fetched. Every check of the health and arming report comes as an event of its own
+between two summaries.
+"""
+
+import re
+import struct
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Self
+
+ERROR: Final = 3
+WARNING: Final = 4  # of the levels; those above INFO, 6, are for programs
+
+ARMING_SUMMARY: Final = "commander_arming_check_summary"
+HEALTH_SUMMARY: Final = "commander_health_summary"
+
+_COMPONENT: Final = 1 << 24
+_FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
+_CHECK_HEAD: Final = struct.Struct("<IB")  # modes concerned, health component
+_MISSION_MODE: Final = 1 << 3  # NAVIGATION_STATE_AUTO_MISSION
+
+_TABLE: Final[dict[str, dict[str, Any]]] = tomllib.loads(
+    Path(__file__).with_name("px4_event_words.toml").read_text(encoding="utf-8")
+)
+_ENUMERATIONS: Final = {"m": _TABLE["modes"], "a": _TABLE["actions"], "c": _TABLE["causes"]}
+WORDS: Final[dict[str, str | tuple[str, str]]] = {
+    name: row if isinstance(row, str) else tuple(row)
+    for section in ("checks", "mission", "commander")
+    for name, row in _TABLE[section].items()
+}
+"""By name: words, or words and the layout of the arguments."""
+
+
+def event_id(name: str) -> int:
+    """The number under which PX4 sends an event."""
+    value = _FNV_OFFSET
+    for byte in name.encode():
+        value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
+    return _COMPONENT | value & 0xFFFFFF
+
+
+_NAMES: Final = {event_id(name): name for name in (*WORDS, ARMING_SUMMARY, HEALTH_SUMMARY)}
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Event:
+    """One EVENT.
+
+    Attributes:
+        number: Its id on the wire.
+        level: For people: 0 emergency to 6 information (7: for programs only).
+        arguments: Packed, little endian, up to 40 bytes.
+    """
+
+    number: int
+    level: int
+    arguments: bytes = b""
+
+    @classmethod
+    def of(cls, fields: dict[str, Any]) -> Self:
+        """From the fields of an EVENT message."""
+        arguments = bytes(int(byte) & 0xFF for byte in fields.get("arguments") or ())
+        return cls(int(fields["id"]), int(fields["log_levels"]) & 0x0F, arguments)
+
+    @property
+    def name(self) -> str | None:
+        """PX4's name of it, None for one that we do not know."""
+        return _NAMES.get(self.number)
+
+    @property
+    def is_check(self) -> bool:
+        """Whether it is one finding of the health and arming report."""
+        return (self.name or "").startswith("check_")
+
+    @property
+    def concerns_missions(self) -> bool:
+        """Whether it is more than a finding that keeps the vehicle from being flown by hand."""
+        if not self.is_check or len(self.arguments) < _CHECK_HEAD.size:
+            return True
+        return bool(_CHECK_HEAD.unpack_from(self.arguments)[0] & _MISSION_MODE)
+
+    @property
+    def text(self) -> str:
+        """What it means and, where there is something, what to do."""
+        name = self.name
+        if name is None or name not in WORDS:
+            return f"event {self.number:#010x} of PX4, explained in the ground station"
+        known = WORDS[name]
+        words, layout = (known, "") if isinstance(known, str) else known
+        skipped = _CHECK_HEAD.size if self.is_check else 0
+        values = _unpacked(layout, self.arguments[skipped:])
+        return words.format(*values) if values is not None else name.replace("_", " ")
+
+
+def _unpacked(layout: str, data: bytes) -> tuple[object, ...] | None:
+    """Arguments as numbers and words; None where fewer came than belong to the event."""
+    code = struct.Struct("<" + re.sub("[mac]", "B", layout))
+    if len(data) < code.size:
+        return None
+    return tuple(
+        _ENUMERATIONS[letter].get(str(value), "another") if letter in _ENUMERATIONS else value
+        for letter, value in zip(layout, code.unpack_from(data), strict=True)
+    )
+
+
+class ArmingReports:
+    """Puts health and arming reports together from the events between two summaries.
+
+    Attributes:
+        problems: What stands in the way of arming, in words, by the newest complete report.
+        warnings: What does not, but was found.
+        count: Of complete reports.
+    """
+
+    def __init__(self) -> None:
+        self.problems: tuple[str, ...] = ()
+        self.warnings: tuple[str, ...] = ()
+        self.count = 0
+        self._findings: list[Px4Event] | None = None  # of the report under way
+
+    @property
+    def words(self) -> str:
+        """What stands in the way of arming, to add to an error; empty: nothing that it reports."""
+        return f" ({'; '.join(self.problems)})" if self.problems else ""
+
+    def take(self, event: Px4Event) -> None:
+        """Take the next event."""
+        if event.name == ARMING_SUMMARY:
+            self._findings = []
+        elif self._findings is None:
+            return
+        elif event.name == HEALTH_SUMMARY:
+            texts = [(e.level, e.text) for e in self._findings if e.concerns_missions]
+            self.problems = tuple(dict.fromkeys(text for level, text in texts if level <= ERROR))
+            self.warnings = tuple(dict.fromkeys(text for level, text in texts if level == WARNING))
+            self.count += 1
+            self._findings = None
+        elif event.is_check or event.name is None:
+            self._findings.append(event)
