@@ -276,9 +276,9 @@ class AirspaceUpdate:
     def _widen(self) -> bool:
         """Hold, and have ways planned, where they are not clear there yet; whether that is so."""
         context, router, off_m = self._context, self._context.router, self._off_m
-        self._looked, kept = router, len(router.graph.mission.planning_airspace.zones)
+        self._looked, kept = router, _names(router.graph.mission.planning_airspace)
         doubted = off_m != 0.0 and not context.trusts_altitude
-        if not doubted or len(_at_both(context.mission, off_m).zones) <= kept:
+        if not doubted or _names(_at_both(context.mission, off_m)) <= kept:
             return False
         context.zones = ZoneChange.PLANNING
         context.actions.append(WidenRoutes(off_m))
@@ -309,6 +309,11 @@ def widened_router(mission: Mission, off_m: float) -> Router:
 def _at_both(mission: Mission, off_m: float) -> Airspace:
     edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
     return mission.airspace_at(edge_m + off_m)
+
+
+def _names(airspace: Airspace) -> frozenset[str]:
+    """Its zones: as many may be others."""
+    return frozenset(zone.name for zone in airspace.zones)
 
 
 def _among(router: Router, mission: Mission) -> bool:

@@ -297,6 +297,11 @@ def around(_here, home):
     return Zone("ring", Outline(ring, (hole,)), band=ABOVE)
 
 
+def planned_among(flight):
+    router = flight.controller.context.router
+    return {zone.name for zone in router.graph.mission.planning_airspace.zones}
+
+
 def widens(flight):
     return [action for action in flight.actions if isinstance(action, WidenRoutes)]
 
@@ -330,6 +335,23 @@ def test_zones_that_change_while_its_altitude_is_in_doubt_count_at_both_too(off_
     flight.give(RoutesWidened(widens(flight)[-1].off_m))
     flight.fly_until(lambda: flight.finished is not None)
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
+
+
+def test_a_doubt_that_turns_round_is_heeded_though_as_many_zones_count(off_by):
+    flight, high = in_doubt(off_by, 8.0, beside(ABOVE))
+    mission = flight.mission
+    low = dataclasses.replace(beside(BELOW)(flight.position, mission.home), name="low")
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, high, low)))
+    fly(flight, 1.0)
+    flight.give(PlanRenewed())
+    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    assert planned_among(flight) >= {"doubtful"}
+    _, off_m = off_by
+    off_m.append(-8.0)
+    flight.fly_until(lambda: widens(flight)[-1].off_m < 0.0, 20.0)
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    assert planned_among(flight) >= {"low"}
 
 
 @pytest.mark.parametrize("asked", [True, False])
