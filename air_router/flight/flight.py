@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-import logging
 import math
 import os
 import signal
@@ -47,8 +46,6 @@ from air_router.vehicle.vehicle import (
     VehicleEvent,
     VehicleInfo,
 )
-
-_log = logging.getLogger(__name__)
 
 RESTART_S: Final = 5.0
 """A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""

@@ -72,6 +72,12 @@ class FlightProcess:
             self.out.seek(0)
             self.report = json.load(self.out)
 
+    def abandon(self) -> None:
+        """End it at once: another one could not be started beside it."""
+        self.process.kill()
+        self.process.wait()
+        self.close()
+
     @property
     def exit_code(self) -> ExitCode:
         """How it ended; one that was killed ended otherwise."""
@@ -162,12 +168,16 @@ class Flights:
     ) -> None:
         self._block = StatusBlock(tuple(commands), out)
         self._keyboard = keyboard if keyboard is not None else sys.stdin
-        self._selector = selectors.DefaultSelector()
         self._interrupted = False  # by a signal
         self._overhear = overhear
-        self.flights = [  # one for each vehicle
-            _start(uav, (*program, *arguments), self._block) for uav, arguments in commands.items()
-        ]
+        self.flights: list[FlightProcess] = []  # one for each vehicle
+        with contextlib.ExitStack() as undo:
+            self._selector = undo.enter_context(selectors.DefaultSelector())
+            for uav, arguments in commands.items():
+                flight = _start(uav, (*program, *arguments), self._block)
+                undo.callback(flight.abandon)
+                self.flights.append(flight)
+            undo.pop_all()
 
     def run(self) -> ExitCode:
         """Follow all of them to their ends; returns the worst exit code."""
@@ -245,28 +255,34 @@ class Flights:
 
 
 def _start(uav: str, command: Sequence[str], block: StatusBlock) -> FlightProcess:
-    """Start one: with a terminal of its own if ours is one, so that it shows its status live."""
-    if block.live:
-        ours, theirs = pty.openpty()
-        tty.setraw(theirs)
-        mode = termios.tcgetattr(theirs)
-        mode[tty.LFLAG] |= termios.ICANON  # line by line all the same: each is one request
-        termios.tcsetattr(theirs, termios.TCSANOW, mode)
-        stdin = theirs
-    else:
-        ours, theirs = os.pipe()
-        stdin = subprocess.DEVNULL
-    out = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed when the flight has ended
-    try:
-        process = subprocess.Popen(  # noqa: S603 - our own program and arguments
-            # It ends with us, also if we are killed; the vehicle then holds where its leg ends.
-            [sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid()), *command],
-            stdin=stdin,
-            stdout=out,
-            stderr=theirs,
-            env={**os.environ, "COLUMNS": str(block.columns)},
-            start_new_session=True,  # Ctrl-C comes through us
-        )
-    finally:
-        os.close(theirs)
+    """Start one: with a terminal of its own if ours is one, so that it shows its status live.
+
+    Raises:
+        OSError: it cannot be started; nothing of it is left.
+    """
+    with contextlib.ExitStack() as undo:
+        out = undo.enter_context(tempfile.TemporaryFile())
+        ours, theirs = pty.openpty() if block.live else os.pipe()
+        undo.callback(os.close, ours)
+        with os.fdopen(theirs, "wb", buffering=0) as screen:
+            if block.live:
+                _read_by_line(theirs)
+            process = subprocess.Popen(  # noqa: S603 - our own program and arguments
+                # It ends with us, also if we are killed; the vehicle then holds where its leg ends.
+                [sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid()), *command],
+                stdin=screen if block.live else subprocess.DEVNULL,
+                stdout=out,
+                stderr=screen,
+                env={**os.environ, "COLUMNS": str(block.columns)},
+                start_new_session=True,  # Ctrl-C comes through us
+            )
+        undo.pop_all()
     return FlightProcess(uav, process, ours, out)
+
+
+def _read_by_line(terminal: int) -> None:
+    """A terminal that echoes and changes nothing, and yet is read line by line: each a request."""
+    tty.setraw(terminal)
+    mode = termios.tcgetattr(terminal)
+    mode[tty.LFLAG] |= termios.ICANON
+    termios.tcsetattr(terminal, termios.TCSANOW, mode)

@@ -32,7 +32,7 @@ _PX4_PORT = 14_580  # of the first instance; the next ones follow
 
 _LOST = {"team": "no robot, radio or camera is simulated any more, and the vehicle flies on"}
 
-READY_S = 60.0
+READY_S = 90.0  # a busy machine compiles and imports for a minute
 STOP_S = 10.0
 
 

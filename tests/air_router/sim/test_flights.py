@@ -3,7 +3,10 @@
 import io
 import os
 import signal
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -152,3 +155,42 @@ for _ in range(2):
         assert flights.run() is ExitCode.DONE
     said = [line for line in screen.getvalue().replace("\r", "\n").splitlines() if "read b" in line]
     assert ["b'home" in line for line in said] == [False, True]
+
+
+def open_files():
+    return {int(each.name) for each in Path("/proc/self/fd").iterdir()}
+
+
+@pytest.mark.parametrize("tty", [False, True])
+@pytest.mark.parametrize(
+    "fails", [(tempfile, "TemporaryFile"), (subprocess, "Popen")], ids=["file", "program"]
+)
+def test_a_flight_that_cannot_be_started_leaves_nothing_running_and_nothing_open(
+    monkeypatch, tty, fails
+):
+    module, name = fails
+    works, started = getattr(module, name), []
+
+    def the_second_fails(*args, **options):
+        if started:
+            raise OSError("no more of them")
+        started.append(works(*args, **options))
+        return started[-1]
+
+    processes, popen = [], subprocess.Popen
+    monkeypatch.setattr(
+        subprocess, "Popen", lambda *a, **o: processes.append(popen(*a, **o)) or processes[-1]
+    )
+    if module is subprocess:
+        works = subprocess.Popen
+    monkeypatch.setattr(module, name, the_second_fails)
+    before = open_files()
+    with pytest.raises(OSError, match="no more of them"):
+        Flights(
+            {"titan": ["titan"], "io": ["io"]},
+            Screen(tty=tty),
+            io.StringIO(),
+            program=(sys.executable, "-c", WAITS),
+        )
+    assert [process.poll() for process in processes] == [-signal.SIGKILL]
+    assert open_files() == before
