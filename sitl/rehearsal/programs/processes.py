@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -53,7 +53,7 @@ class Companion:
     Attributes:
         process: It.
         lines: What it said.
-        outcome: Of its JSON line, once it is closed; empty: there was none.
+        outcome: Of its last JSON line, once it is closed; empty: there was none.
     """
 
     def __init__(
@@ -63,17 +63,19 @@ class Companion:
         folder: Path,
         now_s: Callable[[], float],
     ) -> None:
-        keyboard, terminal = pty.openpty()
-        self._keyboard = io.FileIO(keyboard, "wb")
-        self._report = tempfile.TemporaryFile()  # noqa: SIM115 - its JSON line, until it is closed
-        self.process = subprocess.Popen(  # noqa: S603 - our own program
-            ending_with_us(*program, "fly", *arguments, "--json"),
-            cwd=folder,
-            stdin=terminal,
-            stdout=self._report,
-            stderr=subprocess.PIPE,
-        )
-        os.close(terminal)
+        with contextlib.ExitStack() as undo:
+            self._report = undo.enter_context(tempfile.TemporaryFile())  # until it is closed
+            keyboard, terminal = pty.openpty()
+            self._keyboard = undo.enter_context(io.FileIO(keyboard, "wb"))
+            with io.FileIO(terminal, "rb") as theirs:
+                self.process = subprocess.Popen(  # noqa: S603 - our own program
+                    ending_with_us(*program, "fly", *arguments, "--json"),
+                    cwd=folder,
+                    stdin=theirs,
+                    stdout=self._report,
+                    stderr=subprocess.PIPE,
+                )
+            undo.pop_all()
         self.lines: list[Line] = []
         self.outcome = ""
         self._now_s = now_s
@@ -112,10 +114,21 @@ class Companion:
         self.process.kill()
         self.process.wait()
         self._reader.join(2.0)
-        with contextlib.suppress(ValueError), self._report as report:  # closed: the second time
-            report.seek(0)
-            self.outcome = str(json.loads(report.read()).get("outcome", ""))
+        if not self._report.closed:
+            with self._report as report:
+                report.seek(0)
+                self.outcome = str(_last_object(report).get("outcome", ""))
         self._keyboard.close()  # once: by then its number may be that of another flight's socket
+
+
+def _last_object(lines: Iterable[bytes]) -> dict[str, Any]:
+    """The last line that is a JSON object: others may be printed after it; {} if there is none."""
+    last: dict[str, Any] = {}
+    for line in lines:
+        with contextlib.suppress(ValueError):
+            said = json.loads(line)
+            last = said if isinstance(said, dict) else last
+    return last
 
 
 class ProcessPause:

@@ -2,7 +2,10 @@
 
 import os
 import socket
+import sys
 from pathlib import Path
+
+import pytest
 
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.verdict import judge
@@ -27,3 +30,23 @@ def test_a_companion_that_is_closed_twice_takes_no_other_flight_s_socket(tmp_pat
         companion.close()
         for each in (one, other):
             os.fstat(each.fileno())
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome"),
+    [
+        ('{"outcome": "landed at home"}', "landed at home"),
+        ('starting\n{"outcome": "waits"}\n{"outcome": "landed at home"}\n', "landed at home"),
+        ('{"outcome": "landed at home"}\n[1]\n"bye"\n3\nbye {\n\n', "landed at home"),
+        ("[1]\nnull\n", ""),
+        ("", ""),
+    ],
+)
+def test_a_companion_s_outcome_is_that_of_the_last_json_object_of_what_it_printed(
+    tmp_path, said, outcome
+):
+    prints = (sys.executable, "-c", f"print({said!r}, end='')")
+    companion = Companion(prints, [], tmp_path, lambda: 0.0)
+    companion.process.wait()
+    companion.close()
+    assert companion.outcome == outcome
