@@ -35,7 +35,7 @@ last pull, and what a peer stores in between is pushed."""
 
 PolicyKind = SeekPolicy | Literal["orienteering", "oracle"]
 """A policy that flies; or one that does not. `orienteering`: `freshest` with a look ahead
-(`robots.orienteering`). `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S` where
+(`robots.controllers`). `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S` where
 all ground robots are, and how much each is worth."""
 
 MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]

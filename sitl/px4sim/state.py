@@ -12,6 +12,8 @@ from sitl.px4sim.parameters import Parameters
 CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG
 _AUTO_MODE_ENABLED: Final = 4
 _AUTO_MAIN: Final = 4
+_BY_STICKS: Final = {(2, 0), (3, 0)}  # Altitude and Position: a pilot flies it
+_NOT_TO_ARM_IN: Final = {(4, 5), (4, 6), (10, 0)}  # Return, Land and Termination
 
 
 class UnsupportedAutoModeError(Exception):
@@ -44,8 +46,8 @@ class FlightMode(Enum):
         self.custom_mode = main << 16 | sub << 24
         self.label = label
         self.base_mode = base_mode
-        self.needs_pilot = label in {"Altitude", "Position"}  # it is flown by sticks
-        self.prevents_arming = label in {"Return", "Land", "Termination"}  # PX4 refuses to arm
+        self.needs_pilot = (main, sub) in _BY_STICKS
+        self.prevents_arming = (main, sub) in _NOT_TO_ARM_IN
 
 
 _BY_NUMBER: Final = {(mode.value[0], mode.value[1]): mode for mode in FlightMode}

@@ -7,6 +7,7 @@ import math
 import os
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -57,7 +58,7 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
-class Scenario(World):
+class Scenario(World, ABC):
     """Flies one scene, in which the companion's loop runs.
 
     Args:
@@ -102,9 +103,9 @@ class Scenario(World):
         self.robots: Robots
         self.link = Link(scene.chance("link"))
 
+    @abstractmethod
     def let_happen(self) -> bool:
         """Let happen what is due; whether more is to happen soon."""
-        raise NotImplementedError
 
     # The flight
 

@@ -127,9 +127,8 @@ class TeamSimulation(Closeable):
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
-        self._awaits = (
-            plan.radio.rate_bytes_s is None
-        )  # exchanges, which take no simulated time then
+        # Without a limit of rate they take the wall's time only: it waits until they are over.
+        self._awaits_exchanges = plan.radio.rate_bytes_s is None
         self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
         self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
         with ExitStack() as stack:
@@ -179,7 +178,7 @@ class TeamSimulation(Closeable):
         silent = False
         worked_s: float | None = None  # of the vehicle's clock; None: all of it has been told
         while not stopped():
-            if worked_s is not None and not (self._awaits and self._nodes.exchanging):
+            if worked_s is not None and not (self._awaits_exchanges and self._nodes.exchanging):
                 reached(worked_s)
                 worked_s = None
             heard = self._first.listen(_STOP_LOOK_S if worked_s is None else _EXCHANGE_LOOK_S)

@@ -36,7 +36,7 @@ from mocha_link.store.wire import Header
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.robots.controllers import controllers_of
+from sitl.experiment.robots.controllers import controllers_of, scenery_of
 from sitl.experiment.robots.node import fleet_of
 from sitl.experiment.settings import RunSettings
 from sitl.rehearsal.faults import Fault, Scene
@@ -256,7 +256,7 @@ def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Cont
     settings = _settings_of(run_, folder)
     original = settings.protocol == "original"
     fleet = fleet_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
-    return controllers_of(fleet, settings)[name]
+    return controllers_of(fleet, settings, scenery_of(settings))[name]
 
 
 # Recording.

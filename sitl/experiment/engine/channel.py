@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import random
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
@@ -81,7 +82,7 @@ class Change(NamedTuple):
     up: bool
 
 
-class Channel:
+class Channel(ABC):
     """A model of the radio channel. Deterministic: seeded, and asked in a fixed order.
 
     Attributes:
@@ -95,13 +96,13 @@ class Channel:
     pull_every_s: float | None = None
     frame_by_frame: bool = True
 
+    @abstractmethod
     def look(self, now_s: float, places: Places) -> list[Change]:
         """Contacts that began or ended since the last look, in order of the robots' numbers."""
-        raise NotImplementedError
 
+    @abstractmethod
     def duration_s(self, link: Link, load: Load, now_s: float) -> float:
         """How long a transmission that begins now takes."""
-        raise NotImplementedError
 
     def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
         """Sorts those that wait for the channel, the least is next: who has waited longest."""

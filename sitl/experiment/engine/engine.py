@@ -109,7 +109,7 @@ class Run:
                 *(name, scenery.mission, scenery.plan, settings, self.queue, self.log, controller),
                 MapPainter(self.town.frame.origin, self.town.raster, CAMERA),
             )
-            for name, controller in controllers_of(self.fleet, settings).items()
+            for name, controller in controllers_of(self.fleet, settings, scenery).items()
         ]
         self.ages = Ages(self.queue)
         for uav in self.uavs:

@@ -181,9 +181,8 @@ class Orienteering(Freshest):
         return removed_s / time_s
 
 
-def controllers_of(fleet: Fleet, settings: RunSettings) -> dict[str, Controller]:
+def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
     """The controllers of a run's UAVs: the first explores and searches, the others only search."""
-    scenery = scenery_of(settings)
     base = () if fleet.base is None else (fleet.base,)
     seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
