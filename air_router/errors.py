@@ -1,11 +1,10 @@
 """The tree of errors that end a command: one class per cause, each knows its exit code."""
 
-from collections.abc import Iterable
 from enum import IntEnum
 from typing import ClassVar
 
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
-from mocha_link.team.problem import DocumentError, Problem, first_of_each_kind
+from mocha_link.team.problem import DocumentError
 
 
 class ExitCode(IntEnum):
@@ -32,16 +31,6 @@ class UsageError(AirRouterError):
     """The command line asks for something that the mission does not have."""
 
     exit_code = ExitCode.USAGE
-
-
-class MissionFileError(AirRouterError):
-    """A mission cannot be flown as it is written; carries every problem, in file order."""
-
-    exit_code = ExitCode.INVALID_FILE
-
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = first_of_each_kind(problems)  # the first of each kind
-        super().__init__("\n".join(map(str, self.problems)))
 
 
 class PictureError(AirRouterError):
@@ -72,7 +61,7 @@ class NotConfirmedError(AirRouterError):
     """A command was sent and the vehicle did not follow it."""
 
 
-EXPECTED = (AirRouterError, DocumentError, MochaLinkError, OSError)
+EXPECTED = (AirRouterError, MochaLinkError, OSError)
 """What ends a command with one message; anything else is a fault of ours."""
 
 

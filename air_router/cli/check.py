@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from air_router.cli.arguments import add_start, add_uav, print_json
-from air_router.errors import ExitCode, MissionFileError
+from air_router.errors import ExitCode
 from air_router.files.mission_document import MissionDocument
 from air_router.mission.loading import choose, read_draft, validate
 from air_router.mission.mission import Mission
@@ -83,9 +83,9 @@ def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
 
 def _refusal(
     problems: Sequence[Problem], notes: Sequence[Problem], arguments: argparse.Namespace
-) -> MissionFileError:
+) -> DocumentError:
     """Why it cannot be flown; scripts are told it here."""
-    refusal = MissionFileError(problems)
+    refusal = DocumentError(problems)
     if arguments.json:
         told = {"problems": refusal.problems, "notes": notes}
         facts = {key: [each.as_json() for each in of] for key, of in told.items()}

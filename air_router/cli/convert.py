@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, print_json
 from air_router.counted import counted
-from air_router.errors import ExitCode, MissionFileError, UsageError
+from air_router.errors import ExitCode, UsageError
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
         read = _record
     try:
         written = read(arguments, kind, report)
-    except (MissionFileError, DocumentError) as error:
+    except DocumentError as error:
         report.problems = error.problems
         if arguments.json:
             report.tell(as_json=True)
@@ -197,7 +197,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
     for path in arguments.zones:
         add_zones(draft, path, (), allow=arguments.allow)
     if draft.problems or draft.frame is None or draft.home is None:
-        raise MissionFileError(draft.problems)
+        raise DocumentError(draft.problems)
     if kind != _PLAN or not isinstance(draft.source, JsonDocument):
         for note in draft.notes:
             if note.code == NOT_FLOWN:
@@ -251,7 +251,7 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | b
     problems = [problem for reading in readings for problem in reading.problems]
     features, broken = feature_set_of_zones(readings, arguments.source.stem)
     if problems or broken:
-        raise MissionFileError([*problems, *broken])
+        raise DocumentError([*problems, *broken])
     report.counts = {"no-fly zones": len(features.zones)}
     report.notes = [note for reading in readings for note in reading.notes]
     return _MAP_WRITERS[kind](features)

@@ -9,7 +9,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from air_router.errors import MissionFileError, UsageError
+from air_router.errors import UsageError
 from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
@@ -66,18 +66,15 @@ def read_field(area: Path, mission: Path | None, terms: CoverOptions) -> Field:
     """The area of a file, in a mission's airspace (or in that of the zones that are named).
 
     Raises:
-        MissionFileError: the mission cannot be flown, or the area is none; every problem at once.
+        DocumentError: the mission cannot be flown, or the area is none; every problem at once.
         UsageError: something that has to be known is missing, or home is far from the area.
     """
-    try:
-        if mission is None and _is_mission(area):
-            field = _of_mission(area, None, terms)
-        elif mission is not None:
-            field = _of_mission(mission, area, terms)
-        else:
-            field = _of_area(area, terms)
-    except DocumentError as error:
-        raise MissionFileError(error.problems) from None
+    if mission is None and _is_mission(area):
+        field = _of_mission(area, None, terms)
+    elif mission is not None:
+        field = _of_mission(mission, area, terms)
+    else:
+        field = _of_area(area, terms)
     far_m = 0.0 if field.home is None else field.area.distance(shapely.Point(field.home))
     if far_m > _FAR_M:
         message = (
@@ -104,7 +101,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     draft = read_draft(path)
     if draft.home is None or draft.frame is None:
         validate(draft)
-        raise MissionFileError(draft.problems)
+        raise DocumentError(draft.problems)
     if draft.uavs and terms.altitude_m is not None:
         raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
     altitude_m = terms.altitude_m or draft.altitude_m
@@ -114,7 +111,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     mission = validate(draft)
     problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
     if problems or mission is None:
-        raise MissionFileError(problems)
+        raise DocumentError(problems)
     draft.problems.clear()
     if area is not None:
         shape = _shape(_drawn(area), draft.frame)
@@ -156,7 +153,7 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     for file in terms.zones:
         add_zones(draft, file, ())
     if draft.problems:
-        raise MissionFileError(draft.problems)
+        raise DocumentError(draft.problems)
     shape = _shape(zones, frame)
     if terms.inside:
         draft.fences.append(Area(FENCE, _outline(shape), ()))
@@ -171,10 +168,10 @@ def _drawn(path: Path) -> list[MapArea]:
         return [_yaml_area(path)]
     reading = read_zones(path)
     if reading.problems:
-        raise MissionFileError(reading.problems)
+        raise DocumentError(reading.problems)
     if not reading.zones:
         message = "there is no polygon and no circle in it; draw the area to cover"
-        raise MissionFileError([reading.source.problem((), message, "no-area")])
+        raise DocumentError([reading.source.problem((), message, "no-area")])
     return reading.zones
 
 
@@ -196,7 +193,7 @@ def _shape(zones: Sequence[MapArea], frame: LocalFrame) -> BaseGeometry:
     shapes = [zone.placed(frame, "") for zone in zones]
     problems = [shape for shape in shapes if isinstance(shape, Problem)]
     if problems:
-        raise MissionFileError(problems)
+        raise DocumentError(problems)
     return shapely.union_all([s.polygon for s in shapes if not isinstance(s, Problem)])
 
 

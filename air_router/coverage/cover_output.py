@@ -10,7 +10,7 @@ import numpy as np
 
 from air_router.coverage.camera import SurveyCamera
 from air_router.coverage.cover_area import Field
-from air_router.errors import AirRouterError, MissionFileError, UsageError
+from air_router.errors import AirRouterError, UsageError
 from air_router.files.mission_document import MissionPoint
 from air_router.files.missions.mission_file import read_mission
 from air_router.files.missions.mission_write import mission_text
@@ -19,7 +19,7 @@ from air_router.mission.loading import validate
 from air_router.routing.return_planner import Pace, Way
 from geo.coverage.coverage import Coverage, Swath, UnseenCause
 from geo.frame import Point
-from mocha_link.team.document import Document
+from mocha_link.team.document import Document, DocumentError
 
 
 def facts_of(
@@ -154,7 +154,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
 
     Raises:
         UsageError: there is no mission, and no home for one; or paths of the mission would be lost.
-        MissionFileError: the mission cannot be flown with these waypoints.
+        DocumentError: the mission cannot be flown with these waypoints.
     """
     draft = field.draft
     if draft.home is None:
@@ -178,7 +178,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         ]
     validate(draft)  # home may be too near to a zone, its height not known that limits count from
     if draft.problems:
-        raise MissionFileError(draft.problems)
+        raise DocumentError(draft.problems)
     return mission_text(draft, folder) if text is None else text
 
 

@@ -20,12 +20,11 @@ from air_router.controller.model.events import AirspaceChanged, Event, PlanRenew
 from air_router.errors import (
     AirRouterError,
     ExitCode,
-    MissionFileError,
     NotConfirmedError,
     PlanRefusedError,
 )
 from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan
-from air_router.mission.loading import DRAWN_OVER, choose, read_draft, validate
+from air_router.mission.loading import DRAWN_OVER, checked, choose, read_draft
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -61,21 +60,15 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
         on_board: What the autopilot has of it; None: all.
 
     Raises:
-        MissionFileError: with every problem of the file.
+        DocumentError: with every problem of the file.
         NotReloadedError: more has changed than these, or nothing has, or it does not fit on board.
     """
-    try:
-        draft = read_draft(mission.path)
-    except DocumentError as error:
-        raise MissionFileError(error.problems) from None
+    draft = read_draft(mission.path)
     if mission.layers and mission.uav is not None:
         choose(draft, mission.uav)
     draft.start = mission.window.start  # the zones of this flight, not of one that begins now
     draft.duration_s = mission.duration_s
-    now = validate(draft)
-    problems = [problem for problem in draft.problems if problem.code not in DRAWN_OVER]
-    if problems or now is None:
-        raise MissionFileError(problems or draft.problems)
+    now = checked(draft, besides=DRAWN_OVER)
     follows = ("cruise", "climb_corridors")
     fields = sorted(dataclasses.fields(mission), key=lambda field: field.name in follows)
     others = [
@@ -197,7 +190,7 @@ class MissionReloader:
             event, router = await asyncio.to_thread(
                 _read, self._controller.context.mission, self._on_board
             )
-        except AirRouterError as error:
+        except (AirRouterError, DocumentError) as error:
             return self._failed(f"not reloaded: {error}")
         except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
             _log.exception("%s was not reloaded", self._controller.context.mission.path)

@@ -4,12 +4,13 @@ Missions of other programs that say too little are converted before they are flo
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from air_router.errors import MissionFileError, UsageError
+from air_router.errors import UsageError
 from air_router.files.json_document import MAX_BYTES, load_json
 from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
@@ -53,22 +54,15 @@ def load_mission(
         in_flight: it is flown already: places that zones were drawn over since are no problem.
 
     Raises:
-        MissionFileError: with every problem of the mission and of its team file.
+        DocumentError: with every problem of the mission and of its team file.
         UsageError: the mission is for several UAVs, and this is none of them.
     """
-    try:
-        draft = read_draft(path)
-    except DocumentError as error:
-        raise MissionFileError(error.problems) from None
+    draft = read_draft(path)
     if uav is not None:
         choose(draft, uav)
     draft.start = start
     draft.duration_s = draft.duration_s if duration_s is None else duration_s
-    mission = validate(draft)
-    problems = [p for p in draft.problems if not (in_flight and p.code in DRAWN_OVER)]
-    if problems or mission is None:
-        raise MissionFileError(problems or draft.problems)
-    return mission
+    return checked(draft, besides=DRAWN_OVER if in_flight else ())
 
 
 def load_flown(
@@ -82,7 +76,7 @@ def load_flown(
     """A mission as one vehicle flies it, or has begun to fly it.
 
     Raises:
-        MissionFileError: it cannot be flown.
+        DocumentError: it cannot be flown.
         UsageError: it is for several UAVs, and `uav` is none of them.
     """
     mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
@@ -115,6 +109,19 @@ def choose(draft: MissionDocument, uav: str) -> None:
         known = " and ".join(names)
         raise UsageError(f"{draft.source.path}: is flown by {known}, not by '{uav}'")
     draft.uav = uav
+
+
+def checked(draft: MissionDocument, besides: Collection[str] = ()) -> Mission:
+    """The mission of a draft; problems of the codes `besides` do not keep it from being flown.
+
+    Raises:
+        DocumentError: with every other problem.
+    """
+    mission = validate(draft)
+    problems = [problem for problem in draft.problems if problem.code not in besides]
+    if problems or mission is None:
+        raise DocumentError(problems or draft.problems)
+    return mission
 
 
 def validate(draft: MissionDocument) -> Mission | None:

@@ -20,10 +20,9 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext
 from air_router.controller.targets.target_list import SearchPlace, TargetList
-from air_router.errors import MissionFileError
 from air_router.files.settings import SeekPolicy, Timers
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import read_draft, validate
+from air_router.mission.loading import checked, read_draft
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -102,10 +101,7 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     draft.start = _DAY
     draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
     draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
-    mission = validate(draft)
-    if draft.problems or mission is None:
-        raise MissionFileError(draft.problems)
-    return mission
+    return checked(draft)
 
 
 STOPS: Final = 3

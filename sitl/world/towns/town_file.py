@@ -12,9 +12,8 @@ import shapely
 import yaml
 from pydantic import BaseModel, Field
 
-from air_router.errors import MissionFileError
 from air_router.files.missions.mission_file import read_mission
-from air_router.mission.loading import validate
+from air_router.mission.loading import checked
 from air_router.mission.mission import Mission
 from geo.airspace.zone import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -219,10 +218,7 @@ def mission_over(town: Town, *, altitude_m: float = 60.0, speed_m_s: float = 5.0
     """
     text = mission_text(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
     draft = read_mission(Document.from_text(text, Path(f"(mission over {town.name})")))
-    mission = validate(draft)
-    if draft.problems or mission is None:
-        raise MissionFileError(draft.problems)
-    return mission
+    return checked(draft)
 
 
 def mission_text(town: Town, *, altitude_m: float = 60.0, speed_m_s: float = 5.0) -> str:

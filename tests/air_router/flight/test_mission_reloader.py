@@ -13,7 +13,7 @@ import pytest
 from air_router.controller.model.actions import ReadAgain
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import Reload
-from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
+from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
 from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
 from air_router.mission.flight_plan import FlightPlan
@@ -23,6 +23,7 @@ from air_router.record.replay import replay
 from air_router.routing.router import Router
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
+from mocha_link.team.document import DocumentError
 from tests.air_router.flight.whole_flight import WholeFlight
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
@@ -70,7 +71,7 @@ def test_a_zone_that_was_added(file):
 def test_a_zone_over_a_waypoint_is_no_error_in_flight(file):
     mission = load_mission(file)
     add_zone(file, over(mission, 7))
-    with pytest.raises(MissionFileError, match="waypoint 7"):
+    with pytest.raises(DocumentError, match="waypoint 7"):
         load_mission(file)
     changed = changed_areas(mission)
     assert 7 in mission.with_areas(changed.fences, changed.zones).skipped
@@ -95,12 +96,12 @@ def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_wit
 @pytest.mark.parametrize(
     ("old", "new", "error", "said"),
     [
-        ("\nno_fly_zones:", "\nno_fly_zones: [", MissionFileError, "mission.yaml:"),
+        ("\nno_fly_zones:", "\nno_fly_zones: [", DocumentError, "mission.yaml:"),
         ("speed_m_s: 3.5", "speed_m_s: 4.5", NotReloadedError, "speed m changed as well"),
         ("altitude_m: 40", "altitude_m: 41", NotReloadedError, "altitude above home m and cruise"),
         ("init_s: 180", "init_s: 181", NotReloadedError, "timers changed as well"),
         ("init_s: 180", "init_s: 180 ", NotReloadedError, "are as they were"),
-        ("init_s: 180", "init_s: x", MissionFileError, "init_s"),
+        ("init_s: 180", "init_s: x", DocumentError, "init_s"),
     ],
 )
 def test_what_changes_nothing(file, old, new, error, said):
@@ -117,10 +118,10 @@ def test_a_file_that_is_gone_or_lays_a_zone_over_home_changes_nothing(file):
         [latitude + a, longitude + b] for a, b in ((1e-4, 1e-4), (1e-4, -1e-4), (-1e-4, 0.0))
     ]
     add_zone(file, f"\n  - name: over\n    polygon: {corners}\n")
-    with pytest.raises(MissionFileError, match="home lies inside no-fly zone 'over'"):
+    with pytest.raises(DocumentError, match="home lies inside no-fly zone 'over'"):
         changed_areas(mission)
     file.unlink()
-    with pytest.raises(MissionFileError):
+    with pytest.raises(DocumentError):
         changed_areas(mission)
 
 

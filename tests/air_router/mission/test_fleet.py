@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from air_router.cli.cli import main
-from air_router.errors import MissionFileError, UsageError
+from air_router.errors import UsageError
 from air_router.files.missions.mission_write import mission_text
 from air_router.mission.flight_plan import FlightPlan, fence_plan
 from air_router.mission.loading import load_flown, load_mission, read_draft, validate
@@ -20,6 +20,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
+from mocha_link.team.document import DocumentError
 
 PAIR = """\
 name: Pair
@@ -53,7 +54,7 @@ def write(folder, text=PAIR, *changes):
 
 
 def problems(folder, *changes):
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(write(folder, PAIR, *changes))
     return [(p.code, p.line, p.message) for p in caught.value.problems]
 
@@ -264,7 +265,7 @@ def test_a_plan_is_for_one_uav_whichever_that_is(tmp_path):
     (tmp_path / "team.yaml").write_text(TEAM)
     one = PAIR.partition("uavs:")[0] + "team: team.yaml\n"
     assert load_flown(write(tmp_path, one), "atlas").uav == "atlas"
-    with pytest.raises(MissionFileError, match=r"no robot 'europe'.* \[unknown-robot\]"):
+    with pytest.raises(DocumentError, match=r"no robot 'europe'.* \[unknown-robot\]"):
         load_flown(tmp_path / "mission.yaml", "europe")
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from air_router.cli.cli import main
-from air_router.errors import MissionFileError
 from air_router.mission.loading import load_mission
+from mocha_link.team.document import DocumentError
 
 PLAN = Path(__file__).parents[2] / "data" / "pennovation.plan"
 MISSION = """\
@@ -69,7 +69,7 @@ def test_it_says_by_what_each_robot_is_found(tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_flown(keys, change, said, tmp_path):
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(written(tmp_path, keys, *change))
     assert said in str(caught.value)
 
@@ -81,7 +81,7 @@ def test_a_datum_places_odometry(tmp_path):
     team.write_text(placed)
     assert load_mission(tmp_path / "mission.yaml").uav == "titan"
     team.write_text(placed.replace("39.94,", "139.94,"))
-    with pytest.raises(MissionFileError, match=r"write \[latitude, longitude\]"):
+    with pytest.raises(DocumentError, match=r"write \[latitude, longitude\]"):
         load_mission(tmp_path / "mission.yaml")
 
 

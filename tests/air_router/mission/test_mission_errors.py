@@ -15,10 +15,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.errors import MissionFileError
 from air_router.files.json_document import value_at
 from air_router.mission.loading import load_mission
-from mocha_link.team.document import Document
+from mocha_link.team.document import Document, DocumentError
 from tests.air_router.files.values import values_in
 
 MONDAY = datetime(2026, 11, 23, 10, tzinfo=UTC)
@@ -54,7 +53,7 @@ battery_reserve: 0.3
 def problems(folder, text):
     path = folder / "mission.yaml"
     path.write_text(text)
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(path, start=MONDAY)
     return caught.value.problems
 
@@ -250,7 +249,7 @@ def test_any_value_in_any_place_is_read_or_refused(changes):
         mission, problems = None, ()
         try:
             mission = load_mission(path, start=MONDAY)
-        except MissionFileError as error:
+        except DocumentError as error:
             problems = error.problems
     for problem in problems:
         assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", problem.code)

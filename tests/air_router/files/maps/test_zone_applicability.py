@@ -9,12 +9,13 @@ from air_router.controller.model.mission_context import Goal, MissionContext, Pr
 from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
-from air_router.errors import ExitCode, MissionFileError
+from air_router.errors import ExitCode
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Band
 from geo.frame import Point
+from mocha_link.team.document import DocumentError
 from tests.air_router.conftest import PretendFlight
 
 BASE = """\
@@ -149,7 +150,7 @@ def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
             "rally-point-in-zone",
         ),
     ):
-        with pytest.raises(MissionFileError) as caught:
+        with pytest.raises(DocumentError) as caught:
             load(tmp_path, rest)
         assert [problem.code for problem in caught.value.problems] == [code], place
     over = load(tmp_path, zone([100, 0], "altitude: {upper_m: 10}"))  # a waypoint above the zone
@@ -159,7 +160,7 @@ def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
 
 def test_altitudes_above_the_sea_need_home_s(tmp_path):
     base = BASE.replace("{position: [0, 0], altitude_amsl_m: 400}", "[0, 0]")
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load(tmp_path, zone([50, 200], "altitude: {lower_m: 500, reference: amsl}"), base=base)
     (problem,) = caught.value.problems
     assert problem.code == "home-altitude-unknown"
@@ -170,7 +171,7 @@ def test_altitudes_above_the_sea_need_home_s(tmp_path):
 def test_a_zone_has_its_own_clearance(tmp_path):
     near = zone([100, 40], "clearance_m: 18.4")
     assert load(tmp_path, near).planning_airspace.distances_m == (19.9,)
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load(tmp_path, zone([100, 40], "clearance_m: 18.6"))
     (problem,) = caught.value.problems
     assert problem.code == "waypoint-too-near"
@@ -270,7 +271,7 @@ def test_limits_that_exclude_each_other_here_make_the_larger_zone(tmp_path):
 )
 def test_limits_of_one_reference_that_exclude_each_other_are_wrong(tmp_path, limits):
     inverted = f"altitude: {{lower_m: {limits}}}"
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load(tmp_path, zone([50, 50], inverted))
     assert [problem.code for problem in caught.value.problems] == ["zone-altitudes-inverted"]
 

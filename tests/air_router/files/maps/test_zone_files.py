@@ -13,7 +13,6 @@ from implicitdict import ImplicitDict
 from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
-from air_router.errors import MissionFileError
 from air_router.files.maps.geozones import validity_of
 from air_router.files.maps.zone_files import add_zones, read_zones
 from air_router.files.maps.zone_reading import MapCircle, MapOutline, unique_names
@@ -22,7 +21,7 @@ from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.validity import Hours
-from mocha_link.team.document import Document
+from mocha_link.team.document import Document, DocumentError
 
 FILES = Path(__file__).parents[3] / "data" / "files"
 GROUND, AMSL = Reference.GROUND, Reference.AMSL
@@ -326,7 +325,7 @@ def test_zones_of_files_take_part_in_a_mission(tmp_path):
 def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
     path = mission(tmp_path, f"no_fly_files: ['{FILES}/zones.geojson']\n",
                    MISSION.replace("[47.0036, 8.0015]", "[47.0012, 8.0012]"))  # fmt: skip
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(path)
     (problem,) = caught.value.problems
     assert (problem.path, problem.code) == (path, "waypoint-in-zone")
@@ -336,7 +335,7 @@ def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
     }
     (tmp_path / "bow.geojson").write_text(json.dumps(crossed, indent=1))
     path = mission(tmp_path, "no_fly_files: [bow.geojson]\n")
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(path)
     (problem,) = caught.value.problems
     assert str(problem).startswith(f"{tmp_path}/bow.geojson:1:1: no-fly zone 'bow 1' cannot be")

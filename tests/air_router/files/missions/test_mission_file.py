@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from air_router.errors import MissionFileError
+from air_router.errors import exit_code
 from air_router.files.settings import FrameForm, MissionForm, PlannerSettings, Timers
 from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band
+from mocha_link.team.document import DocumentError
 
 MISSIONS = Path(__file__).parents[4] / "missions"
 
@@ -38,7 +39,7 @@ def write(folder, text):
 
 
 def problems(folder, text):
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(write(folder, text))
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)+", p.code) for p in caught.value.problems)
     return [
@@ -151,10 +152,10 @@ def test_without_home_the_rest_is_still_checked(tmp_path):
 
 def test_problems_of_the_team_file_are_told_with_its_name(tmp_path):
     (tmp_path / "team.yaml").write_text("robots: {}\nkinds: {}\n")
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(write(tmp_path, changed(("name: Test town", "team: team.yaml"))))
     assert str(caught.value).startswith(f"{tmp_path}/team.yaml:1:9:")
-    assert caught.value.exit_code == 3
+    assert exit_code(caught.value) == 3
 
 
 def test_the_teams_only_uav_is_meant_when_none_is_named(tmp_path):

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.errors import MissionFileError
+from air_router.errors import exit_code
 from air_router.files.json_document import json_from_text, load_json, value_at
 from air_router.files.missions.qgc_read import plan_draft
 from air_router.mission.loading import load_mission, validate
+from mocha_link.team.document import DocumentError
 from tests.air_router.files.values import values_in
 
 DATA = Path(__file__).parents[3] / "data"
@@ -74,9 +75,9 @@ def write(folder, data, indent=4):
 
 
 def problems(folder, data):
-    with pytest.raises(MissionFileError) as caught:
+    with pytest.raises(DocumentError) as caught:
         load_mission(write(folder, data))
-    assert caught.value.exit_code == 3
+    assert exit_code(caught.value) == 3
     return [str(p).removeprefix(f"{folder}/town.plan:") for p in caught.value.problems]
 
 
