@@ -187,7 +187,7 @@ class RunSettings(_Model):
     """
 
     town: Path = Path("urban")
-    world: Literal["town", "mission", "processes"] = "town"
+    world: Literal["town", "mission", "processes", "px4"] = "town"
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
     ugvs: Annotated[int, Field(ge=0, le=200)] = 3

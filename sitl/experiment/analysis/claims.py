@@ -209,6 +209,10 @@ FLIGHT_MEASURES: Final = {
 }
 
 
+FLOWN_IN: Final = {"mission": "experiments", "processes": "processes", "px4": "real PX4"}
+"""What a mission's own world is flown in, as a table has it."""
+
+
 class Comparison(NamedTuple):
     """A row against the first row that met the same seeds; or several alike, together.
 
@@ -281,15 +285,19 @@ def within(ratio: Interval) -> Literal["yes", "no", "open"]:
 
 
 def likeness(runs: Runs) -> str:
-    """Whether experiments come to what processes do: both side by side, for a document.
+    """Whether experiments come to what processes do, or a real PX4: side by side, for a document.
 
     Flights of one seed meet the same patrols and fading, so they are compared in pairs. Empty where
     no missions were flown in both.
     """
-    here, there = (
-        [row for row in rows_with(runs.experiment.rows, {"world": world}) if runs.numbers(row)]
-        for world in ("mission", "processes")
-    )
+    flown = {
+        world: [
+            row for row in rows_with(runs.experiment.rows, {"world": world}) if runs.numbers(row)
+        ]
+        for world in FLOWN_IN
+    }
+    here = flown.pop("mission")
+    other, there = next(((world, rows) for world, rows in flown.items() if rows), ("", []))
     if not here or not there:
         return ""
 
@@ -299,7 +307,8 @@ def likeness(runs: Runs) -> str:
 
     ours, theirs = _mean_of(here), _mean_of(there)
     apart = [*ours, *_mean_of(there, -1.0)]
-    lines = ["| per mission, geometric means | experiments | processes | ratio | within 10 % |"]
+    names = f"{FLOWN_IN['mission']} | {FLOWN_IN[other]}"
+    lines = [f"| per mission, geometric means | {names} | ratio | within 10 % |"]
     lines += ["|---|---:|---:|---:|---|"]
     for key, name in FLIGHT_MEASURES.items():
         means = " | ".join(f"{factor(key, weights).value:.1f}" for weights in (ours, theirs))

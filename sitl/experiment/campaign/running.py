@@ -58,9 +58,12 @@ def make_run(task: Task) -> Record:
         run = Run(settings, task.seed)
         run.finish()
         return recorded(task, run)
-    fly = flown_here if settings.world == "mission" else flown_in_processes
     mission, policy = _mission_and_policy(settings)
-    measures, digest = fly(mission, task.seed, policy)
+    if settings.world == "mission":
+        measures, digest = flown_here(mission, task.seed, policy)
+    else:
+        px4 = settings.world == "px4"
+        measures, digest = flown_in_processes(mission, task.seed, policy, px4=px4)
     return _record(task, measures, {}, digest)
 
 

@@ -1,9 +1,10 @@
 """A mission in its own world, flown by what experiments are made of, or by `air-router sim`.
 
 The world is `sitl.world`'s: robots on patrol, radios, camera. `air-router sim` flies the same
-mission, world and seed with a simulated autopilot, MAVLink, sockets and clocks. What the UAV's
-controller heard and decided is counted by the same code on both sides, from the moment when it
-begins INIT to its decision to come home; `sitl experiment fidelity` compares the two.
+mission, world and seed with an autopilot, simulated or a real PX4, MAVLink, sockets and clocks.
+What the UAV's controller heard and decided is counted by the same code on both sides, from the
+moment when it begins INIT to its decision to come home; `sitl experiment fidelity` and `autopilot`
+compare the two.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ from sitl.world.world import STEP_S, Step, Truth
 from sitl.world.world_file import load_world
 
 SPEED: Final = 10.0
-"""Times real time, of the simulation in processes."""
+PX4_SPEED: Final = 5.0
+"""Times real time, of the simulation in processes, and of one with a real PX4."""
 
 BATTERY_MIN: Final = 25.0
 """What `sitl vehicle` flies with, unless it is told otherwise."""
@@ -262,14 +264,23 @@ def flown_here(mission: Path, seed: int, policy: SeekPolicy) -> tuple[Measures, 
     return measures | _cost(began, os.times(), queue.now_s), meter.digest
 
 
-def flown_in_processes(mission: Path, seed: int, policy: SeekPolicy) -> tuple[Measures, str]:
+def flown_in_processes(
+    mission: Path, seed: int, policy: SeekPolicy, *, px4: bool = False
+) -> tuple[Measures, str]:
     """The same mission by `air-router sim`; the digest is of its record.
+
+    Args:
+        mission: The mission's file.
+        seed: Of the world.
+        policy: Whom it seeks.
+        px4: A real PX4 flies, which is found as `sitl px4` finds it without an option.
 
     Raises:
         AirRouterError: it could not be flown.
     """
     command = [sys.executable, "-m", "air_router", "sim", str(mission), "--json"]
-    command += ["--speed", f"{SPEED:g}", "--seed", str(seed), "--seek", policy]
+    command += ["--seed", str(seed), "--seek", policy]
+    command += ["--speed", f"{PX4_SPEED:g}", "--px4"] if px4 else ["--speed", f"{SPEED:g}"]
     began = os.times()
     with tempfile.TemporaryDirectory() as folder:
         command += ["--log-dir", folder]

@@ -353,3 +353,20 @@ def test_what_is_within_a_tenth_is_said_by_the_interval_of_the_ratio(syncs, with
     alike = told(flights({"mission": syncs, "processes": syncs}))
     assert alike["syncs, both directions"][2].strip() == "1.00 (1.00 to 1.00)"
     assert claims.likeness(Runs(experiment, both[:3])) == ""
+
+
+def test_experiments_are_put_beside_a_real_px4():
+    experiment, _ = load_experiment("autopilot")
+    searches = {"mission": 9.0, "px4": 10.0}
+    records = [
+        {
+            "row": row.label,
+            "number": number,
+            "measures": dict.fromkeys(claims.FLIGHT_MEASURES, searches[row.settings["world"]]),
+        }
+        for row in experiment.rows
+        for number in range(3)
+    ]
+    head, _, first, *_ = claims.likeness(Runs(experiment, records)).splitlines()
+    assert "| experiments | real PX4 |" in head
+    assert first == "| searches | 9.0 | 10.0 | 0.90 (0.90 to 0.90) | yes |"

@@ -108,6 +108,22 @@ def test_a_flight_in_processes_that_fails_is_an_error_in_its_words(monkeypatch):
         flights.flown_in_processes(Path("mission.yaml"), 7, "round_robin")
 
 
+@pytest.mark.parametrize("world", ["processes", "px4"])
+def test_only_the_row_of_a_real_px4_has_one(monkeypatch, world):
+    commands = []
+
+    def run(command, **_):
+        commands.append(command)
+        return SimpleNamespace(returncode=4, stderr="no vehicle", stdout="")
+
+    monkeypatch.setattr(flights.subprocess, "run", run)
+    experiment, _ = load_experiment("autopilot" if world == "px4" else "fidelity")
+    row = next(row for row in experiment.rows if row.settings["world"] == world)
+    with pytest.raises(AirRouterError, match="no vehicle"):
+        running.make_run(experiment.task(row, 0))
+    assert [("--px4" in command) for command in commands] == [world == "px4"]
+
+
 class Kept(EventLog):
     """A log that keeps what the controller was told and what it asked for."""
 
