@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import insort
+from bisect import bisect_left, insort
 from collections.abc import Iterable
 
 from mocha_link.store import wire
@@ -20,6 +20,7 @@ _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
 _MAX_GIVEN = 65_536  # that are remembered; what is beyond may be sent twice
+_FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
 
@@ -41,6 +42,8 @@ class SendQueue:
         self._database = peer.node.database
         self._ranks: list[int] = []  # the most urgent last
         self._records: dict[int, Record] = {}  # by rank
+        # By topic key: the ranks under which messages came in, some of which may be gone by now.
+        self._added: dict[int, list[int]] = {}
         self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()  # message ids
 
@@ -52,6 +55,7 @@ class SendQueue:
         self.frames = 0
         self._ranks.clear()
         self._records.clear()
+        self._added.clear()
         self._missing.clear()
         self._given.clear()
 
@@ -84,19 +88,30 @@ class SendQueue:
         Of their topics what was replaced meanwhile and not begun goes, so that the queue holds no
         more than the database, however slow the link.
         """
-        new: dict[int, Record] = {}  # by rank
+        lacks = self._peer.lacks
+        new: list[int] = []
         for record in records:
             message_id = record_id(record)
+            if (
+                message_id in self._missing
+                or message_id in self._given
+                or not lacks(record, message_id)
+            ):
+                continue
             rank = _rank(message_id, record.priority, begun=False)
-            known = message_id in self._missing or message_id in self._given
-            if not known and rank not in self._records and self._peer.lacks(record, message_id):
-                new[rank] = record
-        topics = {rank & 0xFFFF for rank in new}
-        for rank in [each for each in self._ranks if each & 0xFFFF in topics]:
-            if not rank & _BEGUN and self._database.get(self._records[rank].header) is None:
-                del self._records[rank]
-        self._ranks = sorted([*filter(self._records.__contains__, self._ranks), *new])
-        self._records |= new
+            if rank not in self._records:
+                self._records[rank] = record
+                new.append(rank)
+        for key in {rank & 0xFFFF for rank in new} & self._added.keys():
+            self._drop_replaced(key)
+        for rank in new:
+            self._added.setdefault(rank & 0xFFFF, []).append(rank)
+        if len(new) > _FEW:
+            self._ranks += new
+            self._ranks.sort()
+        else:
+            for rank in new:
+                insort(self._ranks, rank)
 
     def put_one_first(self) -> None:
         """Before much that was begun the smallest new message that is as urgent, if it is small."""
@@ -184,6 +199,14 @@ class SendQueue:
             self._pop()
             self._finish(message_id)
         return sync.PIECE.size + size
+
+    def _drop_replaced(self, key: int) -> None:
+        """Let go what the database does not keep any more of a topic."""
+        here = [rank for rank in self._added[key] if rank in self._records]
+        kept = [rank for rank in here if self._database.get(self._records[rank].header) is not None]
+        for rank in set(here).difference(kept):
+            del self._ranks[bisect_left(self._ranks, rank)], self._records[rank]
+        self._added[key] = kept
 
     def _pop(self) -> None:
         del self._records[self._ranks.pop()]

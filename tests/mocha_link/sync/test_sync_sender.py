@@ -336,3 +336,31 @@ def test_what_a_peer_that_follows_was_given_is_not_remembered_for_ever(monkeypat
     pull = Pull(asker, server).run()
     assert len(pull.sender._queue._given) == 3
     assert asker.content == server.content
+
+
+def test_one_message_more_is_not_looked_at_beside_all_that_wait(monkeypatch):
+    """What is stored while a long queue leaves joined it one by one, each time all was sorted."""
+    looks = 0
+
+    class Rank(int):
+        def __and__(self, other):
+            nonlocal looks
+            looks += 1
+            return int(self) & other
+
+        def __lt__(self, other):
+            nonlocal looks
+            looks += 1
+            return int(self) < int(other)
+
+        __hash__ = int.__hash__
+
+    rank = send_queue._rank
+    monkeypatch.setattr(send_queue, "_rank", lambda *at, **begun: Rank(rank(*at, **begun)))
+    server = Node("server")
+    queue = send_queue.SendQueue(peer_of(server.database))
+    queue.add([server.store(robot, topic, START_MS) for robot in range(4) for topic in range(256)])
+    looks = 0
+    for topic in range(256):
+        queue.add([server.store(4, topic, START_MS)])
+    assert looks < 256 * 32  # 1,280 of them wait at the end
