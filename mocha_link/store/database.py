@@ -100,6 +100,11 @@ class Database:
         with self._lock:
             return self._wire.headers(self._versions)
 
+    def snapshot(self) -> Mapping[bytes, Kept]:
+        """All that is kept now, by its 6-byte header; it does not change any more."""
+        with self._lock:
+            return dict(self._by_raw)
+
     def wants(self, header: Header, now_s: float, stamp_ms: int | None = None) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`.
 
@@ -237,7 +242,7 @@ class Database:
     def _begin(self, storage: Storage) -> None:
         """Take what the file has; if not all of it could be read, as a database of another name."""
         found = storage.load(self._epoch)
-        last_s = found.last_s
+        last_s = found.last_s()
         for number, record in found.records.items():
             self._keep(record, number if found.epoch else self._sequence + 1, last_s)
         if found.epoch:
@@ -266,7 +271,7 @@ class Database:
                     same.add(number)
                 else:
                     storage.drop(number)
-            last_s = found.last_s
+            last_s = found.last_s()
             for number, record in found.records.items():
                 if number not in same:
                     self._keep(record, self._sequence + 1, last_s)

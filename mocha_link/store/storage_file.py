@@ -91,9 +91,8 @@ class Contents:
     records: dict[int, Record] = field(default_factory=dict)  # by number
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
 
-    @property
     def last_s(self) -> float:
-        """Unix seconds at which the last message came; 0 if there is none."""
+        """Unix seconds at which the last message came, looked for in all; 0 if there is none."""
         return self.records[max(self.records)].received_s if self.records else 0.0
 
 

@@ -6,13 +6,13 @@ A pull is GHEAD (the list of headers), one GDATA per wanted message, DENDT.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction
 from mocha_link.store import wire
-from mocha_link.store.record import Record
+from mocha_link.store.record import Kept, Record
 from mocha_link.store.wire import WRAP_MS, Header, HeaderError, PayloadError
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import (
@@ -249,8 +249,8 @@ class ServerSession:
         self._heard_s = 0.0  # steady clock
         # What was offered stays available, though newer messages replace it, until well after the
         # peer has asked for another list.
-        self._offered: dict[bytes, Record] = {}
-        self._offered_before: dict[bytes, Record] = {}  # by the list before this
+        self._offered: Mapping[bytes, Kept] = {}
+        self._offered_before: Mapping[bytes, Kept] = {}  # by the list before this
         self._listed_s = 0.0  # when the last list left
         self._late: set[bytes] = set()  # topics that come last: first bytes of their headers
         self._under_way = b""  # topic of the large answer that is not known to have arrived
@@ -321,8 +321,7 @@ class ServerSession:
             self._peer.tell_timeout(Direction.OUT, reason, now)
 
     def _list(self, now: Instant) -> bytes:
-        self._offered_before = self._offered
-        self._offered = {each.header.pack(): each for each in self._database.kept()}
+        self._offered_before, self._offered = self._offered, self._database.snapshot()
         self._listed_s = now.steady_s
         headers = self._database.header_list()
         if not self._late:
@@ -339,9 +338,11 @@ class ServerSession:
             record = self._database.get(Header.parse(argument))
         except HeaderError:
             return SERRM
-        record = record or self._offered.get(argument) or self._offered_before.get(argument)
         if record is None:
-            return SERRM
+            kept = self._offered.get(argument) or self._offered_before.get(argument)
+            if kept is None:
+                return SERRM
+            record = kept.record
         if self._pull:
             self._pull.messages += 1
         if len(record.body) >= LATE_BYTES:

@@ -156,6 +156,10 @@ def test_the_indexes_agree_with_a_plain_model(depth, inserts, others):
         late = [each for each in model.kept if numbers[each.header] > number]
         assert database.since(number) == late
         assert database.numbered_since(number) == [(numbers[r.header], r) for r in late]
+    snapshot = database.snapshot()
+    assert {raw: each.record for raw, each in snapshot.items()} == {
+        each.header.pack(): each for each in model.kept
+    }
     for each in others:
         versions = model.history(each, model.kept)
         assert database.history(*topic(each)) == tuple(versions)

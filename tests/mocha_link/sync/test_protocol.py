@@ -114,6 +114,18 @@ def test_what_was_offered_stays_available(database):
     assert Session(database).answer([ask], at(0))[0] == ID + b"SERRM"
 
 
+def test_a_list_makes_no_header_anew(database, monkeypatch):
+    """Original nodes ask for it every few seconds, and it may have 65,536 messages."""
+    for topic_id in range(1, 50):
+        database.insert(Record(Header(0, topic_id, 1500, 0), 0, b"\0\0body", 1_500_000, 1500), 2000)
+    made = []
+    pack = Header.pack
+    monkeypatch.setattr(Header, "pack", lambda header: made.append(header) or pack(header))
+    reply, _ = Session(database).answer([ID + b"GHEAD"], at(0))
+    assert len(reply) == len(ID) + 50 * Header.SIZE
+    assert made == []
+
+
 def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
     """Only the two last lists are remembered, each with one message of a topic."""
     session = Session(database)
