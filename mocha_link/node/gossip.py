@@ -288,8 +288,8 @@ class Gossip:
             if peer.bytes_in:
                 self._link_table.count(name, bytes_in=peer.bytes_in)
                 peer.bytes_in = 0
-        self._link_table.catch_up(self._uncounted, now)
-        self._uncounted.clear()
+        events, self._uncounted = self._uncounted, []
+        self._link_table.catch_up(events, now)
 
     def _pull_due(self, now: Instant) -> None:
         if self._links.push_otherwise():

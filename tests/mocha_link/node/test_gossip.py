@@ -267,3 +267,18 @@ def test_what_is_published_while_the_clock_is_set_replaces_what_was_there(any_et
         for age_s in net.nodes["callisto"].ages_s(net.at("callisto"))["titan"].values():
             assert age_s >= 0
         net.wait(1)
+
+
+def test_what_comes_while_the_links_are_brought_up_to_date_counts_once(net, monkeypatch):
+    io = net.nodes["io"]
+    table = io._link_table
+    catch_up, late = table.catch_up, [SyncTimedOut("titan", T, Direction.IN, "no answer")]
+
+    def interrupted(events, now):
+        catch_up(events, now)
+        if late:
+            io.tell(late.pop())
+
+    monkeypatch.setattr(table, "catch_up", interrupted)
+    io.tell(SyncTimedOut("titan", T, Direction.IN, "no connection"))
+    assert [io.links(net.now)["titan"].timeouts for _ in range(3)] == [1, 2, 2]
