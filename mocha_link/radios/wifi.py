@@ -21,9 +21,9 @@ MAX_OUTPUT_LETTERS = 1024 * 1024
 
 _STATION = re.compile(r"^Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)
 _SIGNAL = re.compile(
-    r"^\s*(signal(?: avg)?):\s*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b", re.MULTILINE
+    r"^[ \t]*(signal(?: avg)?):[ \t]*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b", re.MULTILINE
 )
-_INACTIVE = re.compile(r"^\s*inactive time:\s*(\d{1,15}) ms\b", re.MULTILINE)
+_INACTIVE = re.compile(r"^[ \t]*inactive time:[ \t]*(\d{1,15}) ms\b", re.MULTILINE)
 
 
 def parse_station_dump(text: str) -> dict[str, Reading]:

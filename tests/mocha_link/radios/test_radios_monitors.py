@@ -214,7 +214,13 @@ def test_any_text_is_readings_or_a_radio_error(text):
 @pytest.mark.parametrize("text", ['"\\' * 20_000, "'" * 60_000, "{" * 60_000, "a" * 60_000])
 def test_no_text_takes_long(text):
     Monitor().feed(text, 0)
-    parse_station_dump("Station 02:ca:ff:ee:00:14 (on w)\n signal: -5 [" + "1" * 60_000)
+
+
+@pytest.mark.parametrize(
+    "text", [" signal: -5 [" + "1" * 60_000, "\n" * 10**6, "signal:\n" * 10**5, " " * 10**6]
+)
+def test_no_dump_takes_long(text):
+    assert parse_station_dump("Station 02:ca:ff:ee:00:14 (on w)\n" + text) == {}
 
 
 def test_a_monitor_elsewhere(seen):
