@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from mocha_link.bridges.bridge import Bridge, Progress, channel
+from mocha_link.bridges.bridge import Bridge, channel
+from mocha_link.bridges.progress import Progress
 from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.node.lifetime import until_terminated

@@ -13,7 +13,8 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, SPARE, Bridge, Outbox, Progress
+from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
+from mocha_link.bridges.progress import SPARE, Progress
 from mocha_link.bridges.run import _state_file
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros import typed
@@ -118,6 +119,26 @@ def test_what_the_robot_said_before_the_end_leaves(server, one, progress):
         for number in range(50):
             middleware.hands["/goal"][1](middleware.text(b"%d" % number))
     assert one.latest("one", "/goal").data == b"49"
+
+
+def test_a_bridge_ends_while_the_robot_goes_on_talking(server, progress, monkeypatch):
+    monkeypatch.setattr("mocha_link.bridges.bridge.LEAVES_S", 600.0)
+    publish, talking, over = ServiceClient.publish, threading.Event(), threading.Event()
+    try:
+        with running(server.endpoint, progress) as middleware:
+            say = middleware.hands["/goal"][1]
+
+            def answer(*arguments, **options):
+                if not over.is_set():
+                    say(middleware.text(b"2"))  # before this one has left
+                talking.set()
+                return publish(*arguments, **options)
+
+            monkeypatch.setattr(ServiceClient, "publish", answer)
+            say(middleware.text(b"1"))
+            assert talking.wait(60)
+    finally:
+        over.set()
 
 
 def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):

@@ -22,6 +22,7 @@ PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
+    "mocha_link.bridges.progress",
     "mocha_link.bridges.ros_clients",
     "mocha_link.bridges.run",
     "mocha_link.service.endpoint",
