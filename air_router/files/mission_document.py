@@ -21,7 +21,15 @@ from air_router.files.settings import (
 )
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
 from geo.airspace.zone import Band, Circle, Outline, Ring, Shape, ZoneError
-from geo.frame import STEP_M, FrameError, Geodetic, LocalFrame, Point, dense_ring
+from geo.frame import (
+    STEP_M,
+    FrameError,
+    Geodetic,
+    LocalFrame,
+    Point,
+    check_on_earth,
+    dense_ring,
+)
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
@@ -47,10 +55,11 @@ def local_ring(ring: tuple[Geodetic, ...], frame: LocalFrame) -> Ring:
     Raises:
         FrameError: a corner is not on Earth.
     """
+    for corner in ring:
+        check_on_earth(*corner)
     sides = np.diff(np.array([*ring, ring[0]]), axis=0)
     sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
-    with np.errstate(over="ignore"):  # of corners that are far from Earth
-        around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
+    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
     dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
     return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
 

@@ -25,7 +25,7 @@ from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
-from geo.frame import Geodetic, LocalFrame, Point, circle_around, dense_ring
+from geo.frame import FrameError, Geodetic, LocalFrame, Point, circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
 
 TOWN = Path(__file__).parents[3] / "data" / "files" / "town.yaml"
@@ -287,6 +287,13 @@ def test_long_sides_of_a_mission_in_metres_stay_where_they_are(latitude_deg):
     ring = tuple(Point(*corner) for corner in [(-9e3, 0), (9e3, 100), (9e3, 7e3), (-9e3, 7e3)])
     back = local_ring(corners_of(ring, frame), frame)
     assert shapely.Polygon(back).boundary.hausdorff_distance(shapely.Polygon(ring).boundary) < 0.1
+
+
+@pytest.mark.parametrize("corner", [(1e308, 0.0), (-1e308, 1e308), (0.5, -1e308)])
+def test_corners_beyond_all_numbers_are_told_as_no_place_on_earth(corner):
+    ring = (Geodetic(0.0, 0.0), Geodetic(*corner), Geodetic(-corner[0], -corner[1]))
+    with pytest.raises(FrameError, match=r"is not within -(90\.\.90|180\.\.180) degrees"):
+        local_ring(ring, LocalFrame(Geodetic(0.0, 0.0)))
 
 
 @settings(max_examples=10)
