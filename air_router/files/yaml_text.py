@@ -94,12 +94,14 @@ class YamlText:
 
     def text(self) -> str:
         """The text with all pieces replaced at once. Raises ValueError: two of them overlap."""
-        text, begun = self.source, len(self.source)
-        for start, end, new in sorted(self._pieces, reverse=True):
-            if end > begun:
-                raise ValueError(f"pieces overlap at character {begun}")
-            text, begun = text[:start] + new + text[end:], start
-        return text
+        parts: list[str] = []
+        done = 0
+        for start, end, new in sorted(self._pieces):
+            if start < done:
+                raise ValueError(f"pieces overlap at character {start}")
+            parts += (self.source[done:start], new)
+            done = end
+        return "".join([*parts, self.source[done:]])
 
     def replace_lines(self, entry: YamlValue, lines: str) -> None:
         """Put whole lines in the place of a key and its value."""
