@@ -110,9 +110,7 @@ class Looker:
         self.asked = []
         page.set_default_timeout(LIMIT_MS)
         page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on(
-            "console", lambda said: self.faults.append(said.text) if said.type == "error" else 0
-        )
+        page.on("console", lambda said: self.faults.append(said.text))
         page.on("request", lambda request: self.asked.append(request.url))
         page.on("websocket", lambda socket: self.asked.append(socket.url))
         page.add_init_script(SOCKETS + script)

@@ -16,13 +16,19 @@ FITS = """() => {
   return fence.left >= free.left && fence.right <= free.right
     && fence.top >= free.top && fence.bottom <= free.bottom && fence.width > 60;
 }"""
-IS_PLOTTED = """() => {
-  const canvas = document.getElementById("plots");
+# Of a canvas, from a copy: a browser warns of one that is drawn and read by turns.
+PIXELS = """const pixels = (canvas) => {
   const { width, height } = canvas;
-  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-  const colours = new Set(new Uint32Array(data.buffer));
-  return width > 100 && colours.size > 20;
-}"""
+  const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  return copy.getImageData(0, 0, width, height).data;
+};"""
+IS_PLOTTED = f"""() => {{
+  {PIXELS}
+  const canvas = document.getElementById("plots");
+  const colours = new Set(new Uint32Array(pixels(canvas).buffer));
+  return canvas.width > 100 && colours.size > 20;
+}}"""
 # Cards and controls that overlap, or leave the page; buttons that are covered, or do not say what
 # for, or why not. What is scrolled out of its box is not looked at.
 CROWDED = """() => {

@@ -25,6 +25,7 @@ from mocha_link.links.metrics import Direction, SyncEnded
 from sitl.team.roles import derive_team
 from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
+from tests.system.page_checks import PIXELS
 
 PICTURED = "DOCS_IMAGES" in os.environ
 SPEED = 12
@@ -82,8 +83,11 @@ MOVES = """() => {
   globalThis.start ??= { x, y };
   return Math.hypot(x - start.x, y - start.y) > 3;
 }"""
-IS_CHARTED = """() => [...document.querySelectorAll("#robots canvas")].some((chart) => chart
-  .getContext("2d").getImageData(0, 0, chart.width, chart.height).data.some((part) => part > 0))"""
+IS_CHARTED = f"""() => {{
+  {PIXELS}
+  const charts = [...document.querySelectorAll("#robots canvas")];
+  return charts.some((chart) => pixels(chart).some((part) => part > 0));
+}}"""
 
 
 class Flight:
