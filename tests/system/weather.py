@@ -310,7 +310,9 @@ class RoughAir:
             for server in team.robots.values()
             for client in server.peers
         }
-        self._thread = threading.Thread(target=self._loop.run_forever, name="rough air")
+        self._thread = threading.Thread(
+            target=self._loop.run_forever, name="rough air", daemon=True
+        )
 
     def __enter__(self) -> Self:
         self._thread.start()
