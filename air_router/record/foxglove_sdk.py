@@ -91,6 +91,7 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
         self._channels = FoxgloveChannels(context)
         self._newest: dict[str, tuple[RecordChannel, int, dict[str, Any]]] = {}  # by topic
         self._harmless = Guard("something is not shown in Foxglove")
+        self._late_harmless = Guard("a viewer who has just come is not shown something in Foxglove")
         try:
             self._server = foxglove.start_server(
                 name=name, host=host, port=port, context=context, server_listener=self
@@ -112,8 +113,10 @@ class FoxgloveSocket(foxglove.ServerListener):  # type: ignore[misc]
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """Send the newest message of a topic to those who have just come, on the SDK's thread."""
         del client
-        if channel.topic in self._newest:
-            self.send(*self._newest[channel.topic])
+        newest = self._newest.get(channel.topic)
+        if newest is not None:
+            with self._late_harmless:  # a guard is for one thread
+                self._channels.send(*newest)
 
 
 @cache

@@ -5,6 +5,7 @@ import importlib
 import json
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from mcap.reader import make_reader
@@ -157,3 +158,22 @@ def test_a_flight_is_shown_while_it_lasts_and_to_one_who_comes_late(shown):
         socket.close()
     assert json.loads(messages["/links"])["signal"]["value"] == 47.0
     assert b"zone 1" in messages["/scene"]
+
+
+def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(monkeypatch, caplog):
+    """Of what a guard keeps the log is told once in 10 s: each thread has one of its own."""
+    foxglove_sdk = importlib.import_module("air_router.record.foxglove_sdk")
+    socket = foxglove_sdk.FoxgloveSocket("127.0.0.1", 0, "titan")
+    channel = SimpleNamespace(topic="/links")
+
+    def fail(*_):
+        raise RuntimeError("no such schema")
+
+    try:
+        monkeypatch.setattr(socket._channels, "send", fail)
+        socket.send(channel, 1, {})
+        socket.on_subscribe(None, channel)
+        assert [record.exc_info[0] for record in caplog.records] == [RuntimeError] * 2
+        assert "a viewer who has just come" in caplog.text
+    finally:
+        socket.close()
