@@ -1,6 +1,7 @@
 """Drawing as SVG, in two widths: for a screen and for a phone. No script, no fonts.
 
 The colours are those of the map pages, which pictures and reports share: one style sheet has them.
+Pictures share with reports, too, where words stand and how numbers are written.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ _TIME_STEPS_S: Final = (5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200,
 def element(
     tag: str, css: str = "", title: str = "", words: str = "", **attributes: float | str
 ) -> str:
-    """An SVG element; numbers are pixels, `title` is shown where the pointer is."""
+    """An SVG element with `words` in it; `title` is shown where the pointer is.
+
+    Numbers are pixels. An attribute that is "" is left out; ``_`` in its name stands for ``-``.
+    """
     given = {"class": css, **attributes}
     told = "".join(
         f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
@@ -41,7 +45,7 @@ def text(x: float, y: float, words: str, anchor: str = "", css: str = "") -> str
 
 
 def picture(width: float, height: float, label: str, parts: Iterable[str]) -> str:
-    """An SVG of parts."""
+    """An SVG of parts, in pixels; `label` says what it shows to those who do not see it."""
     which = "wide" if width > NARROW else "narrow"
     return (
         f'<svg class="{which}" viewBox="0 0 {width:g} {height:g}" role="img" '
@@ -60,7 +64,7 @@ class Plot:
 
     Args:
         width, height: In pixels of the picture.
-        from_s, to_s: The time that it shows; told as minutes since `from_s`.
+        from_s, to_s: The time that it shows; told as hours, minutes and seconds since `from_s`.
         top: The largest value; `bottom`: the least.
     """
 
@@ -84,11 +88,11 @@ class Plot:
         return self.height - BOTTOM - min(max(share, 0.0), 1.0) * (self.height - TOP - BOTTOM)
 
     def across(self, y: float, css: str) -> None:
-        """A line from the left to the right."""
+        """A line from the left to the right, at a place in pixels."""
         self._parts.append(element("path", css, d=f"M{LEFT} {y:.1f}H{self.width - RIGHT}"))
 
     def axes(self, ticks: Iterable[float] | None = None) -> None:
-        """Lines and numbers."""
+        """The time, and lines with their values, without a sign; `ticks` None: at round values."""
         for value in ticks if ticks is not None else nice(self.bottom, self.top):
             self.across(self.y(value), "grid")
             self.text(LEFT - 6, self.y(value) + 4, number(abs(value)), "end")
@@ -130,7 +134,7 @@ class Plot:
         self.text(self.width - RIGHT - 4.0, self.y(value) - 5, words, "end", "name")
 
     def text(self, x: float, y: float, words: str, anchor: str, css: str = "") -> None:
-        """Words at a place."""
+        """Words at a place in pixels; none if they are ""."""
         if words:
             self._parts.append(text(x, y, words, anchor, css))
 
@@ -140,7 +144,10 @@ class Plot:
 
 
 def thinned(series: Series, most: int) -> Series:
-    """Fewer points where there are more than pixels: of each span the least and the largest."""
+    """Fewer points where there are more than `2 * most`: four at most of each of `most` spans.
+
+    The least and the largest of each, and its first and last.
+    """
     if len(series) <= 2 * most:
         return series
     size = math.ceil(len(series) / most)
@@ -158,7 +165,7 @@ def _extremes(part: Series) -> Iterator[tuple[float, float]]:
 
 
 def nice(low: float, high: float) -> list[float]:
-    """Round numbers between two values, five steps at most."""
+    """Round numbers between two values, five steps at most; `low` alone where there is nothing."""
     span = high - low
     if not 0 < span < math.inf:
         return [low]
@@ -170,7 +177,7 @@ def nice(low: float, high: float) -> list[float]:
 
 
 def number(value: float) -> str:
-    """A short number: 12000 is 12k."""
+    """A short number: 12000 is 12k, 2500000 is 2.5M."""
     if abs(value) >= 1e6:
         return f"{value / 1e6:.3g}M"
     if abs(value) >= 1e4:
@@ -194,7 +201,7 @@ _LIGHT, _DARK = ":root {", ':root[data-theme="dark"] {'
 
 @cache
 def colours(*, dark: bool = False) -> dict[str, str]:
-    """Each colour by its name, such as "fence"."""
+    """Each colour by its name, such as "fence", as the light or the dark pages have it."""
     sheet = resources.files("air_router.web").joinpath("page", "theme.css").read_text("utf-8")
     block = sheet.partition(_DARK if dark else _LIGHT)[2].partition("}")[0]
     return dict(_COLOUR.findall(block))
@@ -232,14 +239,10 @@ class _Box(NamedTuple):
 
 
 class Labels:
-    """Words and marks of a picture, in any unit, as long as it is one.
-
-    Attributes:
-        _taken: What is covered.
-    """
+    """Words and marks of a picture, in any unit, as long as it is one."""
 
     def __init__(self) -> None:
-        self._taken: list[_Box] = []
+        self._taken: list[_Box] = []  # what is covered
 
     def mark(self, x: float, y: float, radius: float) -> None:
         """Words that are placed later go out of this mark's way."""
@@ -261,7 +264,7 @@ class Labels:
             offs: How far from there their middle may be, the best first.
 
         Returns:
-            One of `offs`; None where the same words stand already, and name this, too.
+            One of `offs`; None where the same words stand at the first: they name this, too.
         """
         boxes = []
         for dx, dy in offs:

@@ -1,4 +1,7 @@
-"""Where a page is served, for how long, and with which tiles under its map; no server itself."""
+"""Where a page is served, for how long, and with which tiles under its map; no server itself.
+
+Also the address of a flight's page, as a flight prints it.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +40,10 @@ class Web:
     """Where a page is served, and the tiles that lie under its map.
 
     Attributes:
-        host: The address to serve on; any machine but this one needs a token.
+        host: The address to serve on; at one that other machines reach a token is asked for.
         port: 0 takes a free one.
-        tiles: The file with the tiles.
-        token: What other machines must know; None: one is made up.
+        tiles: The file with the tiles; None: nothing lies under the map.
+        token: What is asked for, on any address; None: made up where one is needed.
     """
 
     host: str = "127.0.0.1"
@@ -50,7 +53,7 @@ class Web:
 
     @property
     def backdrop(self) -> dict[str, Any] | None:
-        """What lies under the map, as the page is told of it."""
+        """What lies under the map, as the page is told of it; None: nothing."""
         return None if self.tiles is None else self.tiles.view()
 
 
@@ -124,7 +127,7 @@ def page_port(text: str) -> int:
 
 
 def show(page: Served, say: Say) -> None:
-    """Serve a page until Ctrl-C, or until it ends by itself.
+    """Serve a page until Ctrl-C or SIGTERM, or until it fails.
 
     Raises:
         ServeError: the address is taken, or none of this machine's.
@@ -193,7 +196,7 @@ class PageAddress:
 
     @classmethod
     def of(cls, text: str) -> PageAddress:
-        """Read http://HOST:PORT/?token=..., or HOST, or HOST:PORT.
+        """Read http://HOST:PORT/?token=..., or HOST:PORT, or HOST at `DEFAULT_PORT`.
 
         Raises:
             UsageError: it is none.

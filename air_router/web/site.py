@@ -1,4 +1,7 @@
-"""A web server for one page: on this machine only unless told otherwise, and guarded."""
+"""A web server for one page: on this machine only unless told otherwise, and guarded.
+
+Which browsers show it, what they are told and what they say is here too.
+"""
 
 import asyncio
 import base64
@@ -111,12 +114,12 @@ class _Tiles:
 class Site:
     """A page's files, sockets to the browsers that show it, and the ground under its map.
 
-    Nothing but the files of the pages' folders in the package can be had from it.
+    Of files only those in the folders `page` of `air_router.web` and of `package` can be had.
 
     Args:
         where: The address to serve on, and the tiles under the map.
-        package: The package with the page in its folder `page`.
-        name: Under which the page's files are served.
+        package: The package with the page in its folder `page`, and `index.html` in there.
+        name: The page's files are served under ``/name/``, its `index.html` at ``/`` too.
     """
 
     def __init__(self, where: Web, package: str, name: str) -> None:
@@ -135,11 +138,11 @@ class Site:
             _Tiles(where.tiles).add_to(self._app)
 
     def add_socket(self, path: str, talk: Talk) -> None:
-        """Converse with browsers there; before the serving begins."""
+        """Converse with `MAX_PAGES` browsers at once there; before the serving begins."""
         self._app.add_routes([web.get(path, partial(self._talk, talk))])
 
     def add_values(self, path: str, values: Callable[[], dict[str, Any]]) -> None:
-        """Serve what a page reads once, as JSON; before the serving begins."""
+        """Serve as JSON what `values` gives when a page asks; before the serving begins."""
 
         async def answer(request: web.Request) -> web.Response:
             del request
@@ -149,7 +152,7 @@ class Site:
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address.
+        """Serve while in the context; gives the page's address, with the token if one is needed.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
@@ -258,9 +261,9 @@ _MOST_WAITING: Final = 1_000
 
 
 class PageOutbox:
-    """Sends texts to a page, in order; one that waits is replaced by a newer one of its kind.
+    """Sends texts to a page, in order; one that waits gives way to a newer one of its kind.
 
-    So a page that is slow is never behind. One that reads nothing is given up.
+    So a page that is slow is never behind. One for which 1,000 kinds wait is hung up on.
     """
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
@@ -291,7 +294,7 @@ class PageOutbox:
 
 
 class Browsers:
-    """Every browser has an outbox.
+    """All browsers that show a page, each with an outbox.
 
     `receive` takes a text from a page, `welcome` tells a new page what there is; both are called
     in the server's event loop and must be quick. After each text a page is not read for `pause_s`.
