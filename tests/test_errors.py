@@ -16,7 +16,7 @@ SOURCES = [
     ROOT / "sitl" / "experiment" / "plan_file.py",
     ROOT / "sitl" / "world" / "towns" / "town_file.py",
 ]
-OTHER_THINGS = {"camera.py", "compass.py", "guard.py", "tile_service.py"}
+OTHER_THINGS = {"camera.py", "words.py", "guard.py", "tile_service.py"}
 """Modules whose words with a hyphen name cameras, directions and HTTP headers."""
 
 NO_CODES = {

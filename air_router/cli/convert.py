@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, print_json
-from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
@@ -33,6 +32,7 @@ from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
 from air_router.mission.loading import foreign_draft, read_draft, validate
 from air_router.record.log import Log
+from air_router.words import counted
 from mocha_link.errors import needs_extra
 from mocha_link.team.document import DocumentError, Problem
 

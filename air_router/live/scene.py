@@ -10,7 +10,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from air_router.compass import wind_words
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
@@ -20,6 +19,7 @@ from air_router.mission.mission import Mission
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.outlines import area_beside, buffer, degrees
+from air_router.words import wind_words
 from geo.airspace.zone import Shape
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted, SyncTimedOut

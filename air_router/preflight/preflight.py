@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from air_router.compass import wind_words
 from air_router.controller.states.ready_state import HOME_TOLERANCE_M
 from air_router.mission.fleet import STANDING_SHARE
 from air_router.mission.flight_plan import FENCE_TOO_LONG
@@ -19,6 +18,7 @@ from air_router.preflight.card import BAD, GOOD, LOOK, Check, CheckVerdict
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import GpsFix, Inspection, Telemetry, VehicleInfo
+from air_router.words import wind_words
 
 OLDEST: Final = (1, 14)
 """Before it PX4 has no events and none of the mission reports that a flight rests on."""

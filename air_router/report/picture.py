@@ -12,7 +12,6 @@ from typing import Any, Final
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from air_router.counted import counted
 from air_router.coverage.cover_area import Field
 from air_router.mission.mission import Mission
 from air_router.mission.validation import Faults, far
@@ -39,6 +38,7 @@ from air_router.report.map_sheet import (
 )
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route
+from air_router.words import counted
 from geo.airspace.zone import Zone
 from geo.coverage.coverage import Coverage
 from geo.frame import Point

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from air_router.compass import direction
+from air_router.words import direction
 from geo.frame import Point
 
 HOME_UP_M: Final = 4.0

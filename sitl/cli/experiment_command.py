@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 
 from air_router.cli.arguments import print_json
-from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.terminal import StatusLine
+from air_router.words import counted
 from sitl.experiment.campaign.campaign import Campaign, Work, make_runs
 from sitl.experiment.campaign.runs import (
     ARCHIVE_ENDING,

@@ -9,9 +9,9 @@ from typing import Any, Final
 import shapely
 
 from air_router.cli.arguments import print_json
-from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.whole_file import write_whole
+from air_router.words import counted
 from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.errors import needs_extra

@@ -21,8 +21,8 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from air_router.counted import counted
 from air_router.errors import UsageError
+from air_router.words import counted
 from sitl.experiment.settings import Prior, draw, value_of, with_setting
 
 Settings = Mapping[str, Any]

@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Iterator
 from datetime import time, timedelta
 from typing import Any, ClassVar, Final
 
-from air_router.counted import counted
 from air_router.files.json_document import JsonDocument
 from air_router.files.maps.geojson import GeometryReader
 from air_router.files.maps.limits import METRES_PER_UNIT
@@ -22,6 +21,7 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.mission_document import Keys
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
+from air_router.words import counted
 from geo.validity import DAY_NUMBERS, DAYS, Hours, Period, Validity, moment_of
 
 NO_RESTRICTION: Final = "NO_RESTRICTION"

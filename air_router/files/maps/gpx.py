@@ -11,13 +11,13 @@ from typing import Final
 
 from shapely import LineString
 
-from air_router.counted import counted
 from air_router.files.maps.zone_reading import MapOutline, ZoneReading, place_of
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zone_terms import NO_TERMS
+from air_router.words import counted
 from geo.frame import FrameError, Geodetic, LocalFrame, polar
 from mocha_link.team.problem import DocumentError
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from air_router.counted import counted
 from air_router.files.mission_document import DocumentSource, Keys, local_ring
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
+from air_router.words import counted
 from geo.airspace.zone import Circle, Outline, Shape, ZoneError
 from geo.frame import FrameError, Geodetic, LocalFrame
 from mocha_link.sanitize import sanitize

@@ -13,8 +13,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from air_router.counted import counted
 from air_router.errors import PictureError
+from air_router.words import counted
 from mocha_link.errors import needs_extra
 from sitl.experiment.analysis.statistics import Numbers
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper

@@ -28,8 +28,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.counted import counted
 from air_router.errors import UsageError
+from air_router.words import counted
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness

@@ -19,9 +19,9 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from air_router.counted import counted
 from air_router.errors import EXPECTED, UsageError
 from air_router.flight.terminal import StatusLine
+from air_router.words import counted
 from mocha_link.errors import told
 from sitl.experiment.plan import Experiment, Record, Row, Task
 from sitl.experiment.settings import value_of
