@@ -20,7 +20,7 @@ from air_router.controller.model.actions import (
 from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode
-from air_router.flight.interactions import Interactions
+from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry
@@ -86,15 +86,10 @@ class FlightStats:
             unix_s: The vehicle's time.
             stamps_s: By robot, how new the newest message of its own is that we hold.
         """
-        closest = self.flown.closest_approach()
         return {
             "outcome": outcome,
             "states_visited": [state.name for state in self.states],
-            "duration_s": round(self.flown.duration_s, 1),
-            "distance_m": round(self.flown.distance_m, 1),
-            "clearance_m": self.flown.mission.planner.clearance_m,
-            "closest_approach_m": None if closest is None else round(closest[0], 2),
-            "closest_approach_to": None if closest is None else closest[1],
+            **self.flown.totals(self.flown.closest_approach()),
             "robots": {
                 name: {
                     "found": found,
@@ -242,6 +237,17 @@ class FlownTrack:
         closest = [airspace.track_distance_m(part) for airspace, part in self._parts if part]
         closest_m, what = min(closest, default=(0.0, ""))
         return (closest_m, what) if what else None
+
+    def totals(self, closest: tuple[float, str] | None) -> dict[str, object]:
+        """As plain data; `closest`: what `closest_approach` has found."""
+        closest_m, closest_to = closest or (None, None)
+        return {
+            "duration_s": round(self.duration_s, 1),
+            "distance_m": round(self.distance_m, 1),
+            "clearance_m": self.mission.planner.clearance_m,
+            "closest_approach_m": _rounded(closest_m, 2),
+            "closest_approach_to": closest_to,
+        }
 
     def _begin_part(self) -> None:
         self._parts.append((self.mission.airspace, []))

@@ -5,7 +5,7 @@ flight hands in as it happens, a recorded flight can hand in again.
 """
 
 import math
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
@@ -14,6 +14,7 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
 from air_router.controller.targets.target_list import TargetTrack
+from air_router.gossip.interactions import Interactions
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
@@ -22,7 +23,7 @@ from air_router.web.outlines import area_beside, buffer, degrees
 from air_router.words import wind_words
 from geo.airspace.zone import Shape
 from geo.frame import Point
-from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.links.metrics import LinkEvent, LinkMetrics
 
 TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""
@@ -79,6 +80,7 @@ class LiveScene:
     Attributes:
         track: Latitude and longitude of the points of the flown track.
         news: The lines of the log.
+        interactions: Contacts and syncs.
         rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
             metres to the nearest border, and of each peer its signal, whether data crossed,
             bytes in all, and the signal's unit.
@@ -93,9 +95,7 @@ class LiveScene:
         self.track: History[list[float]] = History()
         self._track_end: Point | None = None  # position of its last point
         self._robots: dict[str, _Robot] = {}  # heard of, by name
-        self._syncing: dict[tuple[str, Direction], float] = {}  # when each began
-        self._synced_s: dict[str, float] = {}  # when the last one ended well, by peer
-        self._syncs: Counter[str] = Counter()  # begun, by peer
+        self.interactions = Interactions()
         self._links: Mapping[str, LinkMetrics] = {}  # metrics, refreshed by the server
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
@@ -117,14 +117,8 @@ class LiveScene:
                     robot.peer = peer
             case RobotPath(robot=name, points=points, stamp_s=stamp_s):
                 self._robot(name).track.path_heard(points, stamp_s, self._now_s)
-            case SyncStarted(peer=peer, direction=direction):
-                self._syncing[peer, direction] = self._now_s
-                self._syncs[peer] += 1
-            case SyncEnded(peer=peer, direction=direction):
-                self._syncing.pop((peer, direction), None)
-                self._synced_s[peer] = self._now_s
-            case SyncTimedOut(peer=peer, direction=direction):
-                self._syncing.pop((peer, direction), None)
+            case _ if isinstance(event, LinkEvent):
+                self.interactions.take(self._now_s, event)
         self._take_decided(actions)
 
     def _robot(self, name: str) -> _Robot:
@@ -206,10 +200,10 @@ class LiveScene:
 
     def link_lines(self) -> list[dict[str, Any]]:
         """The links to the peers: what the radio hears, and whether data cross now."""
-        lines = []
-        busy = {peer for peer, _ in self._syncing}
+        lines, syncs = [], self.interactions
+        busy = syncs.busy
         for peer, link in sorted(self._links.items()):
-            synced_s = self._synced_s.get(peer)
+            synced_s = syncs.synced_s.get(peer)
             lit = peer in busy or (synced_s is not None and self._now_s - synced_s <= _LIT_S)
             lines.append(
                 {
@@ -217,7 +211,7 @@ class LiveScene:
                     "signal": None if link.signal is None else link.signal.value,
                     "unit": "" if link.signal is None else link.signal.unit.value,
                     "lit": lit,
-                    "syncs": self._syncs[peer],
+                    "syncs": syncs.begun[peer],
                     "synced_ago_s": None if synced_s is None else round(self._now_s - synced_s, 1),
                     "bytes": link.bytes_in + link.bytes_out,
                     "newest_age_s": _shown(link.newest_age_s),

@@ -23,6 +23,7 @@ from air_router.control.command_request import (
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
+from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.live.scene import LiveScene, scenery
 from air_router.web.outlines import degrees
@@ -31,7 +32,7 @@ from air_router.web.site import Browsers, PageOutbox, Site, as_json
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells
 from mocha_link.errors import Guard
-from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
@@ -57,23 +58,20 @@ Links = Callable[[], "Mapping[str, LinkMetrics]"]
 class MapFeed:
     """The map that the UAV paints, as pages receive it; it is only read."""
 
-    def __init__(self, mapper: Mapper, frame: LocalFrame) -> None:
-        self._mapper = mapper
-        self._frame = frame
+    def __init__(self, mapper: Mapper, frame: LocalFrame, interactions: Interactions) -> None:
+        self._mapper, self._frame, self._interactions = mapper, frame, interactions
         # only each so many'th cell is shown
         self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
         self._sent: Cells = np.zeros_like(self._shown())  # as the pages have it
         self._sent_cells = -1  # number of known cells in `_sent`
-        self._began_s: dict[str, float] = {}  # when each peer's pull began
         self._held: dict[str, int] = {}  # cells known in the map that each peer has
 
-    def event(self, event: Event, now_s: float) -> None:
-        """Take in what robots have fetched: a map that was there when they began."""
+    def event(self, event: Event) -> None:
+        """Take in what a robot has fetched, after `interactions`: a map of when it began."""
         match event:
-            case SyncStarted(peer=peer, direction=Direction.OUT):
-                self._began_s[peer] = now_s
-            case SyncEnded(peer=peer, direction=Direction.OUT) if peer in self._began_s:
-                self._held[peer] = self._mapper.published_before(self._began_s[peer])
+            case SyncEnded(peer=peer, direction=Direction.OUT):
+                began_s = self._interactions.syncs[-1].from_s
+                self._held[peer] = self._mapper.published_before(began_s)
 
     def share(self, robot: str) -> float | None:
         """The share of the cells known now that a robot holds; None if it has fetched none."""
@@ -170,7 +168,7 @@ class LivePage:
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
         mission = controller.context.mission
         self.scene = LiveScene(mission, controller, self._name)
-        self._map_feed = MapFeed(mapper, mission.frame)
+        self._map_feed = MapFeed(mapper, mission.frame, self.scene.interactions)
         self._controller = controller
         self._draw_scenery()
         self._sent_counts = dict.fromkeys(_HISTORIES, 0)  # what the pages have of each
@@ -186,7 +184,7 @@ class LivePage:
         """Take in what happened, and what was decided on it."""
         with self._harmless:
             self.scene.step(event, actions, now_s)
-            self._map_feed.event(event, now_s)
+            self._map_feed.event(event)
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """Take in what the node measures, where it is not polled."""

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import accumulate
 from typing import Any, Final
 
-from air_router.flight.interactions import Interactions
+from air_router.gossip.interactions import Interactions
 from air_router.messages import MAP_TOPIC
 from mocha_link.links.metrics import LinkEvent, MessageStored, RssiChanged
 

@@ -226,9 +226,8 @@ class FlightSummary:
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain data."""
-        flown, mission = self.flown, self.setup.mission
         return {
-            "mission": mission.name,
+            "mission": self.setup.mission.name,
             "uav": self.setup.name,
             "vehicle": self.vehicle,
             "about": self.about,
@@ -239,11 +238,7 @@ class FlightSummary:
             "began_unix_s": None
             if self.unix_offset_s is None
             else self.unix_offset_s + self.from_s,
-            "duration_s": round(flown.duration_s, 1),
-            "distance_m": round(flown.distance_m, 1),
-            "clearance_m": mission.planner.clearance_m,
-            "closest_approach_m": None if self.closest is None else round(self.closest[0], 2),
-            "closest_approach_to": None if self.closest is None else self.closest[1],
+            **self.flown.totals(self.closest),
             "states": [asdict(stay) for stay in self.states],
             "interactions": self.exchanges.interactions(),
             "robots": {

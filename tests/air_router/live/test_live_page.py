@@ -15,6 +15,7 @@ from air_router.controller.model.requests import HoldNow
 from air_router.controller.model.states import State
 from air_router.errors import UsageError
 from air_router.flight.flight_loop import CommandService
+from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage, MapFeed
@@ -236,17 +237,19 @@ def test_zones_that_change_in_flight_are_drawn_anew(flight):
 
 
 def test_a_robot_holds_of_the_map_what_was_there_when_it_came_for_it(flight):
-    mapper = Mapper(flight.mission)
-    ground = MapFeed(mapper, flight.mission.frame)
+    mapper, syncs = Mapper(flight.mission), Interactions()
+    ground = MapFeed(mapper, flight.mission.frame, syncs)
     corner = (mapper.grid.west_m, mapper.grid.south_m)
     assert ground.whole()["piece"] is None
     mapper.paint(GridPatch(*corner, 1.0, np.ones((2, 2), dtype=np.uint8)).encode())
     mapper.publish(10.0)
-    ground.event(SyncStarted("io", 0.0, Direction.OUT), 11.0)
+    syncs.take(11.0, SyncStarted("io", 0.0, Direction.OUT))
     mapper.paint(GridPatch(*corner, 1.0, np.ones((2, 4), dtype=np.uint8)).encode())
     mapper.publish(12.0)
     assert ground.share("io") is None
-    ground.event(SyncEnded("io", 0.0, Direction.OUT, 1, 1, 0.1), 13.0)
+    fetched = SyncEnded("io", 0.0, Direction.OUT, 1, 1, 0.1)
+    syncs.take(13.0, fetched)
+    ground.event(fetched)
     assert ground.share("io") == 0.5
     assert ground.news()["columns"] == 4
     assert ground.news() is None

@@ -1,4 +1,4 @@
-"""Contacts and syncs of a flight: what counts as an interaction, live and out of a record."""
+"""Contacts and syncs of a flight, added up once for its page, its result and its report."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -42,7 +42,8 @@ class Interactions:
 
     contacts: list[ContactSpan] = field(default_factory=list)  # in the order of their ends
     syncs: list[Sync] = field(default_factory=list)  # likewise
-    started: int = 0  # syncs, also those that never ended
+    begun: Counter[str] = field(default_factory=Counter)  # syncs, by robot; some never ended
+    synced_s: dict[str, float] = field(default_factory=dict)  # when each last sync ended well
     _near: dict[str, float] = field(default_factory=dict)  # when each contact began
     _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
     _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
@@ -55,19 +56,25 @@ class Interactions:
             case ContactEnded(peer=peer):
                 self._part(peer, t)
             case SyncStarted(peer=peer, direction=direction):
-                self.started += 1
+                self.begun[peer] += 1
                 self._open[peer, direction] = t
             case SyncEnded(peer=peer, direction=direction):
                 began_s = self._open.pop((peer, direction), t)
                 size, outcome = event.bytes, "complete" if event.complete else "partial"
                 ended = Sync(peer, direction.value, began_s, t, size, event.messages, outcome)
                 self.syncs.append(ended)
+                self.synced_s[peer] = t
             case SyncTimedOut(peer=peer, direction=direction):
                 began_s = self._open.pop((peer, direction), t)
                 parted_s = self._parted.get(peer, t)
                 # Found out long after the robot was out of reach, perhaps.
                 t = parted_s if began_s <= parted_s < t else t
                 self.syncs.append(Sync(peer, direction.value, began_s, t, 0, 0, "broken off"))
+
+    @property
+    def busy(self) -> set[str]:
+        """With whom a sync is under way."""
+        return {peer for peer, _ in self._open}
 
     def end(self, t: float) -> None:
         """There is no more: contacts that still last end here."""
@@ -78,7 +85,10 @@ class Interactions:
         """How many syncs began, and how they ended."""
         outcomes = Counter(sync.outcome for sync in self.syncs)
         words = {"completed": "complete", "partial": "partial", "timed_out": "broken off"}
-        return {"started": self.started, **{key: outcomes[word] for key, word in words.items()}}
+        return {
+            "started": self.begun.total(),
+            **{key: outcomes[word] for key, word in words.items()},
+        }
 
     def totals(self, robot: str | None = None) -> dict[str, int]:
         """Syncs that were not broken off and their bytes, of one robot or of all."""
