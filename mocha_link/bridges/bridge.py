@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from mocha_link.bridges.progress import Progress
 from mocha_link.errors import install_command
 from mocha_link.service.service_client import (
+    TEXT,
     ServiceClient,
     ServiceError,
     ServiceUnreachableError,
@@ -31,7 +32,6 @@ PAUSE_S = 0.5  # before a node that does not answer is asked again
 MAX_HELD = 1000  # messages of the robot that wait for the node
 MAX_HELD_BYTES = 64 * 1024 * 1024
 JSON_PACKAGE = "json/"
-TEXT = "std_msgs/String"  # what JSON travels in
 
 LOG = logging.getLogger("mocha_link")
 

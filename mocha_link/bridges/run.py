@@ -17,11 +17,11 @@ from mocha_link.bridges.bridge import Bridge, channel
 from mocha_link.bridges.progress import Progress
 from mocha_link.bridges.ros_clients import Rcl, Ros1
 from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
-from mocha_link.node.lifetime import until_terminated
+from mocha_link.node.lifetime import INTERRUPTED, until_terminated
 from mocha_link.service.endpoint import EndpointKeyError, folder
 from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
-DONE, FAILED, INTERRUPTED = 0, 1, 130
+DONE, FAILED = 0, 1
 
 LOG = logging.getLogger("mocha_link")
 

@@ -16,31 +16,18 @@ from mocha_link.errors import (
 )
 from mocha_link.team.problem import DocumentError
 
-COMMANDS = (
-    Command(
-        "check", "mocha_link.cli.check_command", "check a team file and show its ids and ports"
-    ),
-    Command(
-        "keys", "mocha_link.cli.keys_command", "make keys for the robots, so that only they connect"
-    ),
-    Command(
-        "import",
-        "mocha_link.cli.import_command",
-        "make a team file of an original MOCHA's YAML files",
-    ),
-    Command("node", "mocha_link.cli.node_command", "run the node of a robot"),
-    Command("metrics", "mocha_link.cli.metrics_command", "show the links of a running node"),
-    Command(
-        "monitor",
-        "mocha_link.cli.monitor_command",
-        "watch the links of a running node live; q ends it",
-    ),
-    Command("doctor", "mocha_link.cli.doctor_command", "say why robots do not talk, by trying it"),
-    Command(
-        "bridge",
-        "mocha_link.cli.bridge_command",
-        "connect a running node to ROS 1 or ROS 2",
-    ),
+COMMANDS = tuple(
+    Command(name, f"mocha_link.cli.{name}_command", about)
+    for name, about in (
+        ("check", "check a team file and show its ids and ports"),
+        ("keys", "make keys for the robots, so that only they connect"),
+        ("import", "make a team file of an original MOCHA's YAML files"),
+        ("node", "run the node of a robot"),
+        ("metrics", "show the links of a running node"),
+        ("monitor", "watch the links of a running node live; q ends it"),
+        ("doctor", "say why robots do not talk, by trying it"),
+        ("bridge", "connect a running node to ROS 1 or ROS 2"),
+    )
 )
 DONE, FAILED, INVALID_FILE = 0, 1, 3
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import queue
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -150,11 +149,10 @@ class _Trial:
                 return transport
             self._serves = False
 
-    @contextlib.contextmanager
-    def _radio(self) -> Iterator[None]:
+    def _radio(self) -> AbstractContextManager[object]:
+        """While it listens to the radio, if there is one that is ours."""
         if self._robot.radio is None:
-            yield
-            return
+            return nullcontext()
         try:
             radio = open_radio(self._robot.radio, self._team, self._robot.name)
             radio.start(lambda peer, reading: self._heard.update({peer: as_reading(reading)}))
@@ -163,10 +161,8 @@ class _Trial:
             found = Finding(None, self._has_node, text if self._has_node else f"radio: {error}")
             self.findings.append(found)
             self._hears = False
-            yield
-            return
-        with closing(radio):
-            yield
+            return nullcontext()
+        return closing(radio)
 
     def _watch(self) -> None:
         """Until every peer has been asked and has asked with success, or the time is over."""

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from types import FrameType
 
 from mocha_link.cli.links_view import UNREADABLE, NodeView, Style
-from mocha_link.cli.program import coloured, endpoint, examples
+from mocha_link.cli.program import EXAMPLE, coloured, endpoint, examples
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.service_client import Subscription
 
@@ -31,7 +31,7 @@ _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
-    parser.epilog = examples("mocha-link monitor tcp://127.0.0.1:24500")
+    parser.epilog = examples(f"mocha-link monitor {EXAMPLE}")
     parser.add_argument(
         "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
     )

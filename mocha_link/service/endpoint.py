@@ -203,9 +203,7 @@ def connect(client: zmq.Socket[Any], endpoint: str) -> bool:
 
 def _check(endpoint: str) -> None:
     """Raises ZMQError for what is no TCP endpoint."""
-    try:
-        good = urlsplit(endpoint).port is not None
-    except ValueError:
-        good = False
-    if not good:
-        raise zmq.ZMQError(errno.EINVAL)
+    with contextlib.suppress(ValueError):
+        if urlsplit(endpoint).port is not None:
+            return
+    raise zmq.ZMQError(errno.EINVAL)

@@ -28,6 +28,7 @@ from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
 from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
 from mocha_link.service.server import EndpointServer
+from mocha_link.service.service_client import TEXT
 from mocha_link.store.message import Message
 from mocha_link.store.wire import MAX_BYTES
 from mocha_link.team.team import Ros
@@ -36,13 +37,11 @@ MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request
 MAX_FRAMES = 8
 MAX_WAITING = 256  # requests that wait for a message
 BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
-TEXT = "std_msgs/String"  # what bridges carry JSON in
 STEP = 32  # messages that are unpacked at once; they may be large
 KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done once
 
 LOG = logging.getLogger("mocha_link")
 
-AnyRos = Ros | None
 Send = Callable[[Frames], None]
 
 
@@ -51,7 +50,7 @@ class _List(Request):
 
 
 class _Read(Request):
-    ros: AnyRos = None  # data as this ROS serializes them; None: as their maker did
+    ros: Ros | None = None  # data as this ROS serializes them; None: as their maker did
     # their values in place of data; `json` itself is a name of pydantic's
     as_json: Annotated[bool, Field(alias="json")] = False
 
@@ -66,7 +65,7 @@ class _Publish(Request):
     # makes a request that is sent twice publish once
     key: Annotated[str, Field(min_length=1, max_length=64)] | None = None
     now: bool = False  # without the topic's interval
-    ros: AnyRos = None
+    ros: Ros | None = None
     value: Any = None  # in place of a frame of data
 
 

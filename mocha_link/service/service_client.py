@@ -21,6 +21,9 @@ from mocha_link.service.endpoint import EndpointError, connect, folder
 
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB
 
+TEXT = "std_msgs/String"
+"""The type of ROS in which bridges carry JSON."""
+
 LOOK_S = 0.05
 """So often it is looked whether the program that is to answer has begun."""
 
@@ -80,10 +83,9 @@ class _Connection(Closeable):
                 if self._socket is None:
                     socket.close()
             left_s = until_s - time.monotonic()
-            if self._socket is None and left_s <= 0:
+            if self._socket is not None or left_s <= 0:
                 break
-            if self._socket is None:
-                time.sleep(min(LOOK_S, left_s))
+            time.sleep(min(LOOK_S, left_s))
         return self._socket
 
     def _hang_up(self) -> None:

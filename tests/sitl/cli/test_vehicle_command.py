@@ -18,16 +18,11 @@ MISSION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml
 LIMIT_S = 60
 
 
-def udp_socket():
-    end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    end.bind(("127.0.0.1", 0))
-    end.settimeout(LIMIT_S)
-    return end
-
-
 def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal():
     truth = TruthReceiver("udp://127.0.0.1:0")
-    with udp_socket() as client:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.bind(("127.0.0.1", 0))
+        client.settimeout(LIMIT_S)
         port = client.getsockname()[1]
         command = [
             *(sys.executable, "-m", "sitl", "vehicle"),
