@@ -23,6 +23,19 @@ def ring(places):
     return tuple(Point(*place) for place in places)
 
 
+def least_m(path, fence, zones):
+    """The closest approach of any leg, by distances between plain shapes; -1 if outside."""
+    least_m = math.inf
+    for a, b in pairwise(path):
+        leg = LineString([a, b]) if tuple(a) != tuple(b) else Spot(a)
+        if fence is not None:
+            if not fence.contains(leg):
+                return -1.0
+            least_m = min(least_m, leg.distance(fence.exterior))
+        least_m = min([least_m, *shapely.distance(leg, zones)])
+    return least_m
+
+
 class Ground:
     """A fence and zones as plain rings."""
 
@@ -30,22 +43,12 @@ class Ground:
         self.clearance_m = clearance_m
         self.fence = Polygon(fence)
         self.zones = [Polygon(zone) for zone in zones]
-        self.union = shapely.union_all(self.zones)
         self.airspace = Airspace(
             ring(fence), [Zone(str(n), ring(z)) for n, z in enumerate(zones)], clearance_m
         )
 
     def least_m(self, path):
-        """The closest approach of any leg, by distances between plain shapes; -1 if outside."""
-        least_m = math.inf
-        for a, b in pairwise(path):
-            leg = LineString([a, b]) if tuple(a) != tuple(b) else Spot(a)
-            if not self.fence.contains(leg):
-                return -1.0
-            least_m = min(least_m, leg.distance(self.fence.exterior))
-            if not self.union.is_empty:
-                least_m = min(least_m, leg.distance(self.union))
-        return least_m
+        return least_m(path, self.fence, self.zones)
 
     def grown(self, share=1.0):
         """The clear area with arcs that are never too near (share 1), or too near for sure."""

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, time, timedelta, timezone
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from geo.validity import Hours, Period, Validity
@@ -47,22 +47,6 @@ def test_days_and_hours():
     assert office.meets(at(18), at(9, days=3))  # over the week-end, into Monday
     assert office.meets(at(18), None)
     assert office.meets(at(18), at(18, days=30))
-
-
-def test_hours_that_reach_into_the_next_day():
-    night = weekly((4,), (22, 0), (4, 0))
-    assert night.meets(at(23), at(23, 30))
-    assert night.meets(at(3, days=1), at(3, 30, days=1))
-    assert not night.meets(at(5, days=1), at(21, days=1))
-    assert not night.meets(at(23, days=1), at(23, 30, days=1))
-    assert not night.meets(at(3), at(3, 30))  # that was Thursday's night
-
-
-def test_midnight_to_midnight_is_the_whole_day():
-    friday = weekly((4,), (0, 0), (0, 0))
-    assert friday.meets(at(0), at(0))
-    assert friday.meets(at(23, 59), at(23, 59))
-    assert not friday.meets(at(0, 1, days=1), at(12, days=1))
 
 
 def test_hours_count_within_the_period_only():
@@ -113,6 +97,10 @@ def hourly(daily, moment):
     return False
 
 
+@example([Hours(frozenset({4}), time(0), time(0))], FRIDAY, 0)  # midnight to midnight
+@example([Hours(frozenset({4}), time(0), time(0))], FRIDAY + timedelta(days=1, minutes=1), 700)
+@example([Hours(frozenset({4}), time(22), time(4))], FRIDAY + timedelta(hours=3), 30)
+@example([Hours(frozenset({4}), time(22), time(4))], FRIDAY + timedelta(hours=27), 30)
 @given(st.lists(hours, min_size=1, max_size=2), minutes, st.integers(0, 3000))
 def test_no_moment_of_the_hours_is_missed(daily, start, length):
     period = Period(daily=tuple(daily))

@@ -1,7 +1,5 @@
 """Teams on free ports, clocks that stand still, and waiting for events instead of sleeping."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os
@@ -9,8 +7,9 @@ import queue
 import random
 import socket
 import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import pytest
 
@@ -19,9 +18,6 @@ from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 E = TypeVar("E")
 _hosts = itertools.count()

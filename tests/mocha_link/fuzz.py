@@ -1,10 +1,7 @@
 """Frames of every kind as nodes really exchange them, and what becomes of them in bad hands."""
 
-from __future__ import annotations
-
 import os
 import random
-from typing import TYPE_CHECKING
 
 from mocha_link.datagram import packet as wire
 from mocha_link.sync import frames as sync
@@ -19,16 +16,14 @@ from mocha_link.sync.protocol import (
     SYNC1,
     SYNCC,
     SYNCF,
+    Action,
     ReplyDatagram,
     Send,
     SendDatagram,
 )
+from mocha_link.team.team import Team
 from tests.mocha_link.network import mutated as mutated_sync
 from tests.mocha_link.network_sim import NetworkSim
-
-if TYPE_CHECKING:
-    from mocha_link.sync.protocol import Action
-    from mocha_link.team.team import Team
 
 EXPLORE = os.environ.get("HYPOTHESIS_PROFILE") == "explore"  # take the time that it takes
 HEAD_BYTES = ID_BYTES + CODE_BYTES

@@ -1,28 +1,22 @@
 """A live node with a friend, and a peer that is not what it should be."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os
 import queue
 import socket
 import threading
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
-from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
+from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded, SyncTimedOut
 from mocha_link.node import zmtp
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.protocol import ID_BYTES
 from tests.mocha_link.network_sim import pulling
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from mocha_link.links.metrics import LinkEvent
 
 WAIT_S = 60.0  # a limit against hangs
 TIMEOUT_S = 3.0

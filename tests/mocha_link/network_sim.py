@@ -358,7 +358,7 @@ class NetworkSim:
 
 
 class OldNode(original.Original):
-    """Stands in for an original node in the network instead of on sockets."""
+    """Stands in for an original node that is asked, in the network instead of on sockets."""
 
     wake_s = None
     _links = ()
@@ -366,29 +366,8 @@ class OldNode(original.Original):
     def __init__(self, net: NetworkSim, name: str) -> None:
         super().__init__(net.team, name, now_s=lambda: net.at(name).unix_s)
         self.me = self.robot
-        self._net = net
         self._actions: list[Action] = []
-        self._replies: list[bytes] = []
         net.become(name, self)
-
-    def ask(self, peer: str, request: bytes, timeout_s: float | None = None) -> bytes | None:
-        """One request on a connection of its own, and what comes back of the reply."""
-        line = self._net.dial(self.me.name, peer)
-        request_id = line.number.to_bytes(original.ID)
-        line.waiting.append(request_id + request)
-        self._replies.clear()
-        self._net.carry()
-        if not self._replies:
-            return None
-        (reply,) = self._replies
-        assert reply[: original.ID] == request_id
-        return reply[original.ID :]
-
-    def progress(self, _peer: str, _now: Instant) -> None:
-        """A connection that stands is nothing to it."""
-
-    def reply(self, _peer: str, parts: Sequence[bytes], _now: Instant) -> None:
-        self._replies += parts
 
     def request(
         self, peer: str, route: tuple[bytes, ...], parts: Sequence[bytes], _now: Instant
@@ -396,14 +375,6 @@ class OldNode(original.Original):
         answer = self.answer(peer, list(parts))
         if answer is not None:
             self._actions.append(Reply(peer, route, answer))
-
-    def heard(self, peer: str, rssi_dbm: float | None, _now: Instant) -> None:
-        """A peer that comes near is pulled from, once."""
-        if rssi_dbm is not None:
-            self.pull(peer)
-
-    def lost(self, _peer: str, _why: str, _now: Instant) -> None:
-        """It asks one thing at a time: nothing is under way."""
 
     def take(self) -> tuple[list[Action], list[object]]:
         actions, self._actions = self._actions, []

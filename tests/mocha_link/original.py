@@ -5,20 +5,16 @@ peer, one REQ socket per request, requests one after another, the newest header 
 its own idea of new, and nothing checked. Times are injected; time-outs are short.
 """
 
-from __future__ import annotations
-
 import os
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import lz4.frame
 import zmq
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mocha_link.team.team import Team
+from mocha_link.team.team import Team
 
 ID, CODE, HEADER = 6, 5, 6
 WRAP_S = 65536

@@ -1,7 +1,5 @@
 """The documentation names every key, and its examples are teams."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What docs/embedding.md and docs/radios.md show works as it stands there, and is complete."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import re

@@ -36,12 +36,6 @@ def test_a_leg_is_clear_at_exactly_the_clearance_and_not_below():
     assert not space.point_clear(P(5, 5))
 
 
-def test_corners_are_rounded_not_square():
-    space = airspace(box("hall", 0, 0, 10, 10))
-    assert space.point_clear(P(13.6, 13.6))  # 5.09 m from the corner, though within 5 m each way
-    assert not space.point_clear(P(13.5, 13.5))
-
-
 def test_a_leg_without_length_is_its_point():
     space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED)
     for point in (P(5, 14), P(97, 50)):

@@ -89,13 +89,6 @@ def test_a_field_narrower_than_a_picture_is_one_row_in_the_middle():
     assert coverage.share == pytest.approx(1.0)
 
 
-def test_a_slanted_border_is_seen_to_its_end():
-    slanted = Polygon([(0, 0), (300, 0), (200, 200), (0, 200)])
-    coverage = plan(slanted)
-    check(coverage, slanted, OPEN)
-    assert coverage.share == pytest.approx(1.0)
-
-
 def test_zones_are_cut_out_and_flown_around():
     airspace = Airspace(
         box(-10, -10, 310, 210),

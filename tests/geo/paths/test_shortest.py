@@ -2,10 +2,7 @@ import itertools
 import math
 
 import pytest
-from shapely import (
-    LineString,
-    union_all,
-)
+from shapely import LineString, Polygon, union_all
 
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Outline, Zone
@@ -13,49 +10,11 @@ from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.separators import separators
 from geo.paths.shortest import ShortestPaths, shortest_paths
+from geo.paths.shortest import path_length_m as length_m
+from tests.geo.optimum import least_m
+from tests.geo.shapes import box, box_ring, ring
 
-
-def ring(*corners):
-    return tuple(Point(*corner) for corner in corners)
-
-
-def box(name, west, south, east, north):
-    return Zone(name, ring((west, south), (east, south), (east, north), (west, north)))
-
-
-FENCED = ring((-100, -100), (100, -100), (100, 100), (-100, 100))
-
-
-def judge(airspace):
-    """An independent exact test: distances of plain shapely geometries."""
-    zones = union_all([zone.polygon for zone in airspace.zones])
-    fence = None if not airspace.fences else airspace.fences[0].polygon
-    limit_m = airspace.clearance_m - 1e-6
-
-    def clear(a, b):
-        leg = LineString([a, b])
-        if not zones.is_empty and zones.distance(leg) < limit_m:
-            return False
-        return fence is None or (fence.contains(leg) and fence.exterior.distance(leg) >= limit_m)
-
-    return clear
-
-
-def length_m(path):
-    return sum(math.dist(a, b) for a, b in itertools.pairwise(path))
-
-
-def test_straight_where_possible():
-    space = Airspace(FENCED, [box("hall", 0, 0, 10, 10)], 5)
-    assert shortest_paths(space).path(Point(-50, 50), Point(50, 50)) == ((-50, 50), (50, 50))
-
-
-def test_around_one_side_of_a_zone():
-    space = Airspace(FENCED, [box("hall", 0, -20, 10, 10)], 5)
-    path = shortest_paths(space).path(Point(-50, 0), Point(50, 0))
-    assert all(judge(space)(a, b) for a, b in itertools.pairwise(path))
-    assert all(corner.north_m > 10 for corner in path[1:-1])
-    assert 103 < length_m(path) < 110
+FENCED = box_ring(-100, -100, 100, 100)
 
 
 def test_no_path_into_a_walled_yard_and_who_walls_it():
@@ -149,7 +108,7 @@ def test_places_on_the_limit_itself_have_paths():
     for a, b in itertools.permutations(sides, 2):
         path = shortest_paths(space).path(a, b)
         assert path is not None
-        assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
+        assert least_m(path, Polygon(FENCED), [space.zones[0].polygon]) >= 5 - 1e-6
 
 
 def test_no_way_leads_between_zones_that_share_a_side_or_a_corner():

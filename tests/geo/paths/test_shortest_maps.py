@@ -9,30 +9,15 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import LineString, Polygon
+from shapely import Polygon
 
 from benchmarks.route.maps import made, read
 from geo.frame import Point
 from geo.paths.polyanya import Source
 from geo.paths.shortest import ShortestPaths, path_length_m, shortest
-from tests.geo.optimum import BruteForce, Ground, gridded, places, scattered
+from tests.geo.optimum import BruteForce, gridded, least_m, places, scattered
 
 MAPS = sorted((Path(__file__).parents[2] / "data" / "maps").glob("*.json"))
-
-
-def judged(airspace):
-    """The least distance of legs to any zone or to the fence."""
-    (fence,) = airspace.fences
-    inside = Polygon(fence.ring)
-    solid = np.array([Polygon(zone.shape.ring) for zone in airspace.zones])
-
-    def least_m(path):
-        track = LineString(path)
-        if not inside.contains(track):
-            return -1.0
-        return min(shapely.distance(solid, track).min(), inside.exterior.distance(track))
-
-    return least_m
 
 
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: path.stem)
@@ -45,12 +30,14 @@ def test_every_pair_of_a_large_map_has_a_clear_path():
 
 
 def check_pairs(map_):
-    paths, least_m = ShortestPaths(map_.airspace), judged(map_.airspace)
+    paths = ShortestPaths(map_.airspace)
+    (fence,) = map_.airspace.fences
+    zones = [Polygon(zone.shape.ring) for zone in map_.airspace.zones]
     for start, goal in map_.pairs:
         path = paths.path(start, goal)
         assert path is not None
         assert (path[0], path[-1]) == (start, goal)
-        assert least_m(path) >= map_.airspace.clearance_m - 1e-6
+        assert least_m(path, Polygon(fence.ring), zones) >= map_.airspace.clearance_m - 1e-6
         assert path_length_m(path) >= math.dist(start, goal) - 1e-9
 
 
@@ -166,13 +153,3 @@ def test_more_clearance_never_makes_a_path_shorter_or_possible(seed, more_m):
         assert narrow is not None
         # Short paths are looked at more closely than long ones, within 3 %.
         assert path_length_m(narrow) <= 1.03 * path_length_m(wide) + 1e-6
-
-
-def test_no_path_squeezes_between_zones_that_touch_when_grown():
-    halves = [
-        [(-90, -10), (-5, -10), (-5, 10), (-90, 10)],
-        [(5, -10), (90, -10), (90, 10), (5, 10)],
-    ]
-    ground = Ground(((-100, -100), (100, -100), (100, 100), (-100, 100)), halves)
-    assert ShortestPaths(ground.airspace).path(Point(0, 50), Point(0, -50)) is None
-    assert not ShortestPaths(ground.airspace).connected(Point(0, 50), Point(0, -50))

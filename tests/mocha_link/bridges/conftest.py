@@ -1,7 +1,5 @@
 """Two nodes of a small team; they pull only when a test says so. One of them is served."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

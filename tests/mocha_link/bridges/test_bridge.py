@@ -1,7 +1,5 @@
 """Messages between a node and a middleware that is none: what gets through, and what survives."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import queue

@@ -1,7 +1,5 @@
 """What docs/bridges.md and docs/ros.md show can be done as it stands there."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The bridges to ROS run in the Python of a ROS installation: an old one, with little in it."""
 
-from __future__ import annotations
-
 import ast
 import builtins
 import logging

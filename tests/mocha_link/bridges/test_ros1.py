@@ -1,7 +1,5 @@
 """A live ROS 1: its master, a bridge in its Python, and a ROS node that talks and listens."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import queue

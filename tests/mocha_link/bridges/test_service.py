@@ -1,12 +1,9 @@
 """Programs on the same machine ask a node: requests, answers, and what is none."""
 
-from __future__ import annotations
-
 import base64
 import json
 import threading
 from dataclasses import replace
-from random import Random
 
 import pytest
 import zmq
@@ -161,24 +158,6 @@ def test_values_in_place_of_bytes(client, one, two, pulled):
     assert "not JSON" in found["two", "/goal"]["error"]
     assert found["two", "/log"]["values"] == [{"data": "a"}, {"data": "bcd"}]
     assert data == []
-
-
-def test_noise_on_the_socket(client, server):
-    random = Random(5)
-    with zmq.Context() as context, context.socket(zmq.DEALER) as noisy:
-        noisy.setsockopt(zmq.LINGER, 0)
-        noisy.setsockopt(zmq.SNDHWM, 0)
-        noisy.setsockopt(zmq.RCVHWM, 0)
-        connect(noisy, server.endpoint)
-        for _ in range(1000):
-            count = random.randint(1, 12)
-            noisy.send_multipart([random.randbytes(random.randint(0, 40)) for _ in range(count)])
-        answers = 0
-        while noisy.poll(100):
-            assert json.loads(noisy.recv_multipart()[-1])["ok"] is False
-            answers += 1
-        assert answers
-    assert client.team()["robot"] == "one"
 
 
 def test_what_the_team_is(client):

@@ -1,7 +1,5 @@
 """The command: exit codes, clear errors, and a node in a process of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """`mocha-link doctor`: what it finds with real nodes, and what it says of it."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

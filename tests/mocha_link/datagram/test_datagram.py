@@ -1,7 +1,5 @@
 """Flows of frames over a model of a link: rate, round trip, queue, losses, times when it is up."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

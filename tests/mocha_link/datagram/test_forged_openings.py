@@ -1,7 +1,5 @@
 """Who begins in the peer's name by a datagram makes us send the peer little."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

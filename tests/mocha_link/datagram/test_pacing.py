@@ -1,7 +1,5 @@
 """The model of a link, fed by a link that does exactly what its numbers say."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import pytest

@@ -1,7 +1,5 @@
 """Packets byte by byte, and what the receiving end knows of them."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The link table keeps the state of every link from its events."""
 
-from __future__ import annotations
-
 import pytest
 
 from mocha_link.clock import Instant

@@ -1,7 +1,5 @@
 """Contacts: thresholds by unit, hysteresis, interval, silence, clocks that jump."""
 
-from __future__ import annotations
-
 from math import inf
 
 import pytest

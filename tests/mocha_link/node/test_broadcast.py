@@ -1,7 +1,5 @@
 """Streams drop the oldest event of a slow reader and say how many."""
 
-from __future__ import annotations
-
 import asyncio
 
 from mocha_link.links.metrics import RssiChanged

@@ -1,7 +1,5 @@
 """Connections to real sockets: how they begin, what they say when they fail, what they leave."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

@@ -1,7 +1,5 @@
 """Names become addresses in a thread of their own: a name server that hangs holds up no peer."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections import Counter

@@ -1,7 +1,5 @@
 """Whole nodes without sockets: who pulls when, and that nothing is ever lost or mixed up."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -241,17 +239,6 @@ def test_a_machine_whose_clock_is_set_goes_on_as_if_it_was_not(net, step_s):
     (ended,) = [event for event in io.take()[1] if isinstance(event, ContactEnded)]
     assert ended.at_s == T + 12 + step_s
     assert ended.duration_s == 12
-
-
-@pytest.mark.parametrize("step_s", [3600.0, -3600.0])
-def test_a_contact_is_one_though_the_clock_is_set(net, step_s):
-    io, steady_s = net.nodes["io"], net.now.steady_s
-    io.links(Instant(T, steady_s, may_step=True))
-    io.tell(SyncStarted("titan", T, Direction.OUT))
-    io.tell(SyncEnded("titan", T + 9 + step_s, Direction.OUT, 1, 6, 1.0))
-    link = io.links(Instant(T + 10 + step_s, steady_s + 10, may_step=True))["titan"]
-    assert [(each.began_s, each.ended_s) for each in link.contacts] == [(T + step_s, None)]
-    assert link.last_sync_out_s == T + 9 + step_s
 
 
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0])

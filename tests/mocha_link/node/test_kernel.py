@@ -1,18 +1,21 @@
-"""What is borrowed from libzmq may be gone, or something else, at any time."""
+"""What is borrowed from libzmq may be gone at any time; what the poller says is ready."""
 
-from __future__ import annotations
-
+import contextlib
 import os
 import resource
 import socket
 from pathlib import Path
 
 import pytest
+import zmq
 
 from mocha_link.errors import ListenError
 from mocha_link.node import kernel
+from mocha_link.node.kernel import Poller
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+
+WAIT_MS = 20_000
 
 
 def open_files() -> set[str]:
@@ -74,3 +77,56 @@ def test_a_node_with_more_peers_than_descriptors_says_so(few, field):
     with pytest.raises(ListenError, match=r"titan needs \d+ open files for 2 peers, .*ulimit -n"):
         node.start()
     node.close()
+
+
+# --- the poller
+
+
+@pytest.fixture
+def poller():
+    with contextlib.closing(Poller()) as poller:
+        yield poller
+
+
+@pytest.fixture
+def pair():
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        yield ours, theirs
+
+
+def test_what_is_ready_is_told_with_its_owner(poller, pair):
+    ours, theirs = pair
+    poller.register(ours.fileno(), zmq.POLLIN, "io")
+    assert poller.poll(0) == {}
+    theirs.send(b"x")
+    assert poller.poll(WAIT_MS) == {ours.fileno(): "io"}
+    ours.recv(1)
+    poller.register(ours.fileno(), zmq.POLLIN | zmq.POLLOUT, "io")
+    assert poller.poll(0) == {ours.fileno(): "io"}
+
+
+def test_what_waits_for_nothing_is_not_looked_at(poller, pair):
+    ours, theirs = pair
+    theirs.send(b"x")
+    poller.register(ours.fileno(), zmq.POLLIN)
+    poller.register(ours.fileno(), 0)
+    assert poller.poll(0) == {}
+    with pytest.raises(KeyError):
+        poller.unregister(ours.fileno())
+
+
+def test_a_socket_of_libzmq_is_ready_as_long_as_a_message_waits(poller):
+    with zmq.Context() as context, context.socket(zmq.PAIR) as ours, context.socket(zmq.PAIR) as to:
+        ours.bind("inproc://a")
+        to.connect("inproc://a")
+        poller.register(ours, zmq.POLLIN, "io")
+        for _ in range(2):
+            to.send(b"x")
+        for _ in range(2):
+            assert poller.poll(WAIT_MS)[ours] == "io"
+            ours.recv()
+        assert "io" not in poller.poll(0).values()
+        poller.unregister(ours)
+        to.send(b"x")
+        assert ours not in poller.poll(0)

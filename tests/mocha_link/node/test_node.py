@@ -1,7 +1,5 @@
 """Nodes over real sockets: exchanges, the data mule, a link cut in mid-sync, old and bad peers."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import threading

@@ -1,7 +1,5 @@
 """The end of a node: within a second, whatever happens at that moment."""
 
-from __future__ import annotations
-
 import sqlite3
 import threading
 

@@ -1,12 +1,10 @@
 """What topics can ask for, through whole nodes: aggregation, history, a budget, many and large."""
 
-from __future__ import annotations
-
 import random
 
 import pytest
 
-from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
+from mocha_link.links.metrics import Direction, SyncEnded
 from tests.mocha_link import original
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -33,24 +31,6 @@ def noise(size: int, seed: int = 1) -> bytes:
 
 
 # --- several messages in one
-
-
-def test_messages_that_come_early_cross_as_one(field_of):
-    field = field_of(PAIR)
-    titan, _, titan_saw = field.node("titan")
-    io, _, saw = field.node("io")
-    titan.publish("/log", b"0")
-    for number in range(1, 6):
-        titan.publish("/log", b"%d" % number)
-    assert titan.latest("titan", "/log").parts == (b"0",)
-    field.clock.time_s += 5
-    titan_saw.wait(MessageStored)
-    titan_saw.wait(MessageStored)
-    io.sync("titan")
-    assert saw.wait(SyncEnded, direction=IN).messages == 1
-    message = io.latest("titan", "/log")
-    assert message.parts == (b"1", b"2", b"3", b"4", b"5")
-    assert message.stamp_s < field.clock.now_s() - 4.9  # when the last of them was said
 
 
 def test_a_message_of_an_original_robot_is_no_batch(field_of):

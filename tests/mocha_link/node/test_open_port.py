@@ -1,7 +1,5 @@
 """Clients that flood an open port: none fills the memory of the node, nor do several together."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

@@ -1,7 +1,5 @@
 """Two new nodes with team files that say otherwise what ids mean: nothing is read as another."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

@@ -1,7 +1,5 @@
 """The port for a peer: what gets in, what gets out, and what happens when it has no reader."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

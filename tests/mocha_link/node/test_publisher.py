@@ -1,7 +1,5 @@
 """Own messages: throttled by topic, never twice the same header."""
 
-from __future__ import annotations
-
 import pytest
 
 from mocha_link.node import publisher as publishing

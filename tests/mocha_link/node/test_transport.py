@@ -1,7 +1,5 @@
 """The shell of a node: what it leaves behind, whom it listens to, what it survives."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os
@@ -9,10 +7,10 @@ import socket
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from mocha_link.clock import Instant
 from mocha_link.errors import GUARD_LOG_S, Guard
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node import transport
@@ -23,9 +21,6 @@ from mocha_link.sync.pull import LOOK_S
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
 from tests.mocha_link.conftest import WAIT_S, free_ports
-
-if TYPE_CHECKING:
-    from mocha_link.clock import Instant
 
 IN, OUT = Direction.IN, Direction.OUT
 FDS = Path("/proc/self/fd")

@@ -1,7 +1,5 @@
 """A request of the original protocol that is damaged in the header it asks for."""
 
-from __future__ import annotations
-
 import pytest
 
 from mocha_link.sync.protocol import GDATA

@@ -1,7 +1,5 @@
 """Our own ZMTP: understood by libzmq and understanding it, however the bytes are cut."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import socket

@@ -1,7 +1,5 @@
 """Radios: what counts as a report, and how it gets to the node."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import io

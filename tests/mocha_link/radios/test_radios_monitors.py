@@ -1,7 +1,5 @@
 """Wi-Fi stations and Rajant radios: from what their tools print to reports."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import queue

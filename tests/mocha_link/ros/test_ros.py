@@ -1,7 +1,5 @@
 """ROS messages: the bytes of both versions, JSON, and bytes that are hostile."""
 
-from __future__ import annotations
-
 import json
 import math
 import tracemalloc

@@ -1,7 +1,5 @@
 """What the data of messages mean, by the type of their topic."""
 
-from __future__ import annotations
-
 import json
 import sys
 

@@ -1,7 +1,5 @@
 """Where a node and its bridges serve other programs: no program loses its endpoint."""
 
-from __future__ import annotations
-
 import socket
 import stat
 

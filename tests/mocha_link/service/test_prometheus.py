@@ -1,7 +1,5 @@
 """The metrics as Prometheus reads them: checked by Prometheus' own parser, and over HTTP."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

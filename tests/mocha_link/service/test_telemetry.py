@@ -1,7 +1,5 @@
 """Metrics for other processes: a snapshot at once, then events."""
 
-from __future__ import annotations
-
 import itertools
 import socket
 import threading

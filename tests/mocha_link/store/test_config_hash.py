@@ -1,7 +1,5 @@
 """A file of another team file: ids follow from names, so they may mean others now."""
 
-from __future__ import annotations
-
 import contextlib
 import sqlite3
 import time

@@ -1,7 +1,5 @@
 """Partial messages: pieces in any order make the whole, and nothing is kept beyond the limit."""
 
-from __future__ import annotations
-
 import itertools
 import random
 

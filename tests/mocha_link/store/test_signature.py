@@ -1,7 +1,5 @@
 """Who may hand on whose messages."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -30,20 +28,16 @@ def mixed(team) -> Team:
     )
 
 
-def message(  # noqa: PLR0913 - every part of a message
-    team: Team,
-    robot: str,
-    topic: str = "/map",
-    *,
-    by: SecretKey | None = None,
-    stamp_ms: int | None = STAMP_MS,
-    data: bytes = b"data",
-) -> tuple[Header, bytes]:
+def message(team, robot, topic="/map", *, by=None, stamp_ms=STAMP_MS, **changes):
+    """A header and a body, signed by a key, or with a `signature` that there is already."""
     known = team.topic(robot, topic)
     signs = partial(sign, by, team.robot(robot), known) if by else None
-    body = packed(known.dtype, known.priority, data)
+    if "signature" in changes:
+        signs = lambda _: changes["signature"]  # noqa: E731
+    data, priority = changes.get("data", b"data"), changes.get("priority", known.priority)
+    body = packed(known.dtype, priority, data)
     if stamp_ms is not None:
-        body = wire.pack(known.dtype, known.priority, data, stamp_ms=stamp_ms, sign=signs)
+        body = wire.pack(known.dtype, priority, data, stamp_ms=stamp_ms, sign=signs)
     header = Header.at(team.robot(robot).robot_id, known.topic_id, stamp_ms or STAMP_MS)
     return header, body
 
@@ -89,29 +83,17 @@ def test_a_signature_that_no_key_can_check_counts_as_none(mixed):
 def test_a_signature_holds_for_this_message_only(mixed):
     header, body = message(mixed, "titan", by=TITAN)
     signature = wire.check(body).signature
-    elsewhere = [
-        message(mixed, "titan", "/slow"),
-        message(mixed, "titan", stamp_ms=STAMP_MS + 1),
-        message(mixed, "titan", stamp_ms=STAMP_MS + 65_536_000),
-        message(mixed, "titan", data=b"date"),
-    ]
-    for other, unsigned in elsewhere:
-        known = mixed.by_ids(other.robot_id, other.topic_id)[1]
-        forged = wire.pack(
-            known.dtype,
-            known.priority,
-            wire.unpack(unsigned),
-            stamp_ms=wire.check(unsigned).stamp_ms,
-            sign=lambda _: signature,
-        )
+    for changes in (
+        {"topic": "/slow"},
+        {"stamp_ms": STAMP_MS + 1},
+        {"stamp_ms": STAMP_MS + 65_536_000},
+        {"data": b"date"},
+        {"priority": 0},
+    ):
+        forged = message(mixed, "titan", signature=signature, **changes)
         with pytest.raises(SignatureError):
-            verify(mixed, other, forged, "io")
-    priority = wire.pack(body[0], 0, b"data", stamp_ms=STAMP_MS, sign=lambda _: signature)
-    with pytest.raises(SignatureError):
-        verify(mixed, header, priority, "io")
-    assert wire.pack(body[0], body[1], b"data", stamp_ms=STAMP_MS, sign=lambda _: signature) == (
-        body
-    )
+            verify(mixed, *forged, "io")
+    assert message(mixed, "titan", signature=signature) == (header, body)
 
 
 def test_the_header_cannot_be_another_one(mixed):

@@ -4,17 +4,11 @@ Engines without sockets: the seven hours around a wrap pass in a second; to expl
 and again something happens to one of the robots; then all robots meet twice, and all have to hold
 the newest message of every topic of every robot. Between such rounds they meet now and then, often
 for too short a time.
-
-What is asked of a team with original nodes is less, because of what their protocol cannot say
-(docs/compatibility.md, "Faults").
 """
-
-from __future__ import annotations
 
 import itertools
 import random
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -23,13 +17,9 @@ from mocha_link.store.storage import Storage
 from mocha_link.store.wire import WRAP_S
 from tests.mocha_link.conftest import team_of
 from tests.mocha_link.fuzz import EXPLORE
-from tests.mocha_link.network_sim import NetworkSim, OldNode, T
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from tests.mocha_link.network_sim import NetworkSim, T
 
 NAMES = ("callisto", "europa", "io", "titan")
-OLD = "europa"  # runs the original node, if any does
 KINDS = """\
 kinds:
   aerial_robot:
@@ -58,43 +48,24 @@ BEGIN_S = 0.0 if EXPLORE else 13 * HOUR_S
 WRAPS = int((T + DAYS_S) // WRAP_S - (T + BEGIN_S) // WRAP_S)
 JUMPS_S = [sign * each for sign in (-1, 1) for each in (3, 100, 3600, 10_000, 18_000, 72_000, 3e5)]
 CUTS = (None, None, 1, 2, 5, 20)  # after how many frames a meeting ends
-OLD_CLOCKS_S = 1.4 * HOUR_S  # so far clocks may be off where the original protocol is all there is
 
 
 class Days(NetworkSim):
-    """The team, and what each robot has published last.
+    """The team, and what each robot has published last."""
 
-    original: the robots that speak nothing but the original protocol, as the others know.
-    stand_in: among them the one that runs an original node, not ours.
-    """
-
-    def __init__(
-        self,
-        seed: int,
-        *,
-        original: tuple[str, ...] = (),
-        stand_in: str = "",
-        disks: dict[str, Path] | None = None,
-    ) -> None:
-        team = TEAM.with_robots({name: {"original": True} for name in original})
-        super().__init__(team, names=NAMES)
+    def __init__(self, seed: int, *, disks: dict[str, Path]) -> None:
+        super().__init__(TEAM, names=NAMES)
         self.time_s = BEGIN_S
         self.random = random.Random(seed)
-        self.stand_in = stand_in
-        self.shown_only = False
-        self.ours = [name for name in NAMES if name != stand_in]
         self._newest: dict[tuple[str, str], bytes] = {}
         self._numbers = itertools.count()
-        self._disks = disks or {}
+        self._disks = disks
         self._storages: dict[str, Storage] = {}
         for name in NAMES:
             self.boot(name)
 
     def boot(self, name: str, *, keep: bool = False) -> None:
         """A new life; with what the robot held, on its disk if it has one, or with nothing."""
-        if name == self.stand_in:
-            OldNode(self, name)
-            return
         if name in self._disks:
             database = self._read(name, keep=keep)
         elif keep:
@@ -120,12 +91,8 @@ class Days(NetworkSim):
     def publish(self, name: str, topic: str) -> None:
         size = self.random.choice((20, 200, 3000))
         data = b"%d %s " % (next(self._numbers), topic.encode()) + self.random.randbytes(size)
-        self.time_s += 0.002  # within a millisecond an original node overwrites
-        node = self.nodes[name]
-        if isinstance(node, OldNode):
-            node.publish(topic, data)
-        else:
-            super().publish(name, topic, data)
+        self.time_s += 0.002
+        super().publish(name, topic, data)
         self._newest[name, topic] = data
 
     def publish_all(self) -> None:
@@ -143,22 +110,6 @@ class Days(NetworkSim):
             if left:
                 self._newest[key] = max(left, key=lambda data: int(data.split(b" ", 1)[0]))
         self.boot(name)
-
-    def newest(self) -> dict[tuple[str, str], bytes]:
-        """What all robots should hold."""
-        newest = dict(self._newest)
-        if self.shown_only:  # of what is later only by its clock no peer ever hears
-            own = [key for key in newest if key[0] == self.stand_in]
-            newest.update({key: self.held(self.stand_in)[key] for key in own})
-        return newest
-
-    def held(self, name: str) -> dict[tuple[str, str], bytes]:
-        """What a robot would show of every topic."""
-        node = self.nodes[name]
-        if not isinstance(node, OldNode):
-            return super().held(name)
-        keys = [(owner, topic.name) for owner in NAMES for topic in self.team.topics_of(owner)]
-        return {key: data for key in keys if (data := node.data(*key)) is not None}
 
     def everybody_meets(self) -> None:
         """Every pair, twice, in any order."""
@@ -179,26 +130,32 @@ class Days(NetworkSim):
                 self.publish(name, rng.choice(self.team.topics_of(name)).name)
             self.meet(*rng.sample(NAMES, 2), cut=rng.choice(CUTS))
 
-    def live(self, disturb: Callable[[], str], check: Callable[[], None]) -> None:
-        """All the hours; `disturb` does something to a robot and says what."""
+    def live(self) -> None:
+        """All the hours."""
         done = "they began"
         while self.time_s < DAYS_S:
             if self.random.random() < 0.7:
                 self.publish_all()
             self.everybody_meets()
             try:
-                check()
+                self.check()
             except AssertionError as error:
                 hours = self.time_s / HOUR_S
                 ahead = {name: round(seconds) for name, seconds in self.offset_s.items()}
                 error.add_note(f"after {hours:.2f} h, and after {done}; clocks ahead: {ahead}")
                 raise
             self.some_meet()
-            done = disturb()
+            done = self.disturb()
+
+    def check(self) -> None:
+        """All robots hold all that is the newest."""
+        for name in NAMES:
+            held = self.held(name)
+            assert {k for k, data in self._newest.items() if held.get(k) != data} == set(), name
 
     def disturb(self) -> str:
-        """Something happens to one of the robots that run our node."""
-        name = self.random.choice(self.ours)
+        """Something happens to one of the robots; what."""
+        name = self.random.choice(NAMES)
         what = self.random.choice(("nothing", "jump", "loss", "reboot", "1970"))
         if what == "jump":
             seconds = self.random.choice(JUMPS_S)
@@ -215,72 +172,12 @@ class Days(NetworkSim):
         return f"{what} of {name}"
 
 
-def everybody_holds(days: Days, names: list[str] | tuple[str, ...] = NAMES) -> None:
-    newest = days.newest()
-    for name in names:
-        held = days.held(name)
-        assert {key for key in newest if held.get(key) != newest[key]} == set(), name
-
-
 @pytest.mark.parametrize("seed", range(4 if EXPLORE else 1))
 def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
     days = Days(seed, disks={"titan": tmp_path / "titan.db"})
     assert WRAPS >= 1
-    days.live(days.disturb, lambda: everybody_holds(days))
+    days.live()
     for name in NAMES:
         kinds = {(type(each).__name__, getattr(each, "reason", "")) for each in days.events[name]}
         assert ("SyncTimedOut", "out of reach") in kinds
     days.close("titan")
-
-
-def test_the_original_protocol_alone():
-    """Between our nodes, but nothing newer is spoken: clocks may be off by hours, not by days."""
-    days = Days(0, original=NAMES)
-
-    def disturb() -> str:
-        name = days.random.choice(NAMES)
-        what = days.random.choice(("nothing", "jump", "loss", "reboot"))
-        if days.random.random() < 0.5:
-            days.offset_s[name] = days.random.uniform(-OLD_CLOCKS_S, OLD_CLOCKS_S)
-        if what == "loss":
-            days.lose(name)
-        elif what == "reboot":
-            days.boot(name, keep=True)
-        return f"{what} of {name}"
-
-    days.live(disturb, lambda: everybody_holds(days))
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_beside_an_original_node(seed):
-    """Ours hold the newest of all robots; the original node all that it is able to take."""
-    days = Days(seed, original=(OLD,), stand_in=OLD)
-    days.shown_only = bool(seed % 2)
-
-    def disturb() -> str:
-        if days.random.random() < 0.7:
-            return days.disturb()
-        if seed % 2:  # not both: what it says in a new life, and is not later, no peer takes
-            days.offset_s[OLD] = -days.random.uniform(0, OLD_CLOCKS_S)
-            return f"another clock of {OLD}"
-        days.lose(OLD)
-        return f"another life of {OLD}"
-
-    def check() -> None:
-        everybody_holds(days, days.ours)
-        node = days.nodes[OLD]
-        held, newest = days.held(OLD), days.newest()
-        for key in newest:
-            if held[key] != newest[key]:
-                raw = offered(days, *key)
-                assert not node._is_newer(raw), key  # so it does not ask for it
-        assert not node.stopped
-        assert not node.dead
-
-    days.live(disturb, check)
-
-
-def offered(days: Days, owner: str, topic: str) -> bytes:
-    """The header of the newest message of a topic, as ours offer it."""
-    ids = days.team.robot(owner).robot_id, days.team.topic(owner, topic).topic_id
-    return days.nodes["titan"].database.newest(*ids).header.pack()

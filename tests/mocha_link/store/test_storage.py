@@ -1,7 +1,5 @@
 """What the database keeps on disk: it comes back, whatever happens to the process or the disk."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import queue
@@ -18,7 +16,6 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store.database import Database
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
@@ -182,23 +179,6 @@ def test_what_a_peer_was_told_ends_with_what_is_on_disk(shelter, monkeypatch):
     assert third.database.since(told) == [record(10), record(11)]
 
 
-def test_a_restart_never_reuses_a_stamp(shelter, team):
-    robot, topics = team.robot("titan"), team.topics_of("titan")
-    topic = topics[0]
-
-    def publish(now_s):
-        node = shelter()
-        publisher = Publisher(robot, topics, node.database)
-        for _ in range(3):
-            publisher.publish(topic, b"\0\0x", now_s, at_once=True)
-        node.storage.close()
-        return node.database.newest(robot.robot_id, topic.topic_id).stamp_ms
-
-    before = publish(NOW_S)
-    after = publish(NOW_S - 500_000)
-    assert before + 3 <= after <= before + LEAP_MS + 3
-
-
 # How it is written
 
 
@@ -254,18 +234,23 @@ class Gate(sqlite3.Connection):
         return super().execute(sql, *arguments)
 
 
-def gated(path, gates):
-    gates.append(
-        sqlite3.connect(
-            path, timeout=0, isolation_level=None, check_same_thread=False, factory=Gate
+def gated(gates, kind=Gate):
+    """Opens files on such a disk; every connection is noted."""
+
+    def connect(path):
+        gates.append(
+            sqlite3.connect(
+                path, timeout=0, isolation_level=None, check_same_thread=False, factory=kind
+            )
         )
-    )
-    return gates[-1]
+        return gates[-1]
+
+    return connect
 
 
 def test_what_comes_during_a_commit_shares_the_next_one(shelter):
     gates = []
-    node = shelter(connect=lambda path: gated(path, gates))
+    node = shelter(connect=gated(gates))
     (gate,) = gates
     gate.commits = 0
     gate.open.clear()
@@ -282,7 +267,7 @@ def test_what_comes_during_a_commit_shares_the_next_one(shelter):
 
 def test_closing_does_not_wait_for_a_disk_that_hangs(shelter, tmp_path, caplog):
     gates = []
-    node = shelter(connect=lambda path: gated(path, gates))
+    node = shelter(connect=gated(gates))
     gates[0].open.clear()
     node.write(0, 1)
     assert not node.storage.close(timeout_s=0.01)
@@ -334,7 +319,7 @@ def test_a_full_disk(shelter, caplog, from_the_start):
     limits = [2 if from_the_start else 60]
 
     def connect(path):
-        gate = gated(path, gates)
+        gate = gated(gates)(path)
         gate.execute(f"PRAGMA max_page_count = {limits[0]}")
         return gate
 
@@ -364,16 +349,7 @@ def test_the_journal_gives_its_room_when_the_disk_is_full(shelter):
             return super().execute(sql, *arguments)
 
     gates = []
-
-    def connect(path):
-        gates.append(
-            sqlite3.connect(
-                path, timeout=0, isolation_level=None, check_same_thread=False, factory=Full
-            )
-        )
-        return gates[-1]
-
-    node = shelter(connect=connect)
+    node = shelter(connect=gated(gates, Full))
     node.write(0, 1, 2)
     assert node.storage.wait(60)
     full = sqlite3.OperationalError("database or disk is full")
@@ -401,20 +377,6 @@ def test_a_new_file_is_for_its_user_alone(shelter, tmp_path):
     assert node.storage.wait(60)
     modes = {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()}
     assert set(modes.values()) == {0o600}, modes
-
-
-def test_a_disk_that_fails_for_a_while(shelter):
-    gates = []
-    node = shelter(connect=lambda path: gated(path, gates))
-    node.write(0, 1, 2)
-    assert node.storage.wait(60)
-    gates[0].error = sqlite3.OperationalError("disk I/O error")
-    node.write(3, 4, 5)
-    fault = node.fault()
-    assert isinstance(fault, StorageUnreachableError)
-    assert "disk I/O error" in str(fault)
-    node.write(100, 101, 210)
-    check_recovery(node, shelter)
 
 
 def test_a_directory_that_is_missing(shelter, tmp_path, caplog):

@@ -1,7 +1,5 @@
 """Every call that a storage makes of the disk fails once, or from then on: the node goes on."""
 
-from __future__ import annotations
-
 import errno
 import io
 import itertools

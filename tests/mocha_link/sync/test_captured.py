@@ -1,9 +1,6 @@
 """The recorded sync of original nodes: read byte for byte, answered and asked as they did."""
 
-from __future__ import annotations
-
 import json
-import random
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +16,6 @@ from mocha_link.sync import original
 from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
 from tests.mocha_link.network import peer_of
-from tests.mocha_link.original import packed
 
 DATA = Path(__file__).parents[2] / "data" / "mocha"
 NOW = Instant(1795175905.0, 100.0)  # shortly after the recording
@@ -151,41 +147,3 @@ def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, wi
     for event in stored:
         record = own.newest(event.header.robot_id, event.header.topic_id)
         assert record.body == bodies[event.header.pack()]
-
-
-def test_a_recorded_pull_with_large_messages(recorded_team):
-    frames = json.loads((DATA / "pull_large.json").read_text())
-
-    pairs = list(zip(frames[::2], frames[1::2], strict=True))
-    generator = random.Random(1)
-    held = Database()
-    for request, reply in pairs[1:-1]:
-        asked, start = bytes.fromhex(request["hex"]), bytes.fromhex(reply["hex"])
-        # The recording keeps the beginning of a long reply; the frame header there tells the size.
-        size = int.from_bytes(start[14:22], "little")
-        body = packed(start[6], start[7], generator.randbytes(size))
-        assert body[:17] == start[6:23]  # type, priority, LZ4 frame header with its checksum
-        header = Header.parse(asked[11:])
-        robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
-        assert robot.name == "callisto"
-        assert start[6] == topic.dtype
-        stamp_ms = header.stamp_ms(NOW.unix_s)
-        held.insert(Record(header, topic.priority, body, stamp_ms, stamp_ms / 1000), NOW.unix_s)
-    assert max(len(record.body) for record in held.records()) > 300_000
-
-    # Our nodes on both sides: the same list, the same requests in the same order.
-    ids = iter(bytes.fromhex(request["hex"])[:6] for request, _ in pairs)
-    server = ServerSession(peer_of(held))
-    got = Database()
-    asking = ClientSession(
-        peer_of(got, name="callisto", team=recorded_team, own="titan", new_id=lambda: next(ids))
-    )
-    pending, asked_frames, replies = [asking.start(NOW)], [], []
-    while pending:
-        asked_frames.append(pending.pop(0))
-        replies.append(server.answer([asked_frames[-1]], NOW))
-        pending += asking.reply([replies[-1]], NOW)
-    assert [frame.hex() for frame in asked_frames] == [request["hex"] for request, _ in pairs]
-    assert replies[0].hex() == pairs[0][1]["hex"]
-    assert replies[-1].hex() == pairs[-1][1]["hex"]
-    assert {r.header: r.body for r in got.records()} == {r.header: r.body for r in held.records()}

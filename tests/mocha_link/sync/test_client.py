@@ -1,7 +1,5 @@
 """The asking side: checks everything that comes, keeps every whole message."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """How much may be sent ahead: enough to keep the link busy, no more, and never a standstill."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

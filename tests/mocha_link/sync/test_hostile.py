@@ -5,12 +5,10 @@ friend must still be served, and serve; the log must be free of errors, and the 
 grow.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import socket
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 import zmq
@@ -32,9 +30,6 @@ from tests.mocha_link.load import (
     requests,
     say,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SHARE = 8 if EXPLORE else 1
 CHECK_EVERY = 500

@@ -1,7 +1,5 @@
 """A new pull begins where one has just broken off: nothing of the old one gets in its way."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

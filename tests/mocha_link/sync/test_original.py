@@ -4,8 +4,6 @@ The peer is the stand-in of `original.py` on real sockets; docs/compatibility.md
 unmodified original nodes did in the same situations.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """The answering side: any bytes get an answer, offered messages stay available."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

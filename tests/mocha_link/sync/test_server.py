@@ -1,7 +1,5 @@
 """The answering side: two paths, credit, original clients, and peers that say what they like."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """The frames of the sync: what goes in comes out, and nothing else comes out."""
 
-from __future__ import annotations
-
 import itertools
 import random
 

@@ -1,7 +1,5 @@
 """Nodes that sync over a model of a network: cuts, reordering, repetition, messages replaced."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from unittest import mock
@@ -172,34 +170,6 @@ def test_a_large_message_resumes_over_many_short_contacts():
     assert contacts >= 20
     assert asker.content == server.content
     assert sent < 1.1 * len(body) + contacts * 100
-
-
-def test_what_two_peers_give_at_once_makes_one_message():
-    asker, one, other = Node("asker"), Node("one"), Node("other")
-    body = one.store(0, 0, START_MS, size=1_000_000).body
-    other.store(0, 0, START_MS, size=1_000_000)
-    pulls = [Pull(asker, one), Pull(asker, other)]
-    pulls[0].ask()
-    for _ in range(30):  # the first one is ahead
-        pulls[0].give(10_000)
-        pulls[0].deliver()
-    while not asker.content:
-        for pull in pulls:
-            if pull.up:
-                pull.ask()
-            pull.give(10_000)
-            if pull.down:
-                pull.deliver()
-    for pull in pulls:
-        pull.run(10_000)
-        assert pull.refusals == []
-    assert asker.content == one.content
-    # The second peer is told to leave it to the first one, which has not brought it by then.
-    assert [pull.receiver.complete for pull in pulls] == [True, False]
-    assert pulls[1].peer.left
-    assert sum(pull.bytes_down for pull in pulls) < 1.1 * len(body)
-    assert [len(pull.events) for pull in pulls] == [1, 0]
-    assert Pull(asker, other).run(10_000).receiver.complete
 
 
 def test_an_urgent_message_is_in_the_very_next_frame():

@@ -1,7 +1,5 @@
 """The asking side: what it says of itself, what it takes, and what it makes of whatever comes."""
 
-from __future__ import annotations
-
 import random
 import tracemalloc
 

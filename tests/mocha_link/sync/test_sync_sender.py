@@ -1,7 +1,5 @@
 """The serving side: what it gives, in which order, and what it makes of whatever comes."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """Documents name the place of every value and report every problem at once."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from pathlib import Path

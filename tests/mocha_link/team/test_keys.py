@@ -1,7 +1,5 @@
 """Key pairs, their files, and the command that makes them."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -1,7 +1,5 @@
 """Packets that only the peer opens, once they arrive as they were sent."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 

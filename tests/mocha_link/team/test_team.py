@@ -1,7 +1,5 @@
 """The team file: ids and ports as the original derives them, and clear errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The original nodes' YAML files become a team with the same ids and ports, or are refused."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
