@@ -4,8 +4,10 @@ import base64
 import json
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+import yaml
 import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -23,6 +25,8 @@ from mocha_link.service.service_client import (
     ServiceUnreachableError,
 )
 
+DATA = Path(__file__).parents[2] / "data"
+REFUSED = yaml.safe_load((DATA / "refused" / "requests.yaml").read_text())
 POSE = {"header": {"frame_id": "map"}}
 
 
@@ -178,39 +182,14 @@ def test_what_the_team_is(client):
 @pytest.mark.parametrize(
     ("frames", "complaint"),
     [
-        ([], "begins with a JSON object"),
-        ([b"x"], "begins with a JSON object"),
-        ([b"[]"], "begins with a JSON object"),
+        *((map(str.encode, frames), complaint) for frames, complaint in REFUSED),
         ([b" " * (8 * 1024 * 1024 + 1)], "of up to 8388608 bytes"),
         ([b"[" * 100_000], "begins with a JSON object"),
-        ([b"{}"], "no request 'None'; use one of publish, latest, list, since, team"),
-        ([b'{"request": "fly"}'], "no request 'fly'"),
-        ([b'{"request": ["fly"]}'], "no request"),
-        ([b'{"request": "latest"}'], "latest: 'robot' is missing"),
-        ([b'{"request": "latest", "robot": "one", "topic": "/x"}'], "has no topic '/x'"),
-        ([b'{"request": "latest", "robot": "x", "topic": "/x"}'], "no robot 'x'"),
-        ([b'{"request": "publish", "topic": "/goal"}'], "either a value or a frame of data"),
-        ([b'{"request": "publish", "topic": "/goal", "value": 1}', b""], "either a value or"),
-        ([b'{"request": "publish", "topic": "/raw", "value": {"base64": "?"}}'], "not Base64"),
-        ([b'{"request": "publish", "topic": "/raw", "value": 1}'], "only bytes can be sent"),
-        ([b'{"request": "publish", "topic": "/pose", "value": {"x": 1}}'], "has no field 'x'"),
-        ([b'{"request": "publish", "topic": "/goal", "value": NaN}'], "not a JSON value"),
-        ([b'{"request": "publish", "topic": "/goal"}', b"", b""], "2 frames of data"),
-        ([b'{"request": "publish", "topic": "/nowhere"}', b""], "has no topic '/nowhere'"),
-        ([b'{"request": "publish", "topic": "/goal", "ros": 3}', b""], "publish: 'ros'"),
-        ([b'{"request": "team"}', b""], "1 frames of data"),
-        ([b'{"request": "team", "tiem": 1}'], "team: unknown field 'tiem'; use request, id"),
-        ([b'{"request": "since", "as_json": true}'], "unknown field 'as_json'; use request"),
-        ([b'{"request": "since", "sequence": -1}'], "since: 'sequence'"),
-        ([b'{"request": "since", "sequence": 1e999}'], "since: 'sequence'"),
-        ([b'{"request": "since", "wait_s": NaN}'], "since: 'wait_s'"),
-        ([b'{"request": "since", "wait_s": 61}'], "since: 'wait_s'"),
-        ([b'{"request": "since", "limit": true}'], "since: 'limit'"),
     ],
 )
 def test_what_is_no_request(one, frames, complaint):
     answers = []
-    Service(one).request(frames, answers.append, 0.0)
+    Service(one).request([*frames], answers.append, 0.0)
     [[answer]] = answers
     fields = json.loads(answer)
     assert fields["ok"] is False

@@ -1,5 +1,7 @@
 """Packets byte by byte, and what the receiving end knows of them."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -8,6 +10,7 @@ from mocha_link.datagram import packet as wire
 from mocha_link.datagram.packet import ACK_DELAY_S, MAX_NUMBER, WINDOW, Arrivals, Packet
 
 TOKEN = b"abcdef"
+PACKETS = (Path(__file__).parents[2] / "data/refused/packets.txt").read_text().splitlines()
 FAST = settings(deadline=None, max_examples=100)
 FRAMES = st.lists(st.binary(max_size=50), max_size=5)
 
@@ -39,30 +42,7 @@ def test_what_is_packed_is_parsed(number, data, frames):
     assert wire.parse(raw) == Packet(None, number, floor, content, frames)
 
 
-@pytest.mark.parametrize(
-    "raw",
-    [
-        "",
-        "50616263646566",  # neither data nor an acknowledgement
-        "61616263646566 00000000 0000",  # another version
-        "51616263646566",  # no number
-        "51616263646566 00000000 00",
-        "51616263646566 00000001 0002",  # a floor below zero
-        "51616263646566 0000ffff 2000",  # a floor further back than the window
-        "51616263646566 ffffffff 0000",  # no acknowledgement could say what is behind it
-        "51616263646566 00000001 0000 0002 61",  # a frame that is cut off
-        "51616263646566 00000001 0000 00",
-        "53616263646566 00000001 0000",  # sent again, but not what
-        "53616263646566 00000001 0001 0000",  # sent again, and yet for the first time
-        "53616263646566 00000005 0001 0002",  # what is below the floor
-        "54616263646566 00000001 0000 000a",  # an acknowledgement that is cut off
-        "54616263646566 00000001 0000 000a 01",
-        "54616263646566 00000001 0000 000a 81" + "00" * 0x81,  # too many bits
-        "54616263646566 00000001 2001 000a 00",  # too far ahead
-        "54616263646566 00000001 0000 000a 00 00",  # something behind it
-        "56616263646566 00000001 0000 000a 00",  # sent again, but no data
-    ],
-)
+@pytest.mark.parametrize("raw", [line.partition("#")[0] for line in PACKETS])
 def test_what_is_not_as_it_has_to_be(raw):
     assert wire.parse(bytes.fromhex(raw)) is None
 

@@ -10,22 +10,9 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.node.node import Node
 from mocha_link.ros import typed
 from mocha_link.ros.typed import Typed, TypedError
+from tests.mocha_link.bridges.conftest import TEAM
 from tests.mocha_link.conftest import team_of
 
-TEAM = """\
-robots:
-  one: {kind: rover, address: 127.0.0.1, base_port: 20, clients: [two]}
-  two: {kind: rover, address: 127.0.0.1, base_port: 30, clients: [one], ros: 2}
-kinds:
-  rover:
-    topics:
-      - {name: /pose, type: geometry_msgs/PoseStamped}
-      - {name: /goal, type: json/Goal}
-      - {name: /own, type: field/Own}
-      - {name: /raw, type: grid/Map}
-definitions:
-  field/Own: "uint16 count"
-"""
 POSE = {"header": {"frame_id": "map"}, "pose": {"position": {"x": 1.5}}}
 
 

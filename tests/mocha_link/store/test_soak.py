@@ -15,33 +15,12 @@ import pytest
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.store.wire import WRAP_S
-from tests.mocha_link.conftest import team_of
+from mocha_link.team.team import Team
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NetworkSim, T
 
 NAMES = ("callisto", "europa", "io", "titan")
-KINDS = """\
-kinds:
-  aerial_robot:
-    topics:
-      - {name: /map, type: grid/SemanticMap, priority: high}
-      - {name: /trail, type: json/Pose, history: 4}
-  ground_robot:
-    topics:
-      - {name: /pose, type: json/Pose, priority: high}
-      - {name: /path, type: json/Path, priority: medium}
-      - {name: /cloud, type: json/Cloud, priority: none}
-trigger: {interval_s: 5}
-"""
-TEAM = team_of(
-    "robots:\n"
-    + "".join(
-        f"  {name}: {{kind: {'aerial' if name == 'titan' else 'ground'}_robot, "
-        f"address: {name}, base_port: 10, clients: [{', '.join(NAMES)}]}}\n"
-        for name in NAMES
-    )
-    + KINDS
-)
+TEAM = Team.load(Path(__file__).parents[2] / "data" / "mocha" / "days.yaml")
 HOUR_S = 3600.0
 DAYS_S = (72 if EXPLORE else 20) * HOUR_S
 BEGIN_S = 0.0 if EXPLORE else 13 * HOUR_S
