@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import pytest
 
-from mocha_link.links.metrics import LinkEvent
+from mocha_link.links.metrics import Direction, LinkEvent, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.team.document import Document
@@ -71,6 +71,11 @@ def free_ports(host: str, count: int) -> int:
             return base
 
 
+def noise(size: int, seed: int = 1) -> bytes:
+    """Data that cannot be packed, the same for the same seed."""
+    return random.Random(seed).randbytes(size)
+
+
 class ManualClock:
     """A clock that a test sets."""
 
@@ -85,6 +90,7 @@ class Witness:
     """Sees every event of a node, and waits for the one that a test needs."""
 
     def __init__(self, node: Node) -> None:
+        self.node = node
         self.seen: list[LinkEvent] = []
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
         node.subscribe(self._events.put)
@@ -98,6 +104,11 @@ class Witness:
                 getattr(event, name) == value for name, value in fields.items()
             ):
                 return event
+
+    def pull(self, peer: str) -> SyncEnded:
+        """Let the node pull from a peer; how that ended well."""
+        self.node.sync(peer)
+        return self.wait(SyncEnded, peer=peer, direction=Direction.IN)
 
 
 class Field:

@@ -61,6 +61,15 @@ def line(peer) -> Iterator[TcpConnection]:
 
 
 @pytest.fixture
+def greeted(line, peer) -> socket.socket:
+    """The peer's side of a connection on which it has said hello; the line may not know yet."""
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY)
+    return connection
+
+
+@pytest.fixture
 def context() -> Iterator[zmq.Context]:
     context = zmq.Context()
     yield context
@@ -87,7 +96,7 @@ def nothing_to_read(connection: socket.socket) -> bool:
     return False
 
 
-def turn_until(line: Connection, done: Callable[[], bool], now_s: float | None = None) -> None:
+def turn_until(line: Connection, done: Callable[[], object], now_s: float | None = None) -> None:
     """What the transport does with it, by the real time or at a moment that stands still."""
     limit_s = time.monotonic() + WAIT_S
     with contextlib.closing(Poller()) as poller:
@@ -229,19 +238,14 @@ def test_a_closed_connection(line, peer, said, reason, abruptly):
     assert list(line.replies()) == []
 
 
-def test_a_reply_that_is_too_large_ends_it(line, peer):
-    line.turn(100.0)
-    connection = peer.accept()
-    connection.sendall(GREETING + READY + b"\2" + (1 << 40).to_bytes(8))
+def test_a_reply_that_is_too_large_ends_it(line, greeted):
+    greeted.sendall(b"\2" + (1 << 40).to_bytes(8))
     turn_until(line, lambda: line.failure is not None, 100.0)
     assert "1099511627776 bytes" in line.failure
 
 
-def test_what_a_peer_does_not_read_waits(line, peer):
+def test_what_a_peer_does_not_read_waits(line, greeted):
     """A request larger than all buffers leaves as the peer reads it."""
-    line.turn(100.0)
-    connection = peer.accept()
-    connection.sendall(GREETING + READY)
     turn_until(line, lambda: line._protocol.ready, 100.0)
     body = os.urandom(20_000_000)
     line.send(body)
@@ -249,9 +253,9 @@ def test_what_a_peer_does_not_read_waits(line, peer):
     got = bytearray()
 
     def done() -> bool:
-        connection.setblocking(False)
+        greeted.setblocking(False)
         with contextlib.suppress(BlockingIOError):
-            got.extend(connection.recv(1 << 20))
+            got.extend(greeted.recv(1 << 20))
         return len(got) >= HELLO_BYTES + 11 + len(body)
 
     turn_until(line, done, 100.0)
@@ -261,18 +265,15 @@ def test_what_a_peer_does_not_read_waits(line, peer):
 PINGS = b"\4\x07\4PING\0\0" * 20_000
 
 
-def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, peer):
+def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, greeted):
     """It asks for heartbeats as fast as it can, and never reads one."""
-    line.turn(100.0)
-    connection = peer.accept()
-    connection.sendall(GREETING + READY)
-    connection.setblocking(False)
+    greeted.setblocking(False)
     unsent = memoryview(PINGS * 400)  # 72 MB
 
     def done() -> bool:
         nonlocal unsent
         with contextlib.suppress(BlockingIOError, ConnectionResetError):
-            unsent = unsent[connection.send(unsent[: 1 << 20]) :]
+            unsent = unsent[greeted.send(unsent[: 1 << 20]) :]
         assert len(line._out) < 16_000_000
         return line.failure is not None
 
@@ -303,6 +304,9 @@ class Hall:
         while self._door.poll(0):
             identity, _, body = self._door.recv_multipart()
             self._door.send_multipart([identity, b"", b"to " + body])
+
+    def serve_until(self, line: Connection, done: Callable[[], object]) -> None:
+        turn_until(line, lambda: self.serve() or done())
 
     def close(self) -> None:
         self.gate.close()
@@ -354,12 +358,7 @@ def test_a_wrong_key(  # noqa: PLR0913, PLR0917 - the columns of the table above
     """Ours, or the one that we take for the peer's. It is counted, and told once."""
     with contextlib.closing(curve_line(hall, context, own, peer)) as line:
         line.send(b"let me in")
-
-        def done() -> bool:
-            hall.serve()
-            return line.failure is not None and bool(hall.refusals)
-
-        turn_until(line, done)
+        hall.serve_until(line, lambda: line.failure and hall.refusals)
         assert reason in line.failure
         assert list(line.replies()) == []
     if own is not IO:
@@ -374,12 +373,7 @@ def test_a_port_whose_peer_has_no_key_stays_shut(context):
         contextlib.closing(curve_line(hall, context, IO, TITAN)) as line,
     ):
         line.send(b"let me in")
-
-        def done() -> bool:
-            hall.serve()
-            return bool(hall.refusals)
-
-        turn_until(line, done)
+        hall.serve_until(line, lambda: hall.refusals)
         assert set(hall.refusals) == {("stranger", "with a wrong key")}
 
 
@@ -407,12 +401,7 @@ def test_strangers_that_say_nothing_hold_few_descriptors(hall, context):
             is_closed(late[-1])
         line = stack.enter_context(contextlib.closing(curve_line(hall, context, IO, TITAN)))
         line.send(b"let me in")
-
-        def done() -> bool:
-            hall.serve()
-            return bool(list(line.replies()))
-
-        turn_until(line, done)
+        hall.serve_until(line, lambda: list(line.replies()))
         assert hall.refusals == [("io", "too often")] * 4  # the line is one more
 
 
@@ -437,12 +426,7 @@ def test_a_key_where_none_is_wanted(context):
         contextlib.closing(curve_line(hall, context, IO, TITAN)) as line,
     ):
         line.send(b"secret")
-
-        def done() -> bool:
-            hall.serve()
-            return line.failure is not None
-
-        turn_until(line, done)
+        hall.serve_until(line, lambda: line.failure)
         assert line.failure == "what answers there has no key, or does not speak ZeroMQ"
         assert list(line.replies()) == []
 
@@ -463,11 +447,6 @@ def test_a_connection_that_takes_nothing_is_a_failure_not_an_error(hall, context
 def test_no_key_where_one_is_wanted(hall):
     with contextlib.closing(TcpConnection(hall.host, hall.port)) as line:
         line.send(b"idididGHEAD")
-
-        def done() -> bool:
-            hall.serve()
-            return line.failure is not None
-
-        turn_until(line, done)
+        hall.serve_until(line, lambda: line.failure)
         # As far as our handshake comes in one piece, it closes before it says what it wants.
         assert line.failure == BROKE or "the peer wants CURVE" in line.failure

@@ -35,8 +35,7 @@ def test_two_nodes_exchange_both_ways(field):
     ended = io_saw.wait(SyncEnded, peer="titan", direction=IN)
     assert ended.messages == 1
     assert titan_saw.wait(SyncEnded, peer="io", direction=OUT).messages == 1
-    titan.sync("io")
-    titan_saw.wait(SyncEnded, peer="io", direction=IN)
+    titan_saw.pull("io")
 
     message = io.latest("titan", "/map")
     assert message.data == b"grid " * 50_000

@@ -1,7 +1,6 @@
 """Nodes with keys, over real sockets: who talks to whom, what crosses, whose message it is."""
 
 import contextlib
-import random
 import re
 import socket
 import threading
@@ -18,7 +17,7 @@ from mocha_link.store import wire
 from mocha_link.store.wire import Header
 from mocha_link.team import keys
 from mocha_link.team.keys import SecretKey
-from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
+from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness, noise
 
 IN, OUT = Direction.IN, Direction.OUT
 NAMES = ("callisto", "io", "titan")
@@ -50,15 +49,6 @@ def locked(field_of, tmp_path) -> Callable[..., Locked]:
         return Locked(field_of(f"{TEAM}trust: {trust}\n"), tmp_path, *names)
 
     return make
-
-
-def noise(size: int, seed: int = 1) -> bytes:
-    return random.Random(seed).randbytes(size)
-
-
-def pull(saw: Witness, node: Node, peer: str) -> SyncEnded:
-    node.sync(peer)
-    return saw.wait(SyncEnded, peer=peer, direction=IN)
 
 
 def refusal(node: Node) -> threading.Event:
@@ -171,8 +161,8 @@ def test_all_have_keys(locked, datagrams):
     io, _, saw = hall.node("io", datagrams=datagrams)
     titan.publish("/map", noise(300_000))
     io.publish("/pose", b"here")
-    assert pull(saw, io, "titan").messages == 1
-    assert pull(titan_saw, titan, "io").messages == 1
+    assert saw.pull("titan").messages == 1
+    assert titan_saw.pull("io").messages == 1
     assert io.latest("titan", "/map").data == noise(300_000)
     assert titan.latest("io", "/pose").data == b"here"
     for node, peer in ((io, "titan"), (titan, "io")):
@@ -192,7 +182,7 @@ def test_nothing_of_it_can_be_read_on_the_way(locked, way):
     titan.publish("/map", data)
     with tapped(hall, tcp=not datagrams) as between:
         io, _, saw = hall.node("io", datagrams=datagrams)
-        assert pull(saw, io, "titan").messages == 1
+        assert saw.pull("titan").messages == 1
         assert io.latest("titan", "/map").data == data
         assert io.links()["titan"].path == ("udp" if datagrams else "zmq")
         assert len(between.seen[way]) > 5_000
@@ -212,8 +202,8 @@ def test_datagrams_of_others_are_no_datagrams(locked):
         for size in (0, 1, 39, 40, 41, 100, 1400):
             intruder.sendto(noise(size), (hall.field.host, port))
         intruder.sendto(b"\x51ididid" + bytes(60), (hall.field.host, port))
-        io, _, saw = hall.node("io")
-        assert pull(saw, io, "titan").messages == 1
+        _, _, saw = hall.node("io")
+        assert saw.pull("titan").messages == 1
         titan_saw.wait(SyncEnded, direction=OUT)
         intruder.setblocking(False)
         with pytest.raises(BlockingIOError):
@@ -253,9 +243,9 @@ def test_a_mixed_team_says_which_links_are_open(locked):
     callisto, _, callisto_saw = hall.node("callisto", keys=None)
     callisto.publish("/pose", b"unprotected")
     titan.publish("/map", b"grid")
-    assert pull(titan_saw, titan, "callisto").messages == 1
-    assert pull(saw, io, "titan").messages == 2
-    assert pull(callisto_saw, callisto, "titan").messages == 1
+    assert titan_saw.pull("callisto").messages == 1
+    assert saw.pull("titan").messages == 2
+    assert callisto_saw.pull("titan").messages == 1
     assert io.latest("callisto", "/pose").data == b"unprotected"
     protected = {
         (node.name, peer): link.protected
@@ -280,11 +270,11 @@ def relayed(hall: Locked, *, forged: bytes | None = None) -> tuple[Node, Witness
     callisto, _, _ = hall.node("callisto")
     callisto.publish("/pose", b"of callisto")
     titan, _, titan_saw = hall.node("titan")
-    assert pull(titan_saw, titan, "callisto").messages == 1
+    assert titan_saw.pull("callisto").messages == 1
     if forged is not None:
         plant(titan, forged)
     io, _, saw = hall.node("io")
-    pull(saw, io, "titan")
+    saw.pull("titan")
     return io, saw
 
 

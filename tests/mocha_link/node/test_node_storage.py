@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.links.metrics import Direction, MessageStored, StorageFailed, SyncEnded
+from mocha_link.links.metrics import Direction, MessageStored, StorageFailed
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.store.database import Database
@@ -33,11 +33,6 @@ def running(field: Field, name: str, **options: object) -> Iterator[tuple[Node, 
         yield node, witness
 
 
-def pull(node: Node, saw: Witness, peer: str) -> SyncEnded:
-    node.sync(peer)
-    return saw.wait(SyncEnded, peer=peer, direction=IN)
-
-
 # --- what survives
 
 
@@ -49,7 +44,7 @@ def test_messages_survive_a_restart(field_of, file):
     with running(field, "titan", storage=file) as (titan, saw):
         titan.publish("/map", b"grid")
         titan.publish("/map", b"grid 2")
-        assert pull(titan, saw, "io").messages == 3
+        assert saw.pull("io").messages == 3
         before = titan.messages()
         stored = titan.stored_since(0)
         epoch = titan.epoch
@@ -59,7 +54,7 @@ def test_messages_survive_a_restart(field_of, file):
         assert [m.data for m in titan.history("io", "/path")] == [b"3", b"2", b"1"]
         assert titan.stored_since(0) == stored  # other programs go on where they were
         assert titan.epoch == epoch
-        ended = pull(titan, saw, "io")
+        ended = saw.pull("io")
         assert (ended.messages, ended.complete) == (0, True)
         titan.publish("/map", b"grid 3")
         assert titan.stored_since(stored[-1][0])[0][1].data == b"grid 3"
@@ -113,7 +108,7 @@ def test_a_team_that_has_lost_a_topic(field_of, file):
         assert [message.data for message in titan.messages()] == [b"grid"]
         for limit in (None, 1, 2):
             assert [message.data for _, message in titan.stored_since(0, limit)] == [b"grid"]
-        assert pull(io, saw, "titan").messages == 1
+        assert saw.pull("titan").messages == 1
     assert [message.data for message in io.messages()] == [b"grid"]
 
 
@@ -130,8 +125,8 @@ def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file):
         assert str(file) in failed.reason
         titan.publish("/map", b"grid")  # does not wait for a disk that is not there
         assert titan.latest("titan", "/map").data == b"grid"
-        io, _, io_saw = field.node("io")
-        assert pull(io, io_saw, "titan").messages == 1
+        _, _, io_saw = field.node("io")
+        assert io_saw.pull("titan").messages == 1
     assert file.read_bytes() == content  # what is there is left as it is
 
 

@@ -1,11 +1,10 @@
 """What topics can ask for, through whole nodes: aggregation, history, a budget, many and large."""
 
-import random
-
 import pytest
 
-from mocha_link.links.metrics import Direction, SyncEnded
+from mocha_link.links.metrics import Direction
 from tests.mocha_link import original
+from tests.mocha_link.conftest import noise
 
 IN, OUT = Direction.IN, Direction.OUT
 PAIR = """\
@@ -26,10 +25,6 @@ MANY = (
 )
 
 
-def noise(size: int, seed: int = 1) -> bytes:
-    return random.Random(seed).randbytes(size)
-
-
 # --- several messages in one
 
 
@@ -40,8 +35,7 @@ def test_a_message_of_an_original_robot_is_no_batch(field_of):
         titan.publish("/log", b"plain text")
         titan.publish("/map", b"grid")
         io, _, saw = field.node("io")
-        io.sync("titan")
-        assert saw.wait(SyncEnded, direction=IN).messages == 2
+        assert saw.pull("titan").messages == 2
     assert {message.topic: message.data for message in io.messages()} == {
         "/log": b"plain text",
         "/map": b"grid",
@@ -65,8 +59,7 @@ def test_many_large_messages_over_one_connection(field_of, way):
         titan.publish(f"/t{number}", noise(100_000, number))
     io, _, saw = field.node("io", timeout_s=60)
     for _ in range(2):
-        io.sync("titan")
-        saw.wait(SyncEnded, direction=IN)
+        saw.pull("titan")
         for number in range(100):
             assert io.latest("titan", f"/t{number}").data == noise(100_000, number)
             titan.publish(f"/t{number}", noise(100_000, number))

@@ -11,7 +11,7 @@ from mocha_link.links.metrics import StorageFailed
 from mocha_link.node import node
 from mocha_link.store.trust import TeamConfig
 from tests.mocha_link.conftest import TEAM, team_of
-from tests.mocha_link.node.test_node_storage import pull, running
+from tests.mocha_link.node.test_node_storage import running
 
 EUROPA = "  europa: {kind: ground_robot, address: 127.0.0.1, base_port: 40, clients: [io]}\n"
 LARGER = TEAM.replace("  callisto:", EUROPA + "  callisto:").replace(
@@ -31,7 +31,7 @@ def test_a_robot_that_joins_gets_no_other_robot_s_messages(field_of, file, caplo
     callisto.publish("/pose", b"callisto is here")
     with running(field, "io", storage=file) as (io, saw):
         io.publish("/pose", b"io is here")
-        pull(io, saw, "callisto")
+        saw.pull("callisto")
     later = field_of(LARGER)
     with running(later, "io", storage=file) as (io, _):
         # callisto has kept its number.
@@ -47,17 +47,17 @@ def test_what_was_refused_before_is_asked_for_again(field_of, file):
     field = field_of(TEAM)
     io, _, _ = field.node("io")
     io.publish("/cloud", b"of points")
-    callisto, _, saw = field.node("callisto")
-    pull(callisto, saw, "io")
+    _, _, saw = field.node("callisto")
+    saw.pull("io")
     own = field.team
     field.team = team_of(own.dump().replace("trust: relays", "trust: signed"))
     with running(field, "titan", storage=file) as (titan, saw):
-        pull(titan, saw, "callisto")
+        saw.pull("callisto")
         assert titan.messages() == []
         assert titan.links()["callisto"].refused
     field.team = own
     with running(field, "titan", storage=file) as (titan, saw):
-        pull(titan, saw, "callisto")
+        saw.pull("callisto")
         assert titan.latest("io", "/cloud").data == b"of points"
 
 

@@ -45,12 +45,6 @@ def mixed(request, field):
     return field
 
 
-def pull(node, saw, peer) -> SyncEnded:
-    """Pull from a peer, to the end."""
-    node.sync(peer)
-    return saw.wait(SyncEnded, peer=peer, direction=IN)
-
-
 def body_of(field, robot, topic, data, **changes) -> bytes:
     known = field.team.topic(robot, topic)
     dtype, priority = changes.get("dtype", known.dtype), changes.get("priority", known.priority)
@@ -89,13 +83,13 @@ def test_both_ways(mixed, old):
     mixed.clock.time_s += 1
     io.publish("/cloud", LARGE)
     titan.publish("/map", LARGE)
-    assert pull(titan, saw, "io").messages == 2
+    assert saw.pull("io").messages == 2
     assert titan.latest("io", "/pose").data == SMALL
     assert titan.latest("io", "/cloud").data == LARGE
     assert io.pull("titan").ended
     assert io.data("titan", "/map") == LARGE
     assert saw.wait(SyncEnded, peer="io", direction=OUT).messages == 1
-    assert pull(titan, saw, "io").messages == 0
+    assert saw.pull("io").messages == 0
     assert io.pull("titan") == original.Pull(offered=lists(io, titan), ended=True)
     assert titan.links()["io"].refused == 0
     assert not io.dead
@@ -110,12 +104,12 @@ def test_a_relay_across_an_original_node(mixed, old):
     body = io.ask("titan", b"GDATA" + sent)
     assert io.pull("titan").stored == [sent]
     assert io.body(sent) == body
-    assert pull(callisto, callisto_saw, "io").messages == 1
+    assert callisto_saw.pull("io").messages == 1
     assert callisto.latest("titan", "/map").data == LARGE
     assert callisto.latest("titan", "/map").header.pack() == sent
     callisto.publish("/pose", SMALL)
     assert io.pull("callisto").ended
-    pull(titan, saw, "io")
+    saw.pull("io")
     assert titan.latest("callisto", "/pose").data == SMALL
 
 
@@ -128,12 +122,12 @@ def test_an_error_reply_that_became_a_message(mixed, old):
     io.put(junk, JUNK)
     sent = io.publish("/pose", SMALL)
     for messages in (1, 0, 0):
-        assert pull(titan, saw, "io").messages == messages
+        assert saw.pull("io").messages == messages
     assert titan.latest("callisto", "/pose") is None
     assert lists(callisto, titan) == [sent]
     # The true one is still welcome: a junk header is nothing that we have.
     callisto.put(junk, body_of(mixed, "callisto", "/pose", b"true"))
-    assert pull(titan, saw, "callisto").messages == 1
+    assert saw.pull("callisto").messages == 1
     assert titan.latest("callisto", "/pose").data == b"true"
 
 
@@ -147,14 +141,14 @@ def test_ids_types_and_priorities_that_are_none_of_the_team(mixed, old):
     urgent = original.header(0, 1, now_s)
     io.put(urgent, body_of(mixed, "callisto", "/path", b"way", priority=200))
     sent = io.publish("/pose", SMALL)
-    assert pull(titan, saw, "io").messages == 2
+    assert saw.pull("io").messages == 2
     assert titan.links()["io"].refused >= 5
     # The priority of a topic is what the team says, not what a peer says.
     assert lists(callisto, titan) == [sent, urgent]
     assert titan.latest("callisto", "/path").priority.name == "MEDIUM"
     # 1000 ms and more are read as seconds by original nodes; here they are no header.
     io.put(bytes([0, 2]) + (500).to_bytes(2) + (65535).to_bytes(2), b"\1\0" + SMALL)
-    assert pull(titan, saw, "io").messages == 0
+    assert saw.pull("io").messages == 0
 
 
 def test_the_second_that_stops_original_nodes(field, old):
@@ -167,7 +161,7 @@ def test_the_second_that_stops_original_nodes(field, old):
     assert original.wire_s(stops) == 0.5
     relayed = original.header(0, 0, wrap_s + 1.0)
     io.override = lambda code, _: stops + relayed if code == b"GHEAD" else None
-    assert pull(titan, saw, "io").messages == 0
+    assert saw.pull("io").messages == 0
     assert titan.links()["io"].refused == 2
     ours = titan.publish("/map", SMALL).pack()  # and we make none
     assert callisto.pull("titan").stored == [ours]
@@ -177,7 +171,7 @@ def test_the_second_that_stops_original_nodes(field, old):
     io.override = None
     field.clock.time_s = wrap_s + 3
     io.publish("/path", LARGE)
-    pull(titan, saw, "io")
+    saw.pull("io")
     assert titan.latest("io", "/path").data == LARGE
 
 
@@ -196,13 +190,13 @@ def test_a_peer_that_falls_silent(field, old, mute):
     ) as io:
         io.publish("/pose", sent)
         titan.sync("io")
-        assert pull(titan, saw, "callisto").messages == 1  # meanwhile
+        assert saw.pull("callisto").messages == 1  # meanwhile
         broken = saw.wait(SyncTimedOut, peer="io", direction=IN)
     assert mute.decode() in broken.reason
     assert (titan.latest("io", "/pose") is None) == (mute != b"DENDT")
     io = old("io")  # restarted
     io.publish("/pose", sent)
-    pull(titan, saw, "io")
+    saw.pull("io")
     assert titan.latest("io", "/pose").data == sent
     assert titan.links()["io"].state_in is LinkState.ENDED
 

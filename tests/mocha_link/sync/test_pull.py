@@ -10,6 +10,7 @@ from mocha_link.node.gossip import TIMEOUT_S
 from mocha_link.sync.peer import MAX_MISSES, RETRY_EVERY
 from mocha_link.sync.protocol import PATIENCE_S, Connect
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import noise
 from tests.mocha_link.network_sim import Carried, NetworkSim, OldNode, pair_of, pulling
 
 FAR_S = 0.05  # half a round trip
@@ -33,10 +34,6 @@ def path(net: NetworkSim, client: str = "io", server: str = "titan") -> str | No
 
 def ended(net: NetworkSim, name: str = "io") -> SyncEnded:
     return net.told(name, SyncEnded)[-1]
-
-
-def noise(size: int, seed: int = 1) -> bytes:
-    return random.Random(seed).randbytes(size)
 
 
 def until_some_came(net: NetworkSim, size: int = 100_000) -> None:
