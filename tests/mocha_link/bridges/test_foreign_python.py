@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -131,86 +132,42 @@ def test_what_is_published_is_announced_as_the_node_has_the_type(rospy):
     ]
 
 
-class Rclpy(types.ModuleType):
-    """As much of rclpy as the bridge uses, to see that it is asked for the right things."""
-
-    def __init__(self):
-        super().__init__("rclpy")
-        self.__path__ = []
-        self.asked = []
-
-    def init(self, **options):
-        self.asked.append(("init", options))
-
-    def create_node(self, name):
-        self.asked.append(("node", name))
-        return self
-
-    def create_subscription(self, kind, topic, hand, profile, *, raw):
-        self.asked.append(("subscription", kind, topic, profile, raw))
-        hand(b"bytes")
-
-    def create_publisher(self, kind, topic, profile):
-        self.asked.append(("publisher", kind, topic, profile))
-        return self
-
-    def publish(self, data):
-        self.asked.append(("publish", data))
-
-    def spin(self, node):
-        raise KeyError
-
-    def shutdown(self):
-        self.asked.append(("shutdown",))
-
-
 @pytest.fixture
 def rclpy(monkeypatch):
-    fake = Rclpy()
-    policy = types.SimpleNamespace
-    modules = {
-        "rclpy": fake,
-        "rclpy.executors": policy(ExternalShutdownException=KeyError),
-        "rclpy.signals": policy(SignalHandlerOptions=policy(NO="no")),
-        "rclpy.qos": policy(
-            QoSProfile=lambda **fields: tuple(fields.values()),
-            ReliabilityPolicy=policy(RELIABLE="reliable", BEST_EFFORT="best effort"),
-            DurabilityPolicy=policy(TRANSIENT_LOCAL="lasting", VOLATILE="volatile"),
-        ),
-        "rosidl_runtime_py": policy(__path__=[]),
-        "rosidl_runtime_py.utilities": policy(get_message=lambda name: name),
-    }
-    for name, module in modules.items():
-        monkeypatch.setitem(sys.modules, name, module)
-    fake.qos = modules["rclpy.qos"]
+    """All modules of it in one, which notes what it is asked for."""
+    fake = mock.MagicMock(ExternalShutdownException=KeyError)
+    fake.qos = fake
+    fake.spin.side_effect = KeyError
+    fake.get_message = lambda name: name
+    fake.QoSProfile = lambda **fields: tuple(fields.values())
+    names = ("rclpy", "rclpy.executors", "rclpy.signals", "rosidl_runtime_py.utilities")
+    for name in (*names, "rosidl_runtime_py"):
+        monkeypatch.setitem(sys.modules, name, fake)
     return fake
 
 
 def test_rclpy_is_asked_for_bytes(rclpy):
-    heard = []
+    hand, call, node = object(), mock.call, rclpy.create_node.return_value
+    reliable, best_effort = rclpy.ReliabilityPolicy.RELIABLE, rclpy.ReliabilityPolicy.BEST_EFFORT
+    lasting, volatile = rclpy.DurabilityPolicy.TRANSIENT_LOCAL, rclpy.DurabilityPolicy.VOLATILE
     rcl = Rcl("bridge", best_effort=["/scan"])
-    rcl.subscribe("/pose", "geometry_msgs/Pose", 1, heard.append)
-    rcl.subscribe("/scan", "sensor_msgs/LaserScan", 50, heard.append)
+    rcl.subscribe("/pose", "geometry_msgs/Pose", 1, hand)
+    rcl.subscribe("/scan", "sensor_msgs/LaserScan", 50, hand)
     rcl.publish("/io/pose", "geometry_msgs/Pose", 3, b"cdr")
     rcl.publish("/io/pose", "geometry_msgs/Pose", 3, b"cdr2")
     rcl.close()
-    assert heard == [b"bytes", b"bytes"]
-    assert rclpy.asked == [
-        ("init", {"signal_handler_options": "no"}),
-        ("node", "bridge"),
-        ("subscription", "geometry_msgs/msg/Pose", "/pose", (10, "reliable", "volatile"), True),
-        (
-            "subscription",
-            "sensor_msgs/msg/LaserScan",
-            "/scan",
-            (50, "best effort", "volatile"),
-            True,
-        ),
-        ("publisher", "geometry_msgs/msg/Pose", "/io/pose", (3, "reliable", "lasting")),
-        ("publish", b"cdr"),
-        ("publish", b"cdr2"),
-        ("shutdown",),
+    rclpy.init.assert_called_once_with(signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    rclpy.create_node.assert_called_once_with("bridge")
+    assert node.create_subscription.mock_calls == [
+        call("geometry_msgs/msg/Pose", "/pose", hand, (10, reliable, volatile), raw=True),
+        call("sensor_msgs/msg/LaserScan", "/scan", hand, (50, best_effort, volatile), raw=True),
     ]
+    assert node.create_publisher.mock_calls == [
+        call("geometry_msgs/msg/Pose", "/io/pose", (3, reliable, lasting)),
+        call().publish(b"cdr"),
+        call().publish(b"cdr2"),
+    ]
+    rclpy.shutdown.assert_called_once_with()
 
 
 @pytest.mark.parametrize(

@@ -35,10 +35,6 @@ def reports(text, *, step_s=1.0):
     return [report for report in lines if report]
 
 
-def put_all(reports_seen):
-    return lambda peer, reading: reports_seen.put((peer, reading))
-
-
 # Wi-Fi.
 
 
@@ -67,6 +63,18 @@ def seen():
     return queue.SimpleQueue()
 
 
+@pytest.fixture
+def start(seen):
+    """Starts a radio, whose reports are then `seen`; it ends with the test."""
+    with contextlib.ExitStack() as stack:
+
+        def start(radio):
+            stack.callback(radio.close)
+            radio.start(lambda peer, reading: seen.put((peer, reading)))
+
+        yield start
+
+
 def fake_iw(tmp_path, *answers):
     """A program in place of `iw` that gives one answer after the other, the last for ever."""
     folder = tmp_path / "answers"
@@ -84,19 +92,18 @@ def fake_iw(tmp_path, *answers):
     return (sys.executable, str(program))
 
 
-def test_a_wifi_radio(tmp_path, seen):
+def test_a_wifi_radio(tmp_path, seen, start):
     command = fake_iw(tmp_path, SAMPLES["iw_mesh.txt"], SAMPLES["iw_old_driver.txt"])
     peers = {"02:ca:ff:ee:00:13": "titan", "02:ca:ff:ee:00:14": "io", "02:ca:ff:ee:00:15": "io"}
     radio = WifiRadio(RadioUrl.parse("wifi://wlan0"), peers, poll_s=0.01, command=command)
-    radio.start(put_all(seen))
-    with contextlib.closing(radio):
-        assert seen.get(timeout=WAIT_S) == ("titan", Reading(-60.0, Unit.DBM, "wifi"))
-        assert seen.get(timeout=WAIT_S) == ("io", Reading(-77.0, Unit.DBM, "wifi"))
-        assert seen.get(timeout=WAIT_S) == ("titan", None)
-        assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
+    start(radio)
+    assert seen.get(timeout=WAIT_S) == ("titan", Reading(-60.0, Unit.DBM, "wifi"))
+    assert seen.get(timeout=WAIT_S) == ("io", Reading(-77.0, Unit.DBM, "wifi"))
+    assert seen.get(timeout=WAIT_S) == ("titan", None)
+    assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
 
 
-def test_an_interface_that_comes_up_late(tmp_path, seen):
+def test_an_interface_that_comes_up_late(tmp_path, seen, start):
     program = tmp_path / "iw.py"
     program.write_text("import sys; sys.exit('command failed: No such device (-19)')")
     radio = WifiRadio(
@@ -105,30 +112,28 @@ def test_an_interface_that_comes_up_late(tmp_path, seen):
         poll_s=0.01,
         command=(sys.executable, str(program)),
     )
-    radio.start(put_all(seen))
-    with contextlib.closing(radio):
-        program.write_text(f"print({SAMPLES['iw_old_driver.txt']!r})")
-        assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
+    start(radio)
+    program.write_text(f"print({SAMPLES['iw_old_driver.txt']!r})")
+    assert seen.get(timeout=WAIT_S) == ("io", Reading(-83.0, Unit.DBM, "wifi"))
 
 
-def test_an_iw_that_hangs_does_not_hold_up_the_end(tmp_path, seen):
+def test_an_iw_that_hangs_does_not_hold_up_the_end(tmp_path, start):
     flag = tmp_path / "runs"
     program = tmp_path / "iw.py"
     program.write_text(
         f"import pathlib, time; pathlib.Path({str(flag)!r}).touch(); time.sleep(600)"
     )
     radio = WifiRadio(RadioUrl.parse("wifi://wlan0"), {}, command=(sys.executable, str(program)))
-    radio.start(put_all(seen))
+    start(radio)
     while not flag.exists():
         pass
     radio.close()
 
 
-def test_no_iw(seen):
+def test_no_iw(start):
     radio = WifiRadio(RadioUrl.parse("wifi://wlan0"), {}, command=("no-such-program",))
     with pytest.raises(RadioError, match="no program no-such-program; install it"):
-        radio.start(put_all(seen))
-    radio.close()
+        start(radio)
 
 
 # Rajant.
@@ -221,7 +226,7 @@ def test_no_dump_takes_long(text):
     assert parse_station_dump("Station 02:ca:ff:ee:00:14 (on w)\n" + text) == {}
 
 
-def test_a_monitor_elsewhere(seen):
+def test_a_monitor_elsewhere(seen, start):
     with socket.create_server(("127.0.0.1", 0)) as monitor:
         port = monitor.getsockname()[1]
         radio = RajantRadio(
@@ -229,50 +234,44 @@ def test_a_monitor_elsewhere(seen):
             {"10.229.221.1": "io", "10.229.222.1": "titan", A: "io", A2: "io"},
             retry_s=0.01,
         )
-        radio.start(put_all(seen))
-        with contextlib.closing(radio):
-            with monitor.accept()[0] as connection:
-                connection.sendall(SAMPLES["rajant_lines.txt"][:300].encode())
-                assert seen.get(timeout=WAIT_S) == ("io", device(55))
-            with monitor.accept()[0] as connection:  # it begins anew
-                connection.sendall(SAMPLES["rajant_protobuf.txt"].encode())
-                assert seen.get(timeout=WAIT_S) == ("io", device(55))
-                connection.sendall(b"ERR\n")
-            with monitor.accept()[0]:
-                pass
+        start(radio)
+        with monitor.accept()[0] as connection:
+            connection.sendall(SAMPLES["rajant_lines.txt"][:300].encode())
+            assert seen.get(timeout=WAIT_S) == ("io", device(55))
+        with monitor.accept()[0] as connection:  # it begins anew
+            connection.sendall(SAMPLES["rajant_protobuf.txt"].encode())
+            assert seen.get(timeout=WAIT_S) == ("io", device(55))
+            connection.sendall(b"ERR\n")
+        with monitor.accept()[0]:
+            pass
 
 
-def test_a_monitor_that_has_become_silent_is_asked_anew(seen):
+def test_a_monitor_that_has_become_silent_is_asked_anew(seen, start):
     """Its machine has lost power: no end of the connection comes."""
     with socket.create_server(("127.0.0.1", 0)) as monitor:
         url = RadioUrl.parse(f"rajant://127.0.0.1:{monitor.getsockname()[1]}")
-        radio = RajantRadio(url, {"10.229.221.1": "io"}, retry_s=0.01, silent_s=0.2)
-        radio.start(put_all(seen))
-        with contextlib.closing(radio), monitor.accept()[0]:
+        start(RajantRadio(url, {"10.229.221.1": "io"}, retry_s=0.01, silent_s=0.2))
+        with monitor.accept()[0]:
             monitor.settimeout(WAIT_S)
             with monitor.accept()[0] as connection:
                 connection.sendall(SAMPLES["rajant_lines.txt"][:300].encode())
                 assert seen.get(timeout=WAIT_S) == ("io", device(55))
 
 
-def test_a_monitor_that_is_not_there_yet(seen):
+def test_a_monitor_that_is_not_there_yet(seen, start):
     host = f"127.77.{os.getpid() // 254 % 254 + 1}.{os.getpid() % 254 + 1}"  # of no other test
     with socket.create_server((host, 0)) as monitor:
         port = monitor.getsockname()[1]
     radio = RajantRadio(
         RadioUrl.parse(f"rajant://{host}:{port}"), {"10.229.221.1": "io"}, retry_s=0.01
     )
-    radio.start(put_all(seen))
-    with (
-        contextlib.closing(radio),
-        socket.create_server((host, port)) as monitor,
-        monitor.accept()[0] as connection,
-    ):
+    start(radio)
+    with socket.create_server((host, port)) as monitor, monitor.accept()[0] as connection:
         connection.sendall(SAMPLES["rajant_lines.txt"].encode())
         assert seen.get(timeout=WAIT_S) == ("io", device(55))
 
 
-def test_a_monitor_that_is_started_here(tmp_path, seen):
+def test_a_monitor_that_is_started_here(tmp_path, seen, start):
     jar = tmp_path / "monitor.jar"
     jar.write_text(
         "import sys, time\n"
@@ -285,12 +284,11 @@ def test_a_monitor_that_is_started_here(tmp_path, seen):
         {"10.229.221.1": "io"},
         command=(sys.executable,),
     )
-    radio.start(put_all(seen))
-    with contextlib.closing(radio):
-        assert seen.get(timeout=WAIT_S) == ("io", device(55))
+    start(radio)
+    assert seen.get(timeout=WAIT_S) == ("io", device(55))
 
 
-def test_a_monitor_without_its_program(tmp_path, seen):
+def test_a_monitor_without_its_program(tmp_path, start):
     url = RadioUrl.parse(f"rajant://10.229.221.1?jar={tmp_path}/none.jar")
     with pytest.raises(RadioError, match=r"no Rajant monitor at .*none\.jar"):
-        RajantRadio(url, {}).start(put_all(seen))
+        start(RajantRadio(url, {}))
