@@ -23,23 +23,8 @@ E = TypeVar("E")
 _hosts = itertools.count()
 
 WAIT_S = 60  # a limit against hangs; nothing waits so long unless something is broken
-TEAM = """\
-robots:
-  titan: {kind: aerial_robot, address: 127.0.0.1, base_port: 10, clients: [callisto, io]}
-  callisto: {kind: ground_robot, address: 127.0.0.1, base_port: 20, clients: [io, titan]}
-  io: {kind: ground_robot, address: 127.0.0.1, base_port: 30, clients: [callisto, titan]}
-kinds:
-  aerial_robot:
-    topics:
-      - {name: /map, type: grid/SemanticMap, priority: high}
-      - {name: /slow, type: json/Pose, min_interval_s: 5}
-  ground_robot:
-    topics:
-      - {name: /pose, type: json/Pose, priority: high}
-      - {name: /path, type: json/Path, priority: medium}
-      - {name: /cloud, type: json/Cloud, priority: none}
-trigger: {interval_s: 2}
-"""
+DATA = Path(__file__).parents[1] / "data" / "mocha"
+TEAM = (DATA / "three.yaml").read_text()
 
 
 def team_of(text: str) -> Team:

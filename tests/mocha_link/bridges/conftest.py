@@ -9,23 +9,9 @@ from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
-from tests.mocha_link.conftest import team_of
+from tests.mocha_link.conftest import DATA, team_of
 
-TEAM = """\
-robots:
-  one: {kind: rover, address: 127.0.0.1, base_port: 10, clients: [two]}
-  two: {kind: rover, address: 127.0.0.1, base_port: 20, clients: [one], ros: 2}
-kinds:
-  rover:
-    topics:
-      - {name: /pose, type: geometry_msgs/PoseStamped, priority: high}
-      - {name: /goal, type: json/Goal}
-      - {name: /raw, type: grid/Map, history: 3}
-      - {name: /own, type: field/Own}
-      - {name: /log, type: std_msgs/String, aggregate: true, min_interval_s: 60}
-definitions:
-  field/Own: "uint16 count"
-"""
+TEAM = (DATA / "ros_team.yaml").read_text()
 
 
 @pytest.fixture

@@ -13,32 +13,12 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec
+from tests.mocha_link.conftest import DATA
 
 PYTHON = "/usr/bin/python3"
 BRIDGE = [sys.executable, *["-m", "mocha_link.cli.cli", "bridge", "ros1", "--node"]]
 POSE = "geometry_msgs/PoseStamped"
-NODE = """
-import sys, rospy
-from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import String
-
-def say(kind, text):
-    sys.stdout.write(kind + " " + text + chr(10))
-    sys.stdout.flush()
-
-rospy.init_node("other", disable_signals=True)
-rospy.Subscriber("/two/pose", PoseStamped, lambda m: say("pose", m.header.frame_id))
-rospy.Subscriber("/two/goal", String, lambda m: say("goal", m.data))
-poses = rospy.Publisher("/pose", PoseStamped, queue_size=10, latch=True)
-goals = rospy.Publisher("/goal", String, queue_size=10, latch=True)
-odd = rospy.Publisher("/own", String, queue_size=10, latch=True)
-odd.publish(String(data="odd"))
-message = PoseStamped()
-message.header.frame_id = "from ROS"
-poses.publish(message)
-goals.publish(String(data="[1, 2]"))
-rospy.spin()
-"""
+NODE = (DATA / "ros1_node.txt").read_text()
 
 
 pytestmark = pytest.mark.foreign_process

@@ -4,7 +4,6 @@ import base64
 import json
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import yaml
@@ -24,9 +23,9 @@ from mocha_link.service.service_client import (
     ServiceError,
     ServiceUnreachableError,
 )
+from tests.mocha_link.conftest import DATA
 
-DATA = Path(__file__).parents[2] / "data"
-REFUSED = yaml.safe_load((DATA / "refused" / "requests.yaml").read_text())
+REFUSED = yaml.safe_load((DATA.parent / "refused" / "requests.yaml").read_text())
 POSE = {"header": {"frame_id": "map"}}
 
 

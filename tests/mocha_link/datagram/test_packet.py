@@ -1,16 +1,15 @@
 """Packets byte by byte, and what the receiving end knows of them."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocha_link.datagram import packet as wire
 from mocha_link.datagram.packet import ACK_DELAY_S, MAX_NUMBER, WINDOW, Arrivals, Packet
+from tests.mocha_link.conftest import DATA
 
 TOKEN = b"abcdef"
-PACKETS = (Path(__file__).parents[2] / "data/refused/packets.txt").read_text().splitlines()
+PACKETS = (DATA.parent / "refused" / "packets.txt").read_text().splitlines()
 FAST = settings(deadline=None, max_examples=100)
 FRAMES = st.lists(st.binary(max_size=50), max_size=5)
 

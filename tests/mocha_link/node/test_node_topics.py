@@ -4,22 +4,12 @@ import pytest
 
 from mocha_link.links.metrics import Direction
 from tests.mocha_link import original
-from tests.mocha_link.conftest import noise
+from tests.mocha_link.conftest import DATA, noise
 
 IN, OUT = Direction.IN, Direction.OUT
-PAIR = """\
-robots:
-  io: {kind: rover, address: 127.0.0.1, base_port: 10, clients: [titan]}
-  titan: {kind: rover, address: 127.0.0.1, base_port: 20, clients: [io]}
-kinds:
-  rover:
-    topics:
-      - {name: /log, type: json/Log, aggregate: true, min_interval_s: 5}
-      - {name: /trail, type: json/Pose, history: 4, priority: high}
-      - {name: /map, type: grid/Map}
-"""
+PAIR = (DATA / "pair.yaml").read_text()
 MANY = (
-    PAIR.split("      - {name: /log", maxsplit=1)[0]
+    PAIR.partition("      - {name: /log")[0]
     + "".join(f"      - {{name: /t{number}, type: a/B}}\n" for number in range(100))
     + "trigger: {interval_s: 1000}\n"
 )

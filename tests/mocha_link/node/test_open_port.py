@@ -20,7 +20,7 @@ from mocha_link.node.port import MAX_REQUEST_BYTES
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
-from tests.mocha_link.conftest import WAIT_S
+from tests.mocha_link.conftest import DATA, WAIT_S
 from tests.mocha_link.node.test_port import WAIT_MS, Clients, Shell, titan
 
 __all__ = ["titan"]  # a fixture
@@ -31,21 +31,7 @@ FLOOD_BYTES = 40_000_000  # of each
 GROWTH_KB = 24 * 1024
 STATUS = Path("/proc/self/status")
 
-NODE = """
-import sys
-import time
-from pathlib import Path
-from mocha_link import Node, Team
-with Node(Team.load(Path(sys.argv[1])), "titan") as node:
-    print("ready", flush=True)
-    sys.stdin.readline()
-    until_s = time.monotonic() + 10
-    while (refused := sum(link.refused for link in node.links().values())) < int(sys.argv[2]):
-        if time.monotonic() > until_s:
-            break
-        time.sleep(0.05)  # connections are looked at a few times a second
-    print(refused)
-"""
+NODE = (DATA / "flooded_node.txt").read_text()
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import json
 import math
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,10 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.ros import ros_store
 from mocha_link.ros.ros import RosCodec, RosError
+from tests.mocha_link.conftest import DATA
 from tests.mocha_link.fuzz import EXPLORE
 
-CAPTURED = json.loads((Path(__file__).parents[2] / "data/mocha/ros_payloads.json").read_text())
+CAPTURED = json.loads((DATA / "ros_payloads.json").read_text())
 CAPTURED_BYTES = {ros: bytes.fromhex(CAPTURED[f"ros{ros}"]) for ros in (1, 2)}
 DEFINITIONS = {
     "field/Goal": "# where to\nint32 KIND_ANY=0\nHeader header\nPlace[] places\nstring[2] from\n",

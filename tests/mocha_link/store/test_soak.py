@@ -16,11 +16,12 @@ from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.store.wire import WRAP_S
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import DATA
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NetworkSim, T
 
 NAMES = ("callisto", "europa", "io", "titan")
-TEAM = Team.load(Path(__file__).parents[2] / "data" / "mocha" / "days.yaml")
+TEAM = Team.load(DATA / "days.yaml")
 HOUR_S = 3600.0
 DAYS_S = (72 if EXPLORE else 20) * HOUR_S
 BEGIN_S = 0.0 if EXPLORE else 13 * HOUR_S

@@ -1,7 +1,6 @@
 """The recorded sync of original nodes: read byte for byte, answered and asked as they did."""
 
 import json
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -15,9 +14,9 @@ from mocha_link.store.wire import Header
 from mocha_link.sync import original
 from mocha_link.sync.original import ClientSession, ServerSession
 from mocha_link.team.team import Team
+from tests.mocha_link.conftest import DATA
 from tests.mocha_link.network import peer_of
 
-DATA = Path(__file__).parents[2] / "data" / "mocha"
 NOW = Instant(1795175905.0, 100.0)  # shortly after the recording
 
 

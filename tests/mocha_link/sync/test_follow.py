@@ -19,21 +19,15 @@ from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import FOLLOW_S
 from mocha_link.sync.sync_messages import MAX_NEWS, Have, Open, decode_news, encode_news
 from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
-from tests.mocha_link.conftest import team_of
+from mocha_link.team.team import Team
+from tests.mocha_link.conftest import DATA
 from tests.mocha_link.network import peer_of
 from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
 
 FAR_S = 0.05  # half a round trip
 PROMPT_S = 0.02
 HEADERS_BYTES = 2 * 66  # of Ethernet, IP and TCP, once more for the acknowledgement
-CHAIN = """\
-robots:
-  callisto: {kind: rover, address: a, base_port: 10, clients: [titan]}
-  io: {kind: rover, address: b, base_port: 20, clients: [titan]}
-  titan: {kind: rover, address: c, base_port: 30, clients: [callisto, io]}
-kinds:
-  rover: {topics: [{name: /map, type: a/B}, {name: /pose, type: a/B}]}
-"""
+CHAIN = Team.load(DATA / "chain.yaml")
 
 
 @pytest.fixture(params=[True, False], ids=["datagrams", "connection"])
@@ -194,8 +188,7 @@ def test_a_peer_that_went_away_is_forgotten_without_a_word(net):
 @pytest.mark.parametrize("linked", [True, False])
 def test_of_others_only_that_is_pushed_which_the_peer_gets_no_other_way(team, linked):
     """What several could push would cross every link of a neighbourhood."""
-    chain = team_of(CHAIN)
-    net = NetworkSim(team if linked else chain, delay_s=FAR_S)
+    net = NetworkSim(team if linked else CHAIN, delay_s=FAR_S)
     net.pull("titan", "callisto")
     net.pull("io", "titan")
     publish(net, "callisto", "/pose", b"here")

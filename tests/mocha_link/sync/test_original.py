@@ -8,7 +8,6 @@ import contextlib
 import json
 import math
 import random
-from pathlib import Path
 
 import lz4.frame
 import pytest
@@ -17,10 +16,10 @@ from mocha_link.links.metrics import Direction, LinkState, SyncEnded, SyncTimedO
 from mocha_link.store.wire import WRAP_S
 from mocha_link.team.team import Team
 from tests.mocha_link import original
+from tests.mocha_link.conftest import DATA
 from tests.mocha_link.original import JUNK, SILENT, Original
 
 IN, OUT = Direction.IN, Direction.OUT
-DATA = Path(__file__).parents[2] / "data" / "mocha"
 SMALL, LARGE = b"a pose", random.Random(7).randbytes(300_000)
 
 

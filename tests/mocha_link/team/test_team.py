@@ -12,10 +12,10 @@ from mocha_link.team.team import (
     Trust,
     UnknownRobotError,
 )
+from tests.mocha_link.conftest import DATA
 
 PATH = Path("team.yaml")
-DATA = Path(__file__).parents[2] / "data"
-TEXT = (DATA / "mocha" / "fleet.yaml").read_text()
+TEXT = (DATA / "fleet.yaml").read_text()
 
 
 def team(text: str = TEXT) -> Team:
@@ -112,7 +112,7 @@ def test_ports_that_clash():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "problem"), yaml.safe_load((DATA / "refused" / "team.yaml").read_text())
+    ("old", "new", "problem"), yaml.safe_load((DATA.parent / "refused" / "team.yaml").read_text())
 )
 def test_wrong_values_name_their_place(old, new, problem):
     found = problems(TEXT.replace(old, new, 1))

@@ -1,7 +1,6 @@
 """The original nodes' YAML files become a team with the same ids and ports, or are refused."""
 
 import shutil
-from pathlib import Path
 
 import pytest
 import yaml
@@ -10,9 +9,8 @@ from mocha_link.cli.cli import main
 from mocha_link.team import upstream
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
-from tests.mocha_link.conftest import team_of
+from tests.mocha_link.conftest import DATA, team_of
 
-DATA = Path(__file__).parents[2] / "data/mocha"
 NAMES = ("robots", "topics", "radios")
 TEXTS = {name: (DATA / "odd" / f"{name}.yaml").read_text() for name in NAMES}
 REFUSED = yaml.safe_load((DATA.parent / "refused" / "upstream.yaml").read_text())
