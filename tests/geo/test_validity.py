@@ -39,16 +39,6 @@ def test_open_ends():
     assert not Validity(()).active_between(at(1), None)
 
 
-def test_days_and_hours():
-    office = weekly((0, 1, 2, 3, 4), (8, 0), (17, 0))
-    assert office.meets(at(16), at(18))
-    assert not office.meets(at(18), at(20))
-    assert not office.meets(at(9, days=1), at(16, days=2))  # the week-end
-    assert office.meets(at(18), at(9, days=3))  # over the week-end, into Monday
-    assert office.meets(at(18), None)
-    assert office.meets(at(18), at(18, days=30))
-
-
 def test_hours_count_within_the_period_only():
     summer = Period(at(12), at(20), (Hours(EVERY_DAY, time(8), time(11)),))
     assert not summer.meets(at(0), None)

@@ -185,26 +185,17 @@ def message(body: bytes) -> bytes:
     return zmtp.ZmtpSession.request(body)
 
 
-def _handshake(kind: bytes) -> bytes:
-    ready = zmtp._READY + zmtp._property(b"Socket-Type", kind) + zmtp._property(b"Identity", b"")
-    return zmtp._GREETING + zmtp._frame(zmtp._COMMAND, ready)
+HANDSHAKE_OF_ROUTER = zmtp._GREETING + zmtp._frame(
+    zmtp._COMMAND,
+    zmtp._READY + zmtp._property(b"Socket-Type", b"ROUTER") + zmtp._property(b"Identity", b""),
+)
 
 
-HANDSHAKE_OF_DEALER, HANDSHAKE_OF_ROUTER = _handshake(b"DEALER"), _handshake(b"ROUTER")
-
-
-@contextlib.contextmanager
-def hung_up() -> Iterator[None]:
-    """titan may have heard enough at any time; but it must not be silent for ever."""
+def say(connection: socket.socket, data: bytes) -> None:
+    """Send, if a peer is there to receive it; but it must not be silent for ever."""
     try:
-        yield
+        connection.sendall(data)
     except TimeoutError:
         raise
     except OSError:
         pass
-
-
-def say(connection: socket.socket, data: bytes) -> None:
-    """Send, if a peer is there to receive it."""
-    with hung_up():
-        connection.sendall(data)

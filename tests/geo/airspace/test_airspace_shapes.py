@@ -58,12 +58,6 @@ def test_a_circle_as_a_fence():
     assert ShortestPaths(space).nearest(P(0, 300)) == pytest.approx((0, 95), abs=1)
 
 
-def test_a_corridor_between_two_circles_is_as_wide_as_it_is():
-    masts = [Zone("w", Circle(P(-20, 0), 10)), Zone("e", Circle(P(20, 0), 10))]
-    assert Airspace(None, masts, 10).leg_clear(P(0, -50), P(0, 50))
-    assert not Airspace(None, masts, 10.00001).leg_clear(P(0, -50), P(0, 50))
-
-
 def test_the_hole_of_a_zone_is_free_and_no_way_leads_out():
     space = Airspace(FENCED, [Zone("wall", DONUT)], 5)
     assert space.point_clear(P(0, 0))

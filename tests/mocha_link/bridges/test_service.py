@@ -18,11 +18,7 @@ from mocha_link.ros.ros import RosCodec
 from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service.endpoint import bind, connect
 from mocha_link.service.service import Service, ServiceServer
-from mocha_link.service.service_client import (
-    ServiceClient,
-    ServiceError,
-    ServiceUnreachableError,
-)
+from mocha_link.service.service_client import ServiceClient, ServiceError, ServiceUnreachableError
 from tests.mocha_link.conftest import DATA
 
 REFUSED = yaml.safe_load((DATA.parent / "refused" / "requests.yaml").read_text())

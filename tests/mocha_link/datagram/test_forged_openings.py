@@ -105,9 +105,6 @@ def test_only_syncs_that_got_through_use_tokens_up(server):
     assert not server._peer.admits(address_token)
 
 
-# --- copies of what the peer sent earlier
-
-
 @pytest.fixture
 def net(team) -> NetworkSim:
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
@@ -143,9 +140,6 @@ def test_copies_neither_end_what_goes_on_nor_say_where_the_peer_is(net, path):
         titan.flush(net.team.topic("titan", "/slow"), net.now)
         net.wait(1)
         assert net.held("io")["titan", "/slow"] == b"pushed %d" % pulls
-
-
-# --- what it costs those who mean well
 
 
 def pulled_s(net: NetworkSim) -> float:

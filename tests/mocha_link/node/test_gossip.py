@@ -187,9 +187,6 @@ def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_asks_again(team):
     assert net.told("titan", SyncTimedOut) == []
 
 
-# --- metrics that hold
-
-
 def test_pulls_that_fail_measure_no_round_trip(team):
     net = NetworkSim(team, by_timer=True, delay_s=0.05)
     io = net.nodes["io"]

@@ -33,9 +33,6 @@ def running(field: Field, name: str, **options: object) -> Iterator[tuple[Node, 
         yield node, witness
 
 
-# --- what survives
-
-
 def test_messages_survive_a_restart(field_of, file):
     field = field_of(TRAILS)
     io, _, _ = field.node("io")
@@ -110,9 +107,6 @@ def test_a_team_that_has_lost_a_topic(field_of, file):
             assert [message.data for _, message in titan.stored_since(0, limit)] == [b"grid"]
         assert saw.pull("titan").messages == 1
     assert [message.data for message in io.messages()] == [b"grid"]
-
-
-# --- files that cannot be used
 
 
 def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file):

@@ -15,9 +15,6 @@ MANY = (
 )
 
 
-# --- several messages in one
-
-
 def test_a_message_of_an_original_robot_is_no_batch(field_of):
     """It knows nothing of batches; the others' messages stay readable, and so does its data."""
     field = field_of(PAIR)
@@ -33,9 +30,6 @@ def test_a_message_of_an_original_robot_is_no_batch(field_of):
     assert io.latest("titan", "/log").parts == ()
     assert [message.data for message in io.history("titan", "/log")] == [b"plain text"]
     assert {message.topic for _, message in io.stored_since(0)} == {"/log", "/map"}
-
-
-# --- many and large
 
 
 @pytest.mark.parametrize("way", ["new", "original"])

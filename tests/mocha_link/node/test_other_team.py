@@ -147,9 +147,6 @@ def test_the_log_says_it_once_in_a_while(field, caplog):
     assert warnings() == 4
 
 
-# --- what could lead to reading by ids nevertheless
-
-
 def test_a_damaged_opening_does_not_make_it_an_original_node(other):
     """The fallback to the old protocol would read by ids."""
     field = Field(other)

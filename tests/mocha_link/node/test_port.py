@@ -16,13 +16,7 @@ from mocha_link.node import port as port_module
 from mocha_link.node.curve import CurveUnavailableError, protect_contact
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.open_port import Callers, OpenPort
-from mocha_link.node.port import (
-    BURST,
-    MAX_REQUEST_BYTES,
-    QUEUE_REQUESTS,
-    Port,
-    ProtectedPort,
-)
+from mocha_link.node.port import BURST, MAX_REQUEST_BYTES, QUEUE_REQUESTS, Port, ProtectedPort
 from mocha_link.store.trust import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages

@@ -6,13 +6,7 @@ import random
 
 import pytest
 
-from mocha_link.links.metrics import (
-    Direction,
-    MessageStored,
-    SyncEnded,
-    SyncStarted,
-    SyncTimedOut,
-)
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.sync.frames import FOLLOW, OPEN, SyncFrameError, message_frame
 from mocha_link.sync.pull import STANDS_S
 from mocha_link.sync.puller import Puller
@@ -300,9 +294,6 @@ def test_only_links_on_which_something_happens_are_looked_at(net, monkeypatch):
     assert titan.tick(net.now) == {"io"}
     net.wait(FOLLOW_S + 1)
     assert "callisto" not in looked
-
-
-# --- several peers
 
 
 def linked(net, *names):

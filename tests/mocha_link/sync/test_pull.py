@@ -384,9 +384,6 @@ def test_the_end_is_lost(team, seed, follow):
     assert not net.told("io", SyncTimedOut)
 
 
-# --- budget
-
-
 def budgeted(team: Team, budget_bytes: int, **options: object) -> NetworkSim:
     trigger = team.trigger.model_copy(update={"budget_bytes": budget_bytes})
     return NetworkSim(
@@ -419,6 +416,3 @@ def test_the_next_contact_has_a_budget_of_its_own():
     assert net.held("io") == net.held("titan")
     assert len(net.told("io", MessageStored)) == 40
     assert io.links(net.now)["titan"].bytes_in < 40 * 2_100 + 10_000
-
-
-# --- what everything else shares

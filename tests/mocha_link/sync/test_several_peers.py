@@ -155,9 +155,6 @@ def test_nothing_is_lost_of_what_was_left_to_a_peer_that_fails(monkeypatch, list
     assert other.content.items() <= asker.content.items()
 
 
-# --- wrong parts
-
-
 @pytest.fixture
 def good():
     good = Node("good")

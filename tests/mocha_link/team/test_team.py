@@ -6,12 +6,7 @@ import pytest
 import yaml
 
 from mocha_link.team.document import Document, DocumentError
-from mocha_link.team.team import (
-    Priority,
-    Team,
-    Trust,
-    UnknownRobotError,
-)
+from mocha_link.team.team import Priority, Team, Trust, UnknownRobotError
 from tests.mocha_link.conftest import DATA
 
 PATH = Path("team.yaml")
