@@ -24,7 +24,7 @@ coordinate = st.floats(-90, 90).map(lambda value: round(value, 3))
 place = st.builds(Point, coordinate, coordinate)
 
 
-def _star(centre, radii, turn, shrink):
+def star(centre, radii, turn=0.0, shrink=1.0):
     """A polygon around its centre: simple, whatever the radii, and mostly concave."""
     angles = [turn + 2 * math.pi * step / len(radii) for step in range(len(radii))]
     return tuple(
@@ -44,8 +44,8 @@ def outlines(draw):
     turn = draw(st.floats(0, 6.28))
     holes = ()
     if draw(st.booleans()) and len(radii) > 4:  # the centre lies within for sure
-        holes = (_star(centre, radii, turn, 0.4),)
-    return Outline(_star(centre, radii, turn, 1.0), holes)
+        holes = (star(centre, radii, turn, 0.4),)
+    return Outline(star(centre, radii, turn), holes)
 
 
 circles = st.builds(Circle, place, st.floats(1, 40))

@@ -89,18 +89,9 @@ def test_any_bytes_give_a_grid_or_a_grid_error(data):
 
 
 def header(**changes):
-    fields = {
-        "magic": b"SGRD",
-        "version": 1,
-        "latitude": 1.0,
-        "longitude": 2.0,
-        "resolution": 1.0,
-        "west": 0.0,
-        "south": 0.0,
-        "rows": 1,
-        "columns": 1,
-    }
-    return struct.pack("<4sB3xdddddII", *(fields | changes).values())
+    fields = {"version": 1, "latitude": 1.0, "longitude": 2.0, "resolution": 1.0}
+    fields |= {"west": 0.0, "south": 0.0, "rows": 1, "columns": 1}
+    return struct.pack("<4sB3xdddddII", b"SGRD", *(fields | changes).values())
 
 
 @pytest.mark.parametrize(

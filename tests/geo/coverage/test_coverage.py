@@ -17,15 +17,13 @@ from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.coverage.coverage import CoverageError, Swath, UnseenCause, cover
 from geo.frame import Point
+from tests.geo.shapes import box_ring as box
+from tests.geo.shapes import star
 
 MAPS = Path(__file__).parents[2] / "data" / "maps"
 OPEN = Airspace(None, [], 5.0)
 FIELD = Polygon([(0, 0), (300, 0), (300, 200), (0, 200)])
 SWATH = Swath(across_m=40.0, along_m=30.0, spacing_m=30.0)
-
-
-def box(west, south, east, north):
-    return [Point(west, south), Point(east, south), Point(east, north), Point(west, north)]
 
 
 def plan(area, airspace=OPEN, swath=SWATH, **options):
@@ -143,10 +141,10 @@ def test_circles_holes_clearances_of_their_own_and_several_fences(seed):
             shape = Circle(centre, chance.uniform(2, 40))
         else:
             east, north = centre
-            hole = tuple(box(east - 15, north - 12, east + 15, north + 12))
-            shape = Outline(tuple(box(east - 25, north - 25, east + 25, north + 25)), (hole,))
+            hole = box(east - 15, north - 12, east + 15, north + 12)
+            shape = Outline(box(east - 25, north - 25, east + 25, north + 25), (hole,))
         zones.append(Zone(str(number), shape, clearance_m=clearance_m))
-    fences = [Circle(Point(150, 100), 210.0), Outline(tuple(box(-20, -20, 330, 230)))]
+    fences = [Circle(Point(150, 100), 210.0), Outline(box(-20, -20, 330, 230))]
     airspace = Airspace(fences, zones, 5.0, 1.5)
     coverage = plan(FIELD, airspace, Swath(35.0, 25.0, 20.0))
     check(coverage, FIELD, airspace, Swath(35.0, 25.0, 20.0))
@@ -197,28 +195,20 @@ def test_swaths_that_leave_gaps_are_refused(numbers):
         Swath(*numbers)
 
 
-def star(chance, centre, least_m, most_m):
-    count = chance.randint(3, 9)
-    turn = chance.uniform(0, math.tau)
-    return [
-        Point(
-            centre[0] + r * math.cos(turn + math.tau * i / count),
-            centre[1] + r * math.sin(turn + math.tau * i / count),
-        )
-        for i in range(count)
-        for r in (chance.uniform(least_m, most_m),)
-    ]
+def any_star(chance, centre, least_m, most_m):
+    count, turn = chance.randint(3, 9), chance.uniform(0, math.tau)
+    return star(Point(*centre), [chance.uniform(least_m, most_m) for _ in range(count)], turn)
 
 
 @settings(max_examples=settings.default.max_examples // 3)
 @given(st.integers(0, 10**6))
 def test_random_concave_areas_with_zones(seed):
     chance = random.Random(seed)
-    area = Polygon(star(chance, (0, 0), 80, 250))
+    area = Polygon(any_star(chance, (0, 0), 80, 250))
     zones = [
         Zone(
             str(number),
-            star(chance, (chance.uniform(-200, 200), chance.uniform(-200, 200)), 5, 45),
+            any_star(chance, (chance.uniform(-200, 200), chance.uniform(-200, 200)), 5, 45),
         )
         for number in range(chance.randint(0, 7))
     ]

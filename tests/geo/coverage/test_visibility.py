@@ -11,19 +11,9 @@ from shapely import LineString, Polygon
 
 from geo.coverage.visibility import Border, Sweep, common, merged
 from geo.frame import Point
+from tests.geo.shapes import star
 
 SQUARE = Polygon([(0, 0), (10, 0), (10, 10), (0, 10)])
-
-
-def star(radii, centre=(0.0, 0.0)):
-    """A polygon around a centre, as concave as the radii say."""
-    step = 2 * math.pi / len(radii)
-    return Polygon(
-        [
-            (centre[0] + r * math.cos(i * step), centre[1] + r * math.sin(i * step))
-            for i, r in enumerate(radii)
-        ]
-    )
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 30.0, 90.0, 179.0, 271.5])
@@ -67,7 +57,8 @@ radii = st.lists(st.floats(2.0, 50.0), min_size=3, max_size=14)
 
 @given(radii, radii, st.floats(0, 180))
 def test_pieces_are_those_of_shapely(outer, inner, bearing_deg):
-    area = star(outer).difference(star([r / 3 for r in inner], (5.0, 1.0)))
+    hole = Polygon(star(Point(5, 1), [r / 3 for r in inner]))
+    area = Polygon(star(Point(0, 0), outer)).difference(hole)
     sweep = Sweep(bearing_deg)
     turned = sweep.turned(area)
     levels = np.linspace(-55.1, 54.7, 23)

@@ -35,20 +35,6 @@ def test_a_sync_at_once_then_every_interval():
     assert it.due(12) == []
 
 
-def test_hysteresis_holds_the_contact():
-    it = trigger()
-    it.heard("io", -70, 0)
-    it.due(0)
-    assert not it.heard("io", -78, 1)  # still in contact: threshold - hysteresis
-    assert it.due(2) == ["io"]
-    assert not it.heard("io", -78.1, 3)
-    assert it.due(4) == []
-    assert not it.heard("io", -77, 4)
-    assert it.due(4) == []
-    assert it.heard("io", -74, 4.5)
-    assert it.due(4.5) == ["io"]
-
-
 def test_a_silent_radio_hears_no_peer():
     it = trigger()
     it.heard("io", -70, 0)

@@ -66,12 +66,12 @@ def refusal(node: Node) -> threading.Event:
 class Wire:
     """Between io and titan: carries TCP and UDP, and sees every byte of it."""
 
-    def __init__(self, host: str, target: int, *, tcp: bool = True, udp: bool = True) -> None:
+    def __init__(self, host: str, target: int, *, tcp: bool) -> None:
         self.seen = {"tcp": bytearray(), "udp": bytearray()}
         self._host, self._target = host, target
         self._listener = socket.create_server((host, 0))
         self.port = self._listener.getsockname()[1]
-        self._tcp, self._udp = tcp, udp
+        self._tcp = tcp
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._near.bind((host, self.port))
         self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -122,8 +122,6 @@ class Wire:
     def _datagram(self, up: bool) -> None:
         data, source = (self._near if up else self._far).recvfrom(2048)
         self.seen["udp"] += data
-        if not self._udp:
-            return
         if up:
             self._caller = source
             self._far.sendto(data, (self._host, self._target))
@@ -141,11 +139,11 @@ class Wire:
 
 
 @contextlib.contextmanager
-def tapped(locked: Locked, **paths: bool) -> Iterator[Wire]:
+def tapped(locked: Locked, *, tcp: bool) -> Iterator[Wire]:
     """A wire before titan's port for io; io's team file says that titan is there."""
     field = locked.field
     target = field.team.robot("titan").port_for("io")
-    with contextlib.closing(Wire(field.host, target, **paths)) as between:
+    with contextlib.closing(Wire(field.host, target, tcp=tcp)) as between:
         index = field.team.robot("titan").clients.index("io")
         field.team = field.team.with_robots({"titan": {"base_port": between.port - index}})
         yield between

@@ -41,21 +41,11 @@ IO = LinkMetrics(
 )
 
 
-class FakeNode:
-    def __init__(self, clock, **links):
-        self.name = "titan"
-        self.clock = clock
-        self.storage_fault = None
-        self._links = links
-
-    def links(self):
-        return self._links
-
-
 @pytest.fixture
 def node(clock):
     signal = Reading(7, Unit.DEVICE, "rajant")
-    return FakeNode(clock, io=IO, europa=LinkMetrics("europa", signal=signal))
+    links = {"io": IO, "europa": LinkMetrics("europa", signal=signal)}
+    return SimpleNamespace(name="titan", clock=clock, storage_fault=None, links=lambda: links)
 
 
 def samples(text):

@@ -4,6 +4,7 @@ import contextlib
 import os
 import socket
 import threading
+from unittest import mock
 
 import pytest
 import zmq
@@ -115,36 +116,6 @@ def pump(source: socket.socket, target: socket.socket, resets: list[socket.socke
         target.shutdown(socket.SHUT_RDWR)
 
 
-class StuckLine:
-    """A connection on which something of the pull before comes in."""
-
-    failure = "the peer closed the connection"
-    eager = True
-
-    def __init__(self) -> None:
-        self.aborted = False
-
-    def watch(self, _poller: object) -> None:
-        pass
-
-    forget = watch
-
-    def turn(self, _now_s: float) -> bool:
-        return True
-
-    def send(self, frame: bytes) -> None:
-        self.frame = frame
-
-    def replies(self) -> list[list[bytes]]:
-        return [[self.frame[:6] + b"SERRM"]]
-
-    def rtt_s(self) -> None:
-        return None
-
-    def abort(self) -> None:
-        self.aborted = True
-
-
 def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypatch):
     """The radio's thread has begun a pull, the transport's thread has not done it yet."""
     time_s = [0.0]
@@ -156,11 +127,14 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
     events: list[object] = []
     lock = threading.Lock()
     transport = Transport(gossip, team, lock=lock, now=now, deliver=events.append)
-    lines: list[StuckLine] = []
+    lines: list[mock.Mock] = []  # on which something of the pull before comes in
 
-    def new_connection(*_: object) -> StuckLine:
-        lines.append(StuckLine())
-        return lines[-1]
+    def new_connection(*_: object) -> mock.Mock:
+        line = mock.Mock(failure="the peer closed the connection", eager=True)
+        line.rtt_s.return_value = None
+        line.replies = lambda: [[line.send.call_args.args[0][:6] + b"SERRM"]]
+        lines.append(line)
+        return line
 
     monkeypatch.setattr(transport._dialer, "_new_connection", new_connection)
     gossip.heard("io", -50.0, now())
@@ -172,7 +146,7 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
     assert [e.reason for e in events if isinstance(e, SyncTimedOut)] == [
         "stalled, and a new contact began"
     ]
-    assert lines[0].aborted
+    lines[0].abort.assert_called_once_with()
     assert gossip.sync("io", now()) is False  # it is under way
     transport.close()
 
