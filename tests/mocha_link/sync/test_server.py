@@ -35,8 +35,8 @@ def at(steady_s: float) -> Instant:
     return Instant(NOW_S + steady_s, 1000.0 + steady_s)
 
 
-def record(topic_id: int, size: int = 100) -> Record:
-    stamp_ms = int(NOW_S * 1000) - 60_000 + topic_id
+def record(topic_id: int, size: int = 100, age_ms: int = 60_000) -> Record:
+    stamp_ms = int(NOW_S * 1000) - age_ms + topic_id
     data = random.Random(topic_id).randbytes(size)
     body = wire.pack(0, 0, data, stamp_ms=stamp_ms)
     return Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S)
@@ -178,10 +178,7 @@ def all_of(database: Database) -> dict[Header, bytes]:
 def fill(database: Database, topics: int = 4, size: int = 200_000) -> None:
     """Messages that take a while."""
     for topic_id in range(topics):
-        stamp_ms = int(NOW_S * 1000) - 1_000 + topic_id
-        data = random.Random(topic_id).randbytes(size)
-        body = wire.pack(0, 0, data, stamp_ms=stamp_ms)
-        database.insert(Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S), NOW_S)
+        database.insert(record(topic_id, size, age_ms=1_000), NOW_S)
 
 
 # --- the connection

@@ -261,7 +261,7 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
     for number in range(30):
         server.store(number % 5, number, START_MS, size=number * 40)
     said: list[bytes] = []
-    for begin in ("fresh", "again"):
+    for _ in range(2):
         pull = Pull(asker, server)
         said += pull.up
         pull.ask()
@@ -269,7 +269,6 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
             pull.give(500)
             pull.deliver()
         said += pull.up
-        assert begin
     digest = Open(1, 0, Digest({n: n for n in range(5)})).encode()
     since = Open(1, 0, Since(server.database.epoch, 3, (1, 2, 3))).encode()
     answer = sync_messages.encode_answers(
