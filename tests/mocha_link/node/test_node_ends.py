@@ -1,6 +1,5 @@
 """The end of a node: within a second, whatever happens at that moment."""
 
-import sqlite3
 import threading
 
 import pytest
@@ -9,6 +8,7 @@ from mocha_link.links.metrics import SyncStarted
 from mocha_link.node.node import LEAST_CLOSE_S, Node
 from mocha_link.radios import ManualRadio
 from mocha_link.store.storage import Storage
+from tests.mocha_link.store.test_storage import Gate, gated
 
 WAIT_S = 60
 
@@ -42,31 +42,11 @@ def test_a_listener_may_close_its_node_while_it_starts(field, monkeypatch):
     # The fixture sees that no thread is left.
 
 
-class SlowDisk(sqlite3.Connection):
-    """A disk that takes its time for every commit."""
-
-    released = threading.Event()
-    waiting = threading.Event()
-
-    def execute(self, sql: str, *args: object) -> sqlite3.Cursor:
-        if sql == "COMMIT" and not self.released.is_set():
-            self.waiting.set()
-            self.released.wait(WAIT_S)
-        return super().execute(sql, *args)
-
-
 def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, monkeypatch):
-    monkeypatch.setattr(SlowDisk, "released", threading.Event())
-    monkeypatch.setattr(SlowDisk, "waiting", threading.Event())
-    SlowDisk.released.set()
-
-    def connect(path: object) -> sqlite3.Connection:
-        return sqlite3.connect(
-            path, isolation_level=None, check_same_thread=False, factory=SlowDisk
-        )
-
-    monkeypatch.setitem(Storage.__init__.__kwdefaults__, "connect", connect)
+    gates: list[Gate] = []
+    monkeypatch.setitem(Storage.__init__.__kwdefaults__, "connect", gated(gates))
     node, _, _ = field.node("titan", storage=tmp_path / "titan.db")
+    (disk,) = gates
     hanging, released = threading.Event(), threading.Event()
 
     def hang(event: object) -> None:
@@ -77,10 +57,11 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     node.subscribe(hang)
     node.sync("io")
     assert hanging.wait(WAIT_S)
-    SlowDisk.released.clear()
+    disk.open.clear()
+    disk.waiting.clear()
     publishing = threading.Thread(target=node.publish, args=("/map", b"grid"), daemon=True)
     publishing.start()
-    assert SlowDisk.waiting.wait(WAIT_S)
+    assert disk.waiting.wait(WAIT_S)
     granted_s = []
     ends = Storage.close
     monkeypatch.setattr(
@@ -88,7 +69,7 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     )
     node.close()
     released.set()
-    SlowDisk.released.set()
+    disk.open.set()
     publishing.join(WAIT_S)
     join_nodes()
     assert granted_s == [LEAST_CLOSE_S]  # the listener has had the rest

@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,9 +20,9 @@ from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import DATA, WAIT_S
-from tests.mocha_link.node.test_port import WAIT_MS, Clients, Shell, titan
+from tests.mocha_link.node.test_port import WAIT_MS, Shell, clients, shell, titan
 
-__all__ = ["titan"]  # a fixture
+__all__ = ["clients", "shell", "titan"]  # fixtures
 
 PART = struct.pack(">BQ", 0b011, 60_000) + bytes(60_000)  # more parts follow, and a long size
 FLOODS = 8
@@ -35,15 +34,8 @@ NODE = (DATA / "flooded_node.txt").read_text()
 
 
 @pytest.fixture
-def shell(titan) -> Iterator[Shell]:
-    with contextlib.closing(Shell(OpenPort, titan)) as shell:
-        yield shell
-
-
-@pytest.fixture
-def clients() -> Iterator[Clients]:
-    with contextlib.closing(Clients(protected=False)) as clients:
-        yield clients
+def kind() -> type[OpenPort]:
+    return OpenPort
 
 
 def dial(robot: Robot, peer: str = "io") -> socket.socket:
@@ -242,12 +234,12 @@ def test_who_says_nothing_at_all_does_not_stay(shell, titan):
         assert not shell.port._inside
 
 
-@pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
-def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, kind):
+@pytest.mark.parametrize("client_type", [zmq.REQ, zmq.DEALER])
+def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, client_type):
     before = set(shell.poller._selector.get_map())
     for _ in range(5):
-        client = clients.dial(titan, kind)
-        client.send_multipart([b"one"] if kind == zmq.REQ else [b"", b"one"])
+        client = clients.dial(titan, client_type)
+        client.send_multipart([b"one"] if client_type == zmq.REQ else [b"", b"one"])
         route, _ = shell.request()
         shell.port.reply(route, b"done")
         assert client.poll(WAIT_MS)
