@@ -37,6 +37,9 @@ def test_open_ends():
     assert Validity((Period(start=at(8)),)).active_between(at(9999), None)
     assert Validity((Period(),)).active_between(at(1), at(1))
     assert not Validity(()).active_between(at(1), None)
+    office = weekly((0, 1, 2, 3, 4), (8, 0), (17, 0))
+    assert office.meets(at(18), None)
+    assert office.meets(at(18), at(18, days=30))
 
 
 def test_hours_count_within_the_period_only():

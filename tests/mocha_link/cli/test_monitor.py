@@ -19,6 +19,7 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mocha_link.cli import monitor_command
 from mocha_link.cli.cli import main
 from mocha_link.cli.links_view import NodeView, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
@@ -295,3 +296,9 @@ def test_without_a_terminal_it_prints_once(field, capsys):
     out = capsys.readouterr().out
     assert out.startswith(f"links of titan, {server.endpoint}\npeer ")
     assert "\x1b" not in out
+
+
+def test_no_answer(field, capsys, monkeypatch):
+    monkeypatch.setattr(monitor_command, "FIRST_S", 0.05)
+    assert main(["monitor", f"tcp://{field.host}:9"]) == 1
+    assert "is a node running there with --metrics" in capsys.readouterr().err
