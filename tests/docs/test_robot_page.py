@@ -1,4 +1,4 @@
-"""docs/robot.md: its schemas are those of the types, and its rovers those that `new` copies.
+"""docs/robot.md: its schemas are those of the types, and its rover is one that `new` copies.
 
 DOCS_WRITE=1 in the environment writes the schemas anew. The rovers fly in
 tests/system/test_rovers.py.
@@ -43,8 +43,11 @@ def test_a_schema_is_current(name):
     )
 
 
-def test_the_page_shows_the_rovers_that_are_copied():
-    shown = [block.text for block in blocks() if block.name.startswith("robot.md python")]
+def test_the_page_shows_a_rover_that_is_copied_and_names_the_others():
     folder = Path(ROOT, "air_router", "start")
-    assert shown == [(folder / file).read_text(encoding="utf-8") for file in ROVERS.values()]
-    assert all(len(text.splitlines()) <= 27 for text in shown)
+    programs = {file: (folder / file).read_text(encoding="utf-8") for file in ROVERS.values()}
+    shown = [block.text for block in blocks() if block.name.startswith("robot.md python")]
+    assert shown == [programs[ROVERS["json"]]]
+    text = (ROOT / "docs" / "robot.md").read_text(encoding="utf-8")
+    assert all(f"`{file}`" in text for file in programs if file != ROVERS["json"])
+    assert all(len(program.splitlines()) <= 27 for program in programs.values())

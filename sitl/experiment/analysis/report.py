@@ -236,7 +236,7 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
     whole = tables.of_the_paper(experiment) and len(experiment.rows) == len(tables.PAPER_TABLE)
     return {
         "fidelity": likeness(Runs(experiment, report.records)),
-        "claims": _claims(report),
+        "claims": _claims(document, report),
         "facts": _facts(report),
         "paper": tables.nearness(report.lines) if whole else "",
         "fit": report.calibration.told() if report.calibration else "",
@@ -245,7 +245,13 @@ def _blocks(document: Path, report: Report, archive: Path | None) -> dict[str, s
     }
 
 
-def _claims(report: Report) -> str:
+def _claims(document: Path, report: Report) -> str:
+    """The verdicts with what they rest on; those on exploration seeds decide nothing: in a line."""
+    if report.claims and report.records[0]["phase"] == "exploration":
+        path = f"evidence/{report.name}-claims.csv"
+        verdicts = "; ".join(f"claim {claim.number} {claim.brief}" for claim in report.claims)
+        numbers = f" [Numbers]({path})." if (document.parent / path).exists() else ""
+        return f"{verdicts[:1].upper()}{verdicts[1:]}.{numbers}"
     text = ["| claim | what it says | verdict | effect [95 % interval] |", "|---|---|---|---|"]
     for claim in report.claims:
         text.append(f"| **{claim.number}** | **{claim.text}** | **{claim.brief}** | |")

@@ -221,6 +221,26 @@ def test_runs_for_confirmation_have_blocks_of_their_own(sitl, tmp_path):
     assert sitl("--verify", str(page), experiment=archive)[0] == 0
 
 
+def test_a_document_has_verdicts_on_exploration_seeds_in_a_line(sitl, tmp_path):
+    part = "what: sooner, measure: goal_rate_area_percent, contrast: [{rows: {ugvs: 5}}]"
+    claims = f"claims: [{{number: 1, text: More help., parts: [{{{part}, more_than: 1}}]}}]\n"
+    sitl.path.write_text(SMALL + claims, encoding="utf-8")
+    page, text = tmp_path / "page.md", ""
+    for name in ("small", "small-confirmation"):
+        for what in ("facts", "claims"):
+            text += f"<!-- begin {name} {what} -->\n<!-- end -->\n"
+    page.write_text(text, encoding="utf-8")
+    (tmp_path / "evidence").mkdir()
+    (tmp_path / "evidence" / "small-claims.csv").touch()
+    for first in ("0", "10001"):
+        sitl("--docs", str(page), "--first-seed", first, "--out", str(tmp_path / first), out=False)
+    explored, confirmed = re.findall(
+        r"begin \S+ claims -->\n(.*?)\n<!--", page.read_text(), re.DOTALL
+    )
+    assert explored == "Claim 1 holds, on exploration seeds. [Numbers](evidence/small-claims.csv)."
+    assert "| **1** | **More help.** | **holds** | |\n| | sooner | holds | +" in confirmed
+
+
 def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
     code, _ = sitl("--seeds", "2", work=made_up.failing_work)
     assert code == 1
