@@ -14,6 +14,7 @@ import pytest
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import (
     Announce,
+    CommandAck,
     Finish,
     FlyToNode,
     FlyToPoint,
@@ -43,6 +44,8 @@ from air_router.vehicle.vehicle import (
     FlightMode,
     GpsFix,
     Inspection,
+    PlanCompared,
+    PlanReplaced,
     Telemetry,
     Vehicle,
     VehicleInfo,
@@ -186,6 +189,13 @@ class PretendFlight(Airframe):
         for _ in range(round(seconds / self.step_s)):
             self.step()
 
+    def ends(self, limit_s=2000.0):
+        self.fly_until(lambda: self.finished is not None, limit_s)
+
+    def lands(self, limit_s=2000.0):
+        self.ends(limit_s)
+        assert self.finished.landed_by_us
+
     def fly_to_state(self, state, limit_s=2000.0):
         self.fly_until(lambda: self.controller.state is state, limit_s)
 
@@ -200,6 +210,11 @@ class PretendFlight(Airframe):
         self.fly_for(6.0)
         assert self.controller.state is State.HOLD
 
+    def plan_compared(self, difference=None, *, only_fence=False):
+        """The plan on board is replaced, and what differs is told at once."""
+        self.give(PlanReplaced(self.now_s, only_fence))
+        self.give(PlanCompared(self.now_s, difference))
+
     def closest_m(self):
         return self.mission.airspace.track_distance_m(self.track)[0]
 
@@ -210,6 +225,7 @@ class PretendFlight(Airframe):
 
     def operator_asks(self, request):
         self.give(request)
+        return next((a for a in reversed(self.actions) if isinstance(a, CommandAck)), None)
 
     def deliver(self, request):
         """What is decided on a request."""
@@ -304,6 +320,31 @@ def pretend(pennovation):
         how = {key: changes.pop(key) for key in named if key in changes}
         changed = dataclasses.replace(mission or pennovation, **changes)
         return PretendFlight(changed, radius_m=radius_m, seek=seek, **how)
+
+    return make
+
+
+@pytest.fixture
+def away(pretend):
+    """A flight on its way, 60 m from home."""
+
+    def make(mission=None, **changes):
+        flight = pretend(mission, **changes)
+        flight.take_off()
+        flight.fly_away()
+        return flight
+
+    return make
+
+
+@pytest.fixture
+def hovering(pretend):
+    """A flight that hovers on request, somewhere on its way."""
+
+    def make(mission=None):
+        flight = pretend(mission, duration_s=4000.0)
+        flight.hold_away()
+        return flight
 
     return make
 

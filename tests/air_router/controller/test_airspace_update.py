@@ -7,7 +7,6 @@ import random
 import pytest
 
 from air_router.controller.model.actions import (
-    CommandAck,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -18,7 +17,6 @@ from air_router.controller.model.events import AirspaceChanged, PlanRenewed, Rob
 from air_router.controller.model.mission_context import ZoneChange
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, Reload, SeekNow
 from air_router.controller.model.states import State
-from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced
@@ -77,13 +75,21 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
     assert (zone.name in found) is reached
 
 
+def goes_on_board(flight, limit_s=60.0, why_not=None, *, times=1):
+    flight.fly_until(lambda: boarding(flight) == times, limit_s)
+    flight.give(PlanRenewed(why_not))
+
+
+def drawn_over(pretend):
+    """A zone that is drawn where the vehicle flies."""
+    flight = cruising(pretend)
+    zone = box(flight.position, half_m=8.0)
+    change(flight, zone)
+    return flight, zone
+
+
 def clear_of(flight, zone, since=0):
     return Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0]
-
-
-def to_the_end(flight):
-    flight.fly_until(lambda: flight.finished is not None, 600.0)
-    assert flight.finished.landed_by_us
 
 
 def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
@@ -100,7 +106,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     assert moves(flight, commanded) == []  # nothing flies while the fence is on its way
     flight.give(PlanRenewed())
     assert moves(flight, commanded) != []
-    to_the_end(flight)
+    flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
 
 
@@ -115,27 +121,23 @@ def test_a_leg_that_stays_clear_is_flown_on(pretend):
     flight.step()
     assert flight.motions[commanded:] == []  # and waits there
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def test_a_vehicle_that_a_zone_is_drawn_over_leaves_it_first(pretend):
-    flight = cruising(pretend)
-    zone = box(flight.position, half_m=8.0)
-    change(flight, zone)
+    flight, zone = drawn_over(pretend)
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
     assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
     assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
     assert math.dist(flight.position, zone.shape.ring[0]) < 30.0  # by the shortest way
     left = len(flight.track)
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
     assert clear_of(flight, zone, left) >= 5.0
 
 
 def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
-    flight = cruising(pretend)
-    zone = box(flight.position, half_m=8.0)
-    change(flight, zone)
+    flight, zone = drawn_over(pretend)
     flight.step()
     while not boarding(flight):
         robot = flight.controller.context.robot or "io"
@@ -152,14 +154,12 @@ def test_an_order_before_zones_go_on_board_leaves_no_leg_that_is_not_flown(prete
     assert boarding(flight) == 0
     flight.give(SeekNow("io"))
     assert flight.controller.context.way.leg is None
-    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
-    flight.give(PlanRenewed())
+    goes_on_board(flight)
     assert flight.controller.context.way.leg is not None
 
 
 def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
-    flight = cruising(pretend)
-    change(flight, box(flight.position, half_m=8.0))
+    flight, _ = drawn_over(pretend)
     flight.fly_until(lambda: "leaving no-fly zone 'new'" in flight.said, 5.0)
     flight._act = lambda _: None
     flight.give(HoldNow())
@@ -179,25 +179,10 @@ def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
     skipped = flight.controller.context.mission.skipped
     assert skipped == {10}
     assert "waypoint 10 left out: no clear way leads there" in flight.said
-    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
-    flight.give(PlanRenewed())
+    goes_on_board(flight)
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 3000.0)
     visited = {m.node for m in flight.motions if isinstance(m, FlyToNode)}
     assert set(range(1, 40)) - visited == set(skipped)
-
-
-def test_on_board_a_waypoint_that_is_left_out_lies_at_home(pennovation):
-    place = pennovation.waypoints[9].position
-    changed = pennovation.with_areas(pennovation.fences, (*pennovation.zones, box(place)))
-    before, after = FlightPlan.of(pennovation), FlightPlan.of(changed)
-    home = after.items[after.item_of(0)]
-    for waypoint in pennovation.waypoints:
-        item = after.items[after.item_of(waypoint.number)]
-        if waypoint.number in changed.skipped:
-            assert (item.x_deg_e7, item.y_deg_e7) == (home.x_deg_e7, home.y_deg_e7)
-        else:
-            assert item == before.items[before.item_of(waypoint.number)]
-    assert pennovation.skipped == frozenset()
 
 
 def test_a_waypoint_whose_zone_is_taken_away_is_flown_again(pretend):
@@ -205,8 +190,7 @@ def test_a_waypoint_whose_zone_is_taken_away_is_flown_again(pretend):
     last = flight.mission.waypoints[-1]
     change(flight, box(last.position, half_m=4.0))
     remaining = flight.controller.exploration.remaining
-    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
-    flight.give(PlanRenewed())
+    goes_on_board(flight)
     change(flight)
     assert flight.controller.exploration.remaining > remaining
     assert any(text.endswith("flown again") for text in flight.said)
@@ -216,22 +200,22 @@ def test_where_no_waypoint_is_left_it_goes_on_seeking(pretend):
     flight = cruising(pretend, duration_s=400.0)
     zones = [box(w.position, 3.0, f"over {w.number}") for w in flight.mission.waypoints]
     change(flight, *zones)
-    flight.fly_until(lambda: boarding(flight) == 1, 100.0)
-    flight.give(PlanRenewed())
+    goes_on_board(flight)
     assert flight.controller.state is State.SEARCH
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def test_without_the_fence_on_board_it_comes_home_among_the_new_zones(pretend):
     flight = cruising(pretend)
     zone = box(ahead(flight, 40.0))
     change(flight, zone)
-    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
-    flight.give(PlanRenewed("the fence was not taken: TIMEOUT"))
+    goes_on_board(flight, 10.0, "the fence was not taken: TIMEOUT")
+    commanded = len(flight.motions)
     assert flight.controller.state is State.HOME
     assert flight.controller.context.ending_why == "the changed fence is not on board"
-    to_the_end(flight)
+    flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
+    assert not any(isinstance(m, FlyToNode) for m in flight.motions[commanded:])
 
 
 def test_on_the_ground_it_is_put_on_board_at_once(pretend):
@@ -257,7 +241,7 @@ def test_what_did_not_get_on_board_takes_no_vehicle_from_a_pilot_who_has_taken_o
     flight.pilot_chooses(FlightMode.MISSION)
     flight.fly_until(lambda: boarding(flight) == 2, 5.0)
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 @pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.RETURN])
@@ -278,13 +262,12 @@ def test_nothing_more_is_put_on_board_once_the_pilot_has_it(pretend, mode, ready
 
 def test_brought_home_with_another_plan_on_board_it_uploads_none(pretend):
     flight = cruising(pretend)
-    flight.give(PlanReplaced(flight.now_s))
-    flight.give(PlanCompared(flight.now_s, "8 items"))
+    flight.plan_compared("8 items")
     flight.fly_to_state(State.PASSIVE)
     zone = box((90.0, 90.0))
     change(flight, zone)
     flight.give(ComeHome())
-    to_the_end(flight)
+    flight.lands(600.0)
     assert boarding(flight) == 0
     assert clear_of(flight, zone) >= 5.0
 
@@ -321,7 +304,7 @@ def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_r
     flight.step()
     assert (boarding(flight), flight.motions[commanded:]) == (1, [])
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_again(pretend):
@@ -361,8 +344,7 @@ def test_who_may_ask_for_it_when(pretend):
     flight = cruising(pretend)
 
     def answer():
-        flight.give(Reload())
-        return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+        return flight.operator_asks(Reload())
 
     assert answer().accepted
     assert sum(isinstance(a, ReadAgain) for a in flight.actions) == 1
@@ -374,8 +356,10 @@ def test_who_may_ask_for_it_when(pretend):
     assert "zones not changed" in flight.said[-1]
     flight.give(PlanRenewed())
     flight.give(PlanRenewed())  # of no upload
-    to_the_end(flight)
+    flight.lands(600.0)
     assert answer().code == "flight-over"
+    change(flight, box((300.0, 300.0)))
+    assert flight.said[-1] == "zones not changed: the flight is over"
 
 
 @pytest.mark.parametrize("asked_for", [False, True])
@@ -389,8 +373,7 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(pretend
     tries = known.tries
     east_m, north_m = flight.position
     change(flight, box((east_m, north_m), half_m=1.0, name="above"))
-    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
-    flight.give(PlanRenewed())
+    goes_on_board(flight)
     assert (flight.controller.state, flight.controller.context.robot) == (State.SEARCH, "callisto")
     assert known.tries == tries
     flight.give(RobotSought("atlas", "callisto", 1.0))
@@ -410,7 +393,7 @@ def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
         change(flight, zone)
         flight.fly_until(lambda flight=flight: boarding(flight) == 1, 10.0)
         flight.give(PlanRenewed())
-        to_the_end(flight)
+        flight.lands(600.0)
         said.append(flight.actions)
     assert said[0] == said[1]
 
@@ -450,14 +433,11 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
 
 
 def test_a_second_change_while_it_leaves_a_zone_is_no_breach_of_the_first(pretend):
-    flight = cruising(pretend)
-    zone = box(flight.position, half_m=8.0)
-    change(flight, zone)
+    flight, zone = drawn_over(pretend)
     flight.step()
     change(flight, zone, box((300.0, 300.0), name="another"))
-    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
-    flight.give(PlanRenewed())
-    to_the_end(flight)
+    goes_on_board(flight)
+    flight.lands(600.0)
 
 
 def test_it_leaves_a_zone_also_where_others_are_nearer_than_allowed(pretend):
@@ -473,7 +453,7 @@ def test_it_leaves_a_zone_also_where_others_are_nearer_than_allowed(pretend):
     assert clear_of(flight, other, before) > 0.95
     flight.give(PlanRenewed())
     flight.give(GoOn())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def on_a_long_leg(pretend):
@@ -494,7 +474,7 @@ def test_a_hold_that_is_lost_while_zones_change_is_said_again_before_all_else(pr
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
     assert math.hypot(*flight.velocity) < 0.5
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
 
 
@@ -509,7 +489,7 @@ def test_a_zone_that_it_flies_into_because_the_hold_was_lost_is_left(pretend):
     assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
     left = len(flight.track)
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
     assert clear_of(flight, zone, left) >= 4.0
 
 
@@ -525,25 +505,6 @@ def test_a_leg_that_is_flown_on_because_a_stop_was_lost_counts_as_under_way(pret
     assert math.hypot(*flight.velocity) < 0.5
 
 
-def test_the_way_out_of_a_zone_is_told_again_if_it_was_lost(pretend):
-    flight = cruising(pretend)
-    flight.deaf = True
-    change(flight, box(flight.position, half_m=8.0))
-    flight.fly_for(1.0)
-    flight.deaf = False
-    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
-
-
-def test_without_the_fence_on_board_no_item_of_the_plan_is_flown_to(pretend):
-    flight = cruising(pretend)
-    change(flight, box(ahead(flight, 40.0)))
-    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
-    commanded = len(flight.motions)
-    flight.give(PlanRenewed("no; and the one before is not back"))
-    to_the_end(flight)
-    assert not any(isinstance(m, FlyToNode) for m in flight.motions[commanded:])
-
-
 def test_the_battery_is_looked_at_while_zones_change(pretend):
     flight = on_a_long_leg(pretend)
     change(flight, box((300.0, 300.0)))
@@ -557,7 +518,7 @@ def test_the_battery_is_looked_at_while_zones_change(pretend):
     flight.fly_for(10.0)
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere]  # it waits where it is
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def test_the_battery_is_looked_at_while_it_leaves_a_zone(pretend):
@@ -569,7 +530,7 @@ def test_the_battery_is_looked_at_while_it_leaves_a_zone(pretend):
     assert flight.controller.state is State.HOME
     assert clear_of(flight, zone, -1) > 4.0
     flight.give(PlanRenewed("no"))  # home all the same
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
 def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
@@ -589,14 +550,6 @@ def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
     assert boarding(flight) == 0
 
 
-def test_a_change_that_comes_after_the_landing_is_said_to_be_none(pretend):
-    flight = cruising(pretend)
-    flight.give(Reload())
-    to_the_end(flight)
-    change(flight, box((300.0, 300.0)))
-    assert flight.said[-1] == "zones not changed: the flight is over"
-
-
 def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pretend):
     flight = cruising(pretend)
     change(flight, box((300.0, 300.0)))
@@ -610,21 +563,15 @@ def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pre
     flight.step()
     assert boarding(flight) == 2
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
 
 
-def walls(centre, half_m=16.0, thick_m=3.0):
+def walls(centre):
     """Four zones around a place, as an operator would draw them one after the other."""
-    (east_m, north_m), far_m = centre, half_m + thick_m
-    sides = {
-        "north": (-far_m, half_m, far_m, far_m),
-        "south": (-far_m, -far_m, far_m, -half_m),
-        "east": (half_m, -far_m, far_m, far_m),
-        "west": (-far_m, -far_m, -half_m, far_m),
-    }
-    for name, (west, south, east, north) in sides.items():
-        corners = ((west, south), (east, south), (east, north), (west, north))
-        yield Zone(name, tuple(Point(east_m + e, north_m + n) for e, n in corners))
+    east_m, north_m = centre
+    sides = {"north": (0, 35), "south": (0, -35), "east": (35, 0), "west": (-35, 0)}
+    for name, (east, north) in sides.items():
+        yield box((east_m + east, north_m + north), half_m=19.0, name=name)
 
 
 def enclosed(pretend, **changes):
@@ -638,9 +585,7 @@ def enclosed(pretend, **changes):
         flight.fly_until(lambda: flight.controller.context.zones is ZoneChange.UPLOADING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
-        if (
-            flight.controller.states.reachability.no_way_home
-        ):  # what the mission has beside it is a wall too
+        if flight.controller.states.reachability.no_way_home:  # the mission's zones are walls too
             return flight, drawn
     raise AssertionError(drawn)
 
@@ -686,7 +631,7 @@ def test_without_a_way_home_it_comes_home_once_a_zone_is_taken_away(pretend):
     assert not flight.controller.states.reachability.no_way_home
     flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
     flight.give(PlanRenewed())
-    to_the_end(flight)
+    flight.lands(600.0)
     assert min(clear_of(flight, zone, since) for zone in rest) >= 5.0
 
 
@@ -699,31 +644,13 @@ def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
 
 
-def test_a_change_of_zones_is_no_further_try_to_find_a_robot(pretend):
-    flight = pretend(duration_s=600.0)
-    flight.take_off()
-    flight.operator_asks(SeekNow("io", by="operator"))
-    for number in range(3):
-        change(flight, box((300.0, 300.0 + 30.0 * number), name=f"new {number}"))
-        flight.fly_until(lambda n=number: boarding(flight) == n + 1, 20.0)
-        flight.give(PlanRenewed())
-    assert flight.controller.search.targets.tracks["io"].tries == 1
-
-
 def test_a_way_that_is_not_there_is_said_once(pretend):
     flight = pretend(duration_s=600.0)
     flight.take_off()
     flight.operator_asks(SeekNow("io", by="operator"))
     flight.fly_until(lambda: flight.now_s > 110.0)
-    here = flight.position
-    ring = Zone(
-        "ring",
-        Outline(
-            tuple(Point(here[0] + 60.0 * e, here[1] + 60.0 * n) for e, n in SQUARE),
-            (tuple(Point(here[0] + 30.0 * e, here[1] + 30.0 * n) for e, n in SQUARE),),
-        ),
-    )
-    change(flight, ring)
+    outer, inner = (box(flight.position, half_m).shape.ring for half_m in (60.0, 30.0))
+    change(flight, Zone("ring", Outline(outer, (inner,))))
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
     before = len(flight.said)
     flight.give(PlanRenewed())

@@ -6,7 +6,6 @@ import pytest
 
 from air_router.controller.envelope import SLOW_M
 from air_router.controller.model.actions import (
-    CommandAck,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -20,15 +19,9 @@ from air_router.preflight.check_facts import summary
 from air_router.preflight.survey import MissionSurvey
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import Pace
-from air_router.vehicle.vehicle import PlanCompared, PlanReplaced
 from tests.air_router.conftest import MISSIONS
 
 PENNOVATION = MISSIONS / "pennovation" / "mission.yaml"
-
-
-def asked(flight, request):
-    flight.operator_asks(request)
-    return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +36,8 @@ def mission(tmp_path_factory):
 
 
 @pytest.fixture
-def holding(pretend, mission):
-    """A flight that hovers on request, somewhere on its way."""
-    flight = pretend(mission, duration_s=4000.0)
-    flight.hold_away()
-    return flight
+def holding(hovering, mission):
+    return hovering(mission)
 
 
 def sends_to(flight, altitude_m):
@@ -58,21 +48,21 @@ def sends_to(flight, altitude_m):
 @pytest.mark.parametrize(("altitude_m", "verb"), [(60.0, "climbs"), (30.0, "descends")])
 def test_it_changes_its_altitude_where_it_holds_and_then_goes_on(holding, altitude_m, verb):
     place = holding.position
-    answer = asked(holding, ChangeAltitude(altitude_m, by="kim"))
+    answer = holding.operator_asks(ChangeAltitude(altitude_m, by="kim"))
     assert answer.why == f"it {verb} to {altitude_m:g} m above home, and holds there"
     holding.fly_for(60.0)
     assert holding.altitude_m == pytest.approx(altitude_m)
     assert math.dist(holding.position, place) < 1.0
     assert holding.controller.state is State.HOLD
-    assert asked(holding, GoOn()).accepted
+    assert holding.operator_asks(GoOn()).accepted
     assert isinstance(holding.motions[-1], FlyToNode)  # at the altitude of the plan's item
     assert not [said for said in holding.said if said.startswith(("too ", "holding: "))]
 
 
 def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
-    assert asked(holding, ChangeAltitude(30.0)).accepted
+    assert holding.operator_asks(ChangeAltitude(30.0)).accepted
     holding.fly_for(10.0)
-    assert asked(holding, GoOn()).accepted
+    assert holding.operator_asks(GoOn()).accepted
     moves, holding._wanted = holding._wanted, lambda: (0.0, 0.0)
     while holding.altitude_m < 38.0:
         holding.altitude_m += 1.0 * holding.step_s
@@ -84,17 +74,17 @@ def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
 
 
 def test_hold_stops_a_climb_and_land_ends_it(holding):
-    assert asked(holding, ChangeAltitude(60.0)).accepted
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
     holding.fly_for(4.0)
-    assert asked(holding, HoldNow()).why == "it stops and hovers"
+    assert holding.operator_asks(HoldNow()).why == "it stops and hovers"
     assert isinstance(holding.motions[-1], HoldHere)
-    assert asked(holding, HoldNow()).why == "it holds already"
-    assert asked(holding, ChangeAltitude(35.0)).accepted
-    assert asked(holding, LandNow()).accepted
+    assert holding.operator_asks(HoldNow()).why == "it holds already"
+    assert holding.operator_asks(ChangeAltitude(35.0)).accepted
+    assert holding.operator_asks(LandNow()).accepted
 
 
 def test_what_interrupts_a_climb_does_not_end_it(holding):
-    assert asked(holding, ChangeAltitude(60.0)).accepted
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
     holding.fly_for(2.0)
     mission = holding.controller.context.mission
     holding.give(AirspaceChanged(mission.fences, mission.zones[1:]))
@@ -105,23 +95,24 @@ def test_what_interrupts_a_climb_does_not_end_it(holding):
     assert sends_to(holding, 60.0)
 
 
-def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, pretend, pennovation):
+def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, away, pennovation):
     for altitude_m in (29.9, 60.1):
-        refused = asked(holding, ChangeAltitude(altitude_m))
+        refused = holding.operator_asks(ChangeAltitude(altitude_m))
         assert refused.code is Refusal.ALTITUDE
         assert "30 to 60 m above home" in refused.why
-    assert asked(holding, GoOn()).accepted
-    assert asked(holding, ChangeAltitude(50.0)).code is Refusal.BUSY
+    assert holding.operator_asks(GoOn()).accepted
+    assert holding.operator_asks(ChangeAltitude(50.0)).code is Refusal.BUSY
     holding.fly_for(5.0)
-    assert asked(holding, HoldNow()).accepted
+    assert holding.operator_asks(HoldNow()).accepted
     holding.step()
-    assert asked(holding, ChangeAltitude(50.0)).code is Refusal.BUSY  # it still moves
-    flight = pretend(pennovation)
-    flight.take_off()
-    flight.fly_away()
-    assert asked(flight, HoldNow()).accepted
+    assert holding.operator_asks(ChangeAltitude(50.0)).code is Refusal.BUSY  # it still moves
+    flight = away(pennovation)
+    assert flight.operator_asks(HoldNow()).accepted
     flight.fly_for(6.0)
-    assert "only 40 m above home is flown; 'altitudes_m'" in asked(flight, ChangeAltitude(50.0)).why
+    assert (
+        "only 40 m above home is flown; 'altitudes_m'"
+        in flight.operator_asks(ChangeAltitude(50.0)).why
+    )
 
 
 def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission, pennovation):
@@ -141,10 +132,9 @@ def test_the_check_says_what_may_be_asked_for(mission, pennovation):
 
 def test_at_a_lower_altitude_of_the_mission_no_leg_climbs_first(holding):
     """Beside a zone it could not, and would wait there for a pilot."""
-    assert asked(holding, ChangeAltitude(30.0)).accepted
+    assert holding.operator_asks(ChangeAltitude(30.0)).accepted
     holding.fly_for(20.0)
-    holding.give(PlanReplaced(holding.now_s, only_fence=True))
-    holding.give(PlanCompared(holding.now_s))
+    holding.plan_compared(only_fence=True)
     assert sends_to(holding, 30.0)
-    assert asked(holding, GoOn()).accepted
+    assert holding.operator_asks(GoOn()).accepted
     assert not any("climbing" in said for said in holding.said)

@@ -276,8 +276,7 @@ def test_held_it_comes_home_for_its_battery_and_that_way_is_not_called_off(in_st
         answer, commanded = ask(flight, request)
         assert (answer.code, commanded) == (Refusal.COMING_HOME, [])
         assert "battery" in answer.why
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
 def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it(
@@ -291,17 +290,6 @@ def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it
     ask(flight, HoldNow())
     flight.fly_to_state(State.HOME, 120.0)  # its time is over
     assert ask(flight, HoldNow())[0].code is Refusal.COMING_HOME
-
-
-def test_a_pilot_who_takes_a_held_vehicle_keeps_it_until_the_operator_asks(in_state):
-    flight = in_state(State.HOLD)
-    flight.pilot_chooses(FlightMode.OTHER)
-    assert flight.controller.state is State.PASSIVE
-    assert ask(flight, GoOn())[0].code is Refusal.NOT_OURS
-    assert ask(flight, GoTo(FAR))[0].why.startswith("the pilot has the vehicle")
-    flight.pilot_chooses(FlightMode.HOLD)
-    assert ask(flight, GoOn())[0].accepted
-    assert flight.controller.state is State.EXPL
 
 
 def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
@@ -347,8 +335,7 @@ def test_nothing_leaves_while_it_is_not_certain_whose_the_vehicle_is(in_state, o
         flies_to(goal)
         flight.step()
         assert flight.motions[commanded:] != []
-        flight.fly_until(lambda: flight.finished is not None)
-        assert flight.finished.landed_by_us
+        flight.lands()
     else:
         while flight.controller.state is State.HOME:
             flies_to(strange)
@@ -601,18 +588,5 @@ def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(preten
     for motion in late:
         act(motion)
         flight.fly_for(1.5)
-    flight.fly_until(lambda: flight.finished is not None, 200.0)
-    assert flight.finished.landed_by_us
+    flight.lands(200.0)
     assert math.dist(flight.position, flight.mission.home) < 3.0
-
-
-def test_it_does_not_land_while_it_passes_by_home(in_state):
-    flight = in_state(State.HOME)
-    home = flight.mission.home
-    flight.fly_until(lambda: math.dist(flight.position, home) < 12.0)
-    flight.velocity, flight.position = (5.0, 0.0), Point(home.east_m + 1.0, home.north_m)
-    flight.step()
-    assert flight.controller.state is State.HOME
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-    assert math.dist(flight.position, home) < 3.0

@@ -7,7 +7,6 @@ import pytest
 
 from air_router.controller.control_authority import COMPARED_S
 from air_router.controller.model.actions import (
-    CommandAck,
     ControlHolder,
     FlyToNode,
     FlyToPoint,
@@ -46,7 +45,7 @@ def test_the_pilot_wins_and_is_left_alone(pretend, flown, state, mode):
     flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
     assert len(flight.motions) == commanded
     flight.mode = FlightMode.LAND
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert not flight.finished.landed_by_us
 
 
@@ -62,20 +61,8 @@ def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
     flight.fly_for(10.0)
     assert flight.motions == []
     flight.mode = FlightMode.LAND
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert not flight.finished.landed_by_us
-
-
-def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
-    flight = pretend()
-    flight.take_off_halfway(FlightMode.TAKEOFF)
-    for mode in (FlightMode.OTHER, FlightMode.HOLD):
-        flight.pilot_chooses(mode)
-    assert flight.controller.state is State.READY
-    assert not flight.controller.context.in_charge
-    flight.altitude_m = flight.mission.altitude_above_home_m
-    flight.pilot_chooses(FlightMode.MISSION)
-    assert flight.controller.state is State.INIT
 
 
 @pytest.mark.parametrize(("altitude_m", "aside_m"), [(70.0, 0.0), (70.0, 40.0), (8.0, 60.0)])
@@ -90,8 +77,7 @@ def test_what_is_held_where_no_leg_may_begin_stays_there(pretend, altitude_m, as
     flight.fly_for(5.0)
     assert [type(motion) for motion in flight.motions] == [HoldHere]
     assert any("battery at 20%: it should come home, and cannot" in said for said in flight.said)
-    flight.operator_asks(ComeHome())
-    answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+    answer = flight.operator_asks(ComeHome())
     assert answer.accepted is not high
     if high:
         assert "descend to 48 m first" in answer.why
@@ -100,7 +86,7 @@ def test_what_is_held_where_no_leg_may_begin_stays_there(pretend, altitude_m, as
         flight.operator_asks(ComeHome())
     else:
         assert isinstance(flight.motions[-1], FlyToPoint)  # up first
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert math.dist(flight.position, flight.mission.home) < 3.0
 
 
@@ -127,7 +113,7 @@ def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
 def test_a_climb_that_does_not_go_on_is_landed(pretend):
     flight = pretend()
     flight.take_off_halfway()
-    flight.fly_until(lambda: flight.finished is not None, 120.0)
+    flight.ends(120.0)
     assert any("the climb does not go on" in text for text in flight.said)
     assert flight.finished.landed_by_us
     assert flight.states == [State.HOME, State.LAND, State.DONE]
@@ -219,7 +205,7 @@ def test_it_does_not_land_beside_home_nor_while_it_passes_by(
     flight.give(flight.telemetry())
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(HOME_NODE)))
     assert flight.controller.state is State.HOME
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert math.dist(flight.position, flight.mission.home) < 3.0
 
 
@@ -236,28 +222,13 @@ def test_mission_chosen_far_away_and_high_is_flown_on_from_there_around_the_zone
     behind_zone_1 = Point(65.0, -60.0)
     by_hand_to(flight, behind_zone_1, 40.0)
     assert flight.controller.state is State.INIT
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
-def test_mission_chosen_far_away_and_low_is_held(pretend):
-    flight = pretend()
-    by_hand_to(flight, Point(65.0, -60.0), 8.0)
-    assert [type(m) for m in flight.motions] == [HoldHere]
-    assert any("low and away from home" in text for text in flight.said)
-    flight.fly_for(10.0)
-    assert [type(m) for m in flight.motions] == [HoldHere]
-    flight.pilot_chooses(FlightMode.LAND)
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.taken_by is ControlHolder.PILOT
-
-
 @pytest.mark.parametrize("only_fence", [False, True])
-def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(pretend, only_fence):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(away, only_fence):
+    flight = away()
     flight.give(PlanReplaced(flight.now_s, only_fence))
     assert isinstance(flight.motions[-1], HoldHere)
     commanded = len(flight.motions)
@@ -269,25 +240,20 @@ def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(pret
     assert any("hands off: another plan is on board" in text for text in flight.said)
 
 
-def test_a_plan_that_is_never_compared_counts_as_another(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_plan_that_is_never_compared_counts_as_another(away):
+    flight = away()
     flight.give(PlanReplaced(flight.now_s))
     flight.fly_to_state(State.PASSIVE, COMPARED_S + 5.0)
 
 
-def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(pretend):
-    flight = pretend(duration_s=400.0)
-    flight.take_off()
-    flight.fly_away()
+def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(away):
+    flight = away(duration_s=400.0)
     flight.give(PlanReplaced(flight.now_s))
     flight.step()
     flight.give(PlanCompared(flight.now_s))
     assert State.PASSIVE not in flight.states
     assert isinstance(flight.motions[-1], FlyToNode)
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
@@ -342,10 +308,8 @@ def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(
     ]
 
 
-def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_the_operator_s_hold_while_a_plan_is_compared_stays(away):
+    flight = away()
     flight.give(PlanReplaced(flight.now_s))
     flight.operator_asks(HoldNow())
     flight.give(PlanCompared(flight.now_s))
@@ -354,10 +318,8 @@ def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):
     assert isinstance(flight.motions[-1], HoldHere)
 
 
-def test_a_landing_that_waits_for_a_comparison_lands_whatever_it_finds(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_landing_that_waits_for_a_comparison_lands_whatever_it_finds(away):
+    flight = away()
     flight.operator_asks(HoldNow())
     flight.fly_for(6.0)
     flight.give(PlanReplaced(flight.now_s))
@@ -367,16 +329,13 @@ def test_a_landing_that_waits_for_a_comparison_lands_whatever_it_finds(pretend):
     assert not isinstance(flight.motions[-1], LandHere)
     flight.give(PlanCompared(flight.now_s, "the fence: item 3 on board is another"))
     said = len(flight.said)
-    flight.fly_until(lambda: flight.finished is not None, 300.0)
-    assert flight.finished.landed_by_us
+    flight.lands(300.0)
     assert len(flight.said) <= said + 1
 
 
 @pytest.mark.parametrize("event", ["breach", "replaced", "reserve"])
-def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(pretend, event):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(away, event):
+    flight = away()
     unheard_s, telemetry, mode = flight.now_s, flight.telemetry, flight.mode
     flight.telemetry = lambda: dataclasses.replace(
         telemetry(), mode=mode, ages=Ages(mode_s=flight.now_s - unheard_s)
@@ -411,10 +370,8 @@ def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
-def test_what_was_given_away_comes_back_only_when_the_operator_asks(pretend, mode):
-    flight = pretend(duration_s=400.0)
-    flight.take_off()
-    flight.fly_away()
+def test_what_was_given_away_comes_back_only_when_the_operator_asks(away, mode):
+    flight = away(duration_s=400.0)
     flight.pilot_chooses(FlightMode.OTHER)
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
@@ -424,8 +381,7 @@ def test_what_was_given_away_comes_back_only_when_the_operator_asks(pretend, mod
     assert flight.controller.state is State.PASSIVE
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.EXPL
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert flight.finished.taken_by is None
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
@@ -438,10 +394,8 @@ def test_what_was_given_away_comes_back_only_when_the_operator_asks(pretend, mod
         ({"in_air": False}, "on the ground"),
     ],
 )
-def test_why_a_flight_is_not_resumed(pretend, change, said):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_why_a_flight_is_not_resumed(away, change, said):
+    flight = away()
     flight.pilot_chooses(FlightMode.HOLD)
     for name, value in change.items():
         setattr(flight, name, value)
@@ -449,17 +403,6 @@ def test_why_a_flight_is_not_resumed(pretend, change, said):
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
     assert any(text.startswith("not resumed") and said in text for text in flight.said)
-
-
-def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
-    flight.give(PlanReplaced(flight.now_s))
-    flight.give(PlanCompared(flight.now_s, "0 items"))
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.PASSIVE
-    assert "'resume upload' puts this mission's there" in flight.said[-1]
 
 
 def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
@@ -471,8 +414,7 @@ def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
     assert flight.motions == []
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.INIT
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
 def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend):
@@ -498,7 +440,7 @@ def killed(flight, altitude_m, mode):
         assert flight.finished is None
         flight.altitude_m = max(0.0, flight.altitude_m - 1.0)
         flight.step()
-    flight.fly_until(lambda: flight.finished is not None, 5.0)
+    flight.ends(5.0)
 
 
 @pytest.mark.parametrize("state", [State.INIT, State.LAND])
@@ -536,10 +478,8 @@ def test_a_landing_whose_landed_state_comes_late_is_no_takeover(pretend):
     assert flight.finished.taken_by is None
 
 
-def test_after_hands_off_breaches_are_told_again_and_again_until_they_end(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_after_hands_off_breaches_are_told_again_and_again_until_they_end(away):
+    flight = away()
     flight.pilot_chooses(FlightMode.OTHER)
     inside = flight.position
     flight.position = Point(5000.0, 0.0)
@@ -564,16 +504,14 @@ def test_a_pilot_who_flies_by_hand_into_a_zone_before_the_hand_over_is_told(pret
     assert (flight.controller.state, flight.motions) == (State.READY, [])
 
 
-def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(away):
+    flight = away()
     flight.pilot_chooses(FlightMode.HOLD)
     flight.failsafe = True
     flight.step()
     assert flight.said[-1] == "it was an autopilot failsafe that chose Hold mode"
     flight.mode = FlightMode.LAND
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert flight.finished.taken_by is ControlHolder.FAILSAFE
 
 
@@ -590,10 +528,8 @@ def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend)
     assert isinstance(flight.motions[-1], FlyToNode | FlyToPoint)
 
 
-def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_again(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_again(away):
+    flight = away()
     telemetry, ages = flight.telemetry, [Ages(mode_s=6.0)]
     flight.telemetry = lambda: dataclasses.replace(telemetry(), ages=ages[0])
     flight.fly_for(1.0)

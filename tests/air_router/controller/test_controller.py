@@ -13,7 +13,6 @@ from air_router.controller.model.actions import (
     PublishMap,
 )
 from air_router.controller.model.events import PeerFault, RobotPose
-from air_router.controller.model.requests import ComeHome
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
@@ -31,7 +30,9 @@ def test_the_paper_s_times(pretend):
     began_s = flight.now_s
     flight.fly_to_state(State.SEARCH)
     assert flight.now_s - began_s == pytest.approx(180.0, abs=0.2)
+    assert flight.controller.context.left_s is None  # it counts from the arrival on
     flight.fly_until(lambda: flight.controller.context.left_s is not None)
+    assert math.dist(flight.position, flight.controller.context.way.goal.position) < 3.0
     arrived_s = flight.now_s
     flight.fly_to_state(State.EXPL)
     assert flight.now_s - arrived_s == pytest.approx(45.0, abs=0.2)
@@ -40,22 +41,16 @@ def test_the_paper_s_times(pretend):
     assert flight.now_s - exploring_s == pytest.approx(120.0, abs=0.2)
 
 
-def test_the_search_timer_waits_for_the_arrival(pretend):
-    flight = pretend()
-    flight.robots = {"europa": CORNERS["europa"]}
-    flight.take_off()
-    flight.give(RobotPose("callisto", Point(-160.0, 60.0), 1.0, "europa"))
-    flight.fly_to_state(State.SEARCH)
-    assert flight.controller.context.left_s is None
-    flight.fly_until(lambda: flight.controller.context.left_s is not None)
-    assert math.dist(flight.position, Point(-160.0, 60.0)) < 3.0
-
-
-def test_comm_ends_when_both_directions_have_synced(pretend):
+def in_comm(pretend):
     flight = pretend()
     flight.robots = dict(CORNERS)
     flight.take_off()
     flight.fly_to_state(State.COMM)
+    return flight
+
+
+def test_comm_ends_when_both_directions_have_synced(pretend):
+    flight = in_comm(pretend)
     began_s = flight.now_s
     assert any(isinstance(a, PublishMap) for a in flight.actions)
     flight.fly_to_state(State.EXPL)
@@ -63,10 +58,7 @@ def test_comm_ends_when_both_directions_have_synced(pretend):
 
 
 def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
-    flight = pretend()
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_to_state(State.COMM)
+    flight = in_comm(pretend)
     robot, began_s = flight.controller.context.robot, flight.now_s
     flight.robots = {}
     flight.give(SyncStarted(robot, 0.0, Direction.IN))
@@ -76,10 +68,7 @@ def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
 
 
 def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
-    flight = pretend()
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_to_state(State.COMM)
+    flight = in_comm(pretend)
     robot = flight.controller.context.robot
     flight.robots = {}
     for direction in Direction:
@@ -236,10 +225,8 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
     assert len(flight.controller.exploration.left_out) <= 1
 
 
-def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
-    flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
-    flight.take_off()
-    flight.fly_away()
+def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend, away):
+    flight = away(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
     commanded = len(flight.motions)
     for _ in range(750):
         flight.target = None  # it takes every command and does not move
@@ -250,10 +237,8 @@ def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
-def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(away):
+    flight = away()
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
     assert "called off" in controller.navigator.objection(motion, now_s)
@@ -267,37 +252,15 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     assert "called off" in controller.navigator.objection(across, flight.now_s)
 
 
-def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):
-    flight = pretend()
-    flight.step()
-    flight.operator_asks(ComeHome())
-    assert flight.finished.why == "the operator's request, before take-off"
-    assert flight.motions == []
-
-
-def test_silence_of_the_vehicle_commands_nothing(pretend):
-    flight = pretend()
-    flight.take_off()
-    commanded = len(flight.motions)
-    flight.give(LinkSilent(flight.now_s, 5.0))
-    assert len(flight.motions) == commanded
-    assert any("nothing heard" in text for text in flight.said)
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
-
     chance = random.Random(seed)
     flight = pretend(duration_s=1200.0, radius_m=chance.uniform(20, 90))
-    flight.robots = {
-        name: Point(chance.uniform(-180, 130), chance.uniform(-180, 90)) for name in CORNERS
-    }
-    flight.destinations = {
-        name: Point(chance.uniform(-180, 130), chance.uniform(-180, 90)) for name in CORNERS
-    }
+    for places in (flight.robots, flight.destinations):
+        for name in CORNERS:
+            places[name] = Point(chance.uniform(-180, 130), chance.uniform(-180, 90))
     flight.take_off()
-    flight.fly_until(lambda: flight.finished is not None, 3000.0)
-    assert flight.finished.landed_by_us
+    flight.lands(3000.0)
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 

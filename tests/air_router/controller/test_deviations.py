@@ -37,12 +37,9 @@ LOWER = HomeMove(0.0, 0.0, -25.0)
 
 
 @pytest.fixture
-def cruising(pretend):
+def cruising(away):
     """A flight on its way, whose home is far from where it is."""
-    flight = pretend(duration_s=600.0)
-    flight.take_off()
-    flight.fly_away()
-    return flight
+    return away(duration_s=600.0)
 
 
 def fly(flight, seconds):
@@ -61,7 +58,7 @@ def test_home_moved_up_or_down_it_holds_at_once_and_flies_on_in_the_planned_heig
     cruising.step()
     assert isinstance(cruising.motions[before], HoldHere)
     assert len(told(cruising, "home was moved")) == 1
-    cruising.fly_until(lambda: cruising.finished is not None)
+    cruising.ends()
     after = cruising.motions[before + 1 :]
     assert not any(isinstance(motion, FlyToNode) for motion in after)
     heights_m = {motion.altitude_m for motion in after if isinstance(motion, FlyToPoint)}
@@ -122,8 +119,7 @@ def test_a_battery_at_its_reserve_in_the_climb_is_told_and_ends_it(pretend):
     flight.step()
     assert flight.states[-2:] == [State.HOME, State.LAND]
     assert told(flight, "coming home: battery at 20%")
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
 @pytest.mark.parametrize("off_m", [-8.0, 8.0])
@@ -179,8 +175,7 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
     assert names_of((name,)) in words
     left_m = float(words.split(": ")[1].split()[0])
     assert left_m == pytest.approx(distance_m, abs=1.0)
-    cruising.fly_until(lambda: cruising.finished is not None)
-    assert cruising.finished.landed_by_us
+    cruising.lands()
 
 
 def test_a_zone_far_above_counts_once_it_has_climbed_there(pennovation):
@@ -317,8 +312,7 @@ def test_with_its_altitude_in_doubt_the_way_home_is_clear_at_both(off_by, off, b
     flight.give(RoutesWidened(widen.off_m - 1.0))  # of zones that were others
     assert flight.controller.context.router is router
     flight.give(RoutesWidened(widen.off_m))
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
     assert len(widens(flight)) == 1
 
@@ -333,7 +327,7 @@ def test_zones_that_change_while_its_altitude_is_in_doubt_count_at_both_too(off_
     flight.give(PlanRenewed())
     assert isinstance(flight.motions[-1], HoldHere)
     flight.give(RoutesWidened(widens(flight)[-1].off_m))
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
 
 
@@ -371,8 +365,7 @@ def test_where_no_way_home_is_clear_at_both_altitudes_the_operator_or_the_reserv
         assert answer.accepted
     else:
         flight.battery = flight.mission.battery_reserve
-    flight.fly_until(lambda: flight.finished is not None, 200.0)
-    assert flight.finished.landed_by_us
+    flight.lands(200.0)
     assert told(flight, "coming home clear at the autopilot's altitude alone")
 
 
@@ -384,8 +377,7 @@ def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off
     off_m.append(8.0)
     fly(flight, 12.0)
     assert flight.controller.state is State.HOME
-    flight.give(ExploreNow())
-    refused = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+    refused = flight.operator_asks(ExploreNow())
     assert refused.code is Refusal.COMING_HOME
     assert refused.why.startswith("it comes home: the operator's request; the altitude is in doubt")
 

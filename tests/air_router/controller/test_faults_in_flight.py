@@ -17,24 +17,19 @@ def off_track(flight, east_m, north_m):
     flight.position = Point(flight.position.east_m + east_m, flight.position.north_m + north_m)
 
 
-def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(pretend):
-    flight = pretend(duration_s=200.0)
-    flight.take_off()
-    flight.fly_away()
+def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(away):
+    flight = away(duration_s=200.0)
     leg = flight.controller.context.way.leg
     commanded = len(flight.motions)
     off_track(flight, 3.0, 3.0)
     flight.step()
     assert flight.controller.context.way.leg is leg
     assert len(flight.motions) == commanded  # clear from there as well: it flies on
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
-def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
-    flight = pretend(duration_s=600.0)
-    flight.take_off()
-    flight.fly_away()
+def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(away):
+    flight = away(duration_s=600.0)
     way = flight.controller.context.way
     behind = next(
         Point(*where)
@@ -47,15 +42,13 @@ def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
     leg = flight.controller.context.way.leg
     assert isinstance(flight.motions[-1], HoldHere) or leg.to != flight.motions[-2]
     track_from = len(flight.track)
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     after = flight.track[track_from:]
     assert flight.mission.airspace.track_distance_m(after)[0] >= flight.mission.planner.clearance_m
 
 
-def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(pretend):
-    flight = pretend(duration_s=120.0)
-    flight.take_off()
-    flight.fly_away()
+def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(away):
+    flight = away(duration_s=120.0)
     flight.fix = False
     flight.step()
     assert isinstance(flight.motions[-1], HoldHere)
@@ -66,8 +59,7 @@ def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(preten
     flight.fly_for(2.5)
     assert len(flight.motions) == commanded
     flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert sum("lost its fix" in text for text in flight.said) == 1
 
 
@@ -89,7 +81,7 @@ def test_a_landing_goes_on_without_a_fix(pretend):
     flight.fly_to_state(State.LAND)
     commanded = len(flight.motions)
     flight.fix = False
-    flight.fly_until(lambda: flight.finished is not None)
+    flight.ends()
     assert len(flight.motions) == commanded
     assert "GPS has lost its fix: landing on" in flight.said
     assert flight.finished.landed_by_us
@@ -120,8 +112,7 @@ def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
 
     flight._act = no_jumps
     flight.take_off()
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     first_point = next(m for m in flight.motions if isinstance(m, FlyToPoint))
     assert [type(m) for m in flight.motions[: flight.motions.index(first_point)]] == [FlyToNode] * 4
     assert flight.said.count("the plan on board is not flown: flying to points instead") == 1
@@ -139,14 +130,11 @@ def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight.fix = True
     flight.fly_for(2.5)
     assert len(flight.motions) == commanded
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again(away):
+    flight = away()
     flight.fix, flight.deaf = False, True
     flight.step()
     flight.deaf = False
@@ -178,10 +166,8 @@ def in_a_zone(flight):
     return Point((west + east) / 2, (south + north) / 2)
 
 
-def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(away):
+    flight = away()
     flight.position = in_a_zone(flight)
     flight.step()
     assert isinstance(flight.motions[-1], HoldHere)
@@ -194,10 +180,8 @@ def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend
     assert flight.controller.state is State.PASSIVE
 
 
-def in_breach_and_deaf(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_away()
+def in_breach_and_deaf(away):
+    flight = away()
     flight.deaf = True
     commanded = len(flight.motions)
     flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
@@ -206,8 +190,8 @@ def in_breach_and_deaf(pretend):
     return flight, commanded
 
 
-def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
+def test_a_hold_before_hands_off_that_was_lost_is_said_again(away):
+    flight, commanded = in_breach_and_deaf(away)
     flight.fly_for(3.5)
     assert flight.controller.state is State.INIT
     flight.deaf = False
@@ -216,24 +200,24 @@ def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 3  # every three seconds
 
 
-def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
+def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(away):
+    flight, commanded = in_breach_and_deaf(away)
     flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
     flight.fly_to_state(State.PASSIVE, 30.0)
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 6
     assert flight.said[-1].endswith("it was told to hold and did not")
 
 
-def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
+def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(away):
+    flight, commanded = in_breach_and_deaf(away)
     flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
     flight.fly_for(10.0)
     assert len(flight.motions) == commanded + 1
 
 
-def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(pretend):
-    flight, _ = in_breach_and_deaf(pretend)
+def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(away):
+    flight, _ = in_breach_and_deaf(away)
     flight.give(PlanReplaced(flight.now_s, only_fence=True))
     assert flight.controller.state is State.INIT  # the hold is still to come
     flight.deaf = False

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from air_router.controller.model.actions import CommandAck, HoldHere, LandHere, Refusal
+from air_router.controller.model.actions import HoldHere, LandHere, Refusal
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
 from air_router.controller.model.states import State
@@ -16,28 +16,20 @@ from geo.frame import Point
 from tests.air_router.conftest import MISSIONS
 
 
-def asked(flight, request):
-    flight.operator_asks(request)
-    return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
-
-
 @pytest.fixture
-def holding(pretend):
-    """A flight that hovers on request, somewhere on its way."""
-    flight = pretend(duration_s=4000.0)
-    flight.hold_away()
-    return flight
+def holding(hovering):
+    return hovering()
 
 
 def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     place = holding.position
-    assert asked(holding, LandNow(by="kim")).accepted
+    assert holding.operator_asks(LandNow(by="kim")).accepted
     assert holding.motions[-1] == LandHere()
     assert holding.controller.state is State.LAND
-    assert asked(holding, LandNow()).why == "it lands already"
-    assert asked(holding, ComeHome()).why == "it lands already"
-    assert asked(holding, HoldNow()).code is Refusal.COMING_HOME
-    holding.fly_until(lambda: holding.finished is not None)
+    assert holding.operator_asks(LandNow()).why == "it lands already"
+    assert holding.operator_asks(ComeHome()).why == "it lands already"
+    assert holding.operator_asks(HoldNow()).code is Refusal.COMING_HOME
+    holding.ends()
     assert math.dist(holding.position, place) < 1.0
     assert holding.finished.why == "landed where it hovered, as kim asked"
 
@@ -46,16 +38,13 @@ def test_asked_to_while_its_altitude_has_jumped_it_lands(holding):
     holding.altitude_m += 12.0
     holding.step()
     assert "the altitude jumped" in holding.said[-1]
-    assert asked(holding, LandNow()).accepted
-    holding.fly_until(lambda: holding.finished is not None, 300.0)
-    assert holding.finished.landed_by_us
+    assert holding.operator_asks(LandNow()).accepted
+    holding.lands(300.0)
 
 
-def test_above_home_it_does_not_land_while_its_altitude_has_jumped(pretend):
-    flight = pretend(duration_s=4000.0)
-    flight.take_off()
-    flight.fly_away()
-    asked(flight, ComeHome())
+def test_above_home_it_does_not_land_while_its_altitude_has_jumped(away):
+    flight = away(duration_s=4000.0)
+    flight.operator_asks(ComeHome())
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 4.0)
     flight.altitude_m += 12.0
     flight.step()
@@ -63,37 +52,32 @@ def test_above_home_it_does_not_land_while_its_altitude_has_jumped(pretend):
     assert flight.controller.state is State.HOME
     flight.fly_for(5.0)
     flight.altitude_m -= 12.0
-    flight.fly_until(lambda: flight.finished is not None, 300.0)
-    assert flight.finished.landed_by_us
+    flight.lands(300.0)
 
 
-def test_it_holds_first_and_stands_still(pretend):
-    flight = pretend(duration_s=4000.0)
-    flight.take_off()
-    flight.fly_away()
-    refused = asked(flight, LandNow())
+def test_it_holds_first_and_stands_still(away):
+    flight = away(duration_s=4000.0)
+    refused = flight.operator_asks(LandNow())
     assert (refused.code, refused.why) == (
         Refusal.BUSY,
         "it lands where it hovers: have it hold first",
     )
     flight.operator_asks(HoldNow())
-    refused = asked(flight, LandNow())
+    refused = flight.operator_asks(LandNow())
     assert "it does not hover yet" in refused.why
     assert flight.controller.state is State.HOLD
 
 
-def test_it_does_not_land_through_the_layer_of_another_uav(pretend):
+def test_it_does_not_land_through_the_layer_of_another_uav(away):
     mission = load_mission(MISSIONS / "pair" / "mission.yaml", uav="titan")
-    flight = pretend(mission)
-    flight.take_off()
-    flight.fly_away()
-    asked(flight, HoldNow())
+    flight = away(mission)
+    flight.operator_asks(HoldNow())
     flight.fly_for(6.0)
-    refused = asked(flight, LandNow())
+    refused = flight.operator_asks(LandNow())
     assert (refused.code, flight.controller.state) == (Refusal.NO_WAY, State.HOLD)
     assert refused.why == "the layer of atlas is below; it lands at home only: 'home'"
-    assert asked(flight, ComeHome()).accepted
-    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.operator_asks(ComeHome()).accepted
+    flight.ends()
     assert math.dist(flight.position, mission.home) < 3.0
 
 
@@ -108,7 +92,7 @@ def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, be
     holding.give(AirspaceChanged(mission.fences, (*mission.zones, hut)))
     holding.fly_for(6.0)
     assert (math.dist(holding.position, centre) - 3.0 > kept_m) is lands
-    answer = asked(holding, LandNow())
+    answer = holding.operator_asks(LandNow())
     assert answer.accepted is lands
     if not lands:
         assert answer.code is Refusal.NO_WAY
@@ -117,19 +101,19 @@ def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, be
 
 
 def test_a_mission_that_goes_on_lands_at_home_again(holding):
-    assert asked(holding, LandNow(by="kim")).accepted
+    assert holding.operator_asks(LandNow(by="kim")).accepted
     holding.pilot_chooses(type(holding.mode).POSITION)
     assert holding.controller.state is State.PASSIVE
     holding.pilot_chooses(type(holding.mode).HOLD)
-    assert asked(holding, GoOn()).accepted
-    assert asked(holding, ComeHome()).accepted
-    holding.fly_until(lambda: holding.finished is not None)
+    assert holding.operator_asks(GoOn()).accepted
+    assert holding.operator_asks(ComeHome()).accepted
+    holding.ends()
     assert holding.finished.why == "landed at home"
 
 
 def test_where_a_zone_is_drawn_over_its_landing_it_lands_nowhere_else(holding):
     """What is below was looked at for its place alone: the pilot has it."""
-    asked(holding, LandNow())
+    holding.operator_asks(LandNow())
     holding.fly_for(20.0)
     place, mission = holding.position, holding.mission
     zone = Zone("new", Circle(Point(place.east_m + 8.0, place.north_m), 10.0))

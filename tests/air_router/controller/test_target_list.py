@@ -20,21 +20,22 @@ def test_robots_take_turns():
     assert order == ["callisto", "europa", "io", "callisto", "europa"]
 
 
-def test_a_recent_pose_says_where_to_look():
+@pytest.mark.parametrize(
+    ("path", "after_s", "where"),
+    [
+        ((Point(9, 9),), RECENT_POSE_S, Point(1, 2)),
+        ((Point(9, 9),), RECENT_POSE_S + 1.0, Point(9, 9)),
+        ((), 5000.0, Point(1, 2)),
+    ],
+    ids=["a recent pose", "later the path's end", "without a path an old pose"],
+)
+def test_where_to_look(path, after_s, where):
     robots = targets()
+    assert robots.place("io", now_s=0.0).position is None
     robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=101.0, now_s=5.0)
-    place = robots.place("io", now_s=5.0 + RECENT_POSE_S)
-    assert place.position == Point(1, 2)
-
-
-def test_after_a_while_the_end_of_the_path_says_where_to_look():
-    robots = targets()
-    robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.tracks["io"].path_heard((Point(9, 9),), stamp_s=101.0, now_s=5.0)
-    place = robots.place("io", now_s=6.0 + RECENT_POSE_S)
-    assert place.position == Point(9, 9)
-    assert "path" in place.reason
+    if path:
+        robots.tracks["io"].path_heard(path, stamp_s=101.0, now_s=5.0)
+    assert robots.place("io", now_s=5.0 + after_s).position == where
 
 
 def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
@@ -52,16 +53,6 @@ def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
     assert "io" not in robots.free(179.0 + 180.0)
     assert "io" in robots.free(179.0 + 181.0)
     assert robots.sought_by_other("second", "io", 179.0 + 181.0)
-
-
-def test_without_a_path_the_last_pose_however_old():
-    robots = targets()
-    robots.tracks["io"].pose_heard(Point(1, 2), stamp_s=100.0, now_s=5.0)
-    assert robots.place("io", now_s=5000.0).position == Point(1, 2)
-
-
-def test_a_robot_never_heard_of_has_no_place():
-    assert targets().place("io", now_s=0.0).position is None
 
 
 def test_old_news_changes_nothing():

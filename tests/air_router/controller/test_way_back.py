@@ -8,16 +8,17 @@ import re
 
 import pytest
 
-from air_router.controller.model.actions import CommandAck, FlyToNode, RenewPlan
+from air_router.controller.model.actions import FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import Progress
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
-from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
+from air_router.vehicle.vehicle import FlightMode
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
 
+GOTO = GoTo((Point(-20.0, -60.0),))
 STATES = (
     *(State.READY, State.INIT, State.SEARCH, State.COMM, State.EXPL),
     *(State.GOTO, State.HOLD, State.HOME, State.LAND),
@@ -62,8 +63,7 @@ def plan_deleted_while_the_pilot_flies(flight):
 
 
 def replaced(flight, difference, *, only_fence):
-    flight.give(PlanReplaced(flight.now_s, only_fence))
-    flight.give(PlanCompared(flight.now_s, difference))
+    flight.plan_compared(difference, only_fence=only_fence)
     flight.fly_for(5.0)
     if flight.controller.context.in_charge:  # it lands, and needs no plan for that
         flight.pilot_chooses(FlightMode.HOLD)
@@ -101,7 +101,7 @@ def fly_to(pretend, state):
     flight.take_off()
     flight.fly_away()
     asked = {
-        State.GOTO: GoTo((Point(-20.0, -60.0),)),
+        State.GOTO: GOTO,
         State.HOLD: HoldNow(),
         State.HOME: ComeHome(),
         State.LAND: ComeHome(),
@@ -118,8 +118,7 @@ def obey(flight, request, most=4):
     """Ask, and do what the answers say until it is accepted."""
     heard = []
     for _ in range(most):
-        flight.operator_asks(request)
-        answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+        answer = flight.operator_asks(request)
         if answer.accepted:
             return heard
         assert answer.why not in heard, heard
@@ -183,14 +182,9 @@ def test_what_home_answers_leads_to_a_landing_at_home(flight_in, cause):
 def test_what_a_refused_request_says_is_what_resume_would_say(flight_in, cause):
     flight = flight_in(State.EXPL)
     cause(flight)
-    whys = []
-    for request in (HoldNow(), GoTo((Point(-20.0, -60.0),))):
-        flight.operator_asks(request)
-        whys.append(next(a.why for a in reversed(flight.actions) if isinstance(a, CommandAck)))
-    assert len(set(whys)) == 1
-    way_back = whys[0].split("; ", 1)[1]
-    flight.operator_asks(GoOn())
-    answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+    (why,) = {flight.operator_asks(request).why for request in (HoldNow(), GOTO)}
+    way_back = why.split("; ", 1)[1]
+    answer = flight.operator_asks(GoOn())
     assert answer.accepted == way_back.startswith("'resume' takes it back")
     assert answer.accepted or answer.why == way_back
 
@@ -238,9 +232,7 @@ def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in
 
 
 @pytest.mark.parametrize("lost", [False, True])
-@pytest.mark.parametrize(
-    "request_", [GoTo((Point(-20.0, -60.0),)), SeekNow("io")], ids=["goto", "seek"]
-)
+@pytest.mark.parametrize("request_", [GOTO, SeekNow("io")], ids=["goto", "seek"])
 def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, request_, lost):
     """At once after `resume`, while the climb is under way to the vehicle, or was lost."""
     flight = flight_in(State.EXPL)
