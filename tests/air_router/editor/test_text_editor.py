@@ -13,37 +13,7 @@ from air_router.editor.edits import EditError
 from air_router.files.text_edit import SourceError
 
 ROOT = Path(__file__).parents[3]
-HARBOUR = """\
-# a harbour
-home: {position: [54.3200, 10.1400], altitude_amsl_m: 3}  # the pier
-altitude_m: 40
-waypoints: [  # all of them
-    [54.3205, 10.1405],  # crane
-    {position: [54.3215, 10.1420], altitude_m: 60},
-    [54.3220, 10.1390]  # buoy
-  ]
-fences:
-  # the harbour master's
-  - circle: {centre: [54.3210, 10.1400], radius_m: 300}
-  - polygon: [[54.3190, 10.1360], [54.3190, 10.1440], [54.3232, 10.1440], [54.3232, 10.1360]]
-no_fly_zones:
-  - name: yard  # with a court
-    polygon: [[54.3208, 10.1395], [54.3208, 10.1412], [54.3216, 10.1412], [54.3216, 10.1395]]
-    holes:
-      -
-        - [54.3210, 10.1400]
-        # its corner
-        - [54.3210, 10.1407]
-        - [54.3214, 10.1407]
-        - [54.3214, 10.1400]
-  - {name: mast, circle: {centre: [54.3202, 10.1385], radius_m: 15}, clearance_m: 20}
-  - - [54.3222, 10.1375]
-    - [54.3222, 10.1383]
-    # without a name
-    - [54.3227, 10.1383]
-    - - 54.3227
-      - 10.1375
-"""
+HARBOUR = (ROOT / "tests/data/files/harbour.yaml").read_text(encoding="utf-8")
 TEXTS = {
     "pennovation.yaml": (ROOT / "missions/pennovation/mission.yaml").read_text(encoding="utf-8"),
     "pennovation.plan": (ROOT / "tests/data/pennovation.plan").read_text(encoding="utf-8"),

@@ -142,44 +142,35 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     assert flight.run().outcome == "done"
 
 
-def test_zones_with_hours_that_are_reloaded_bring_it_home_when_these_are_over(rig, pennovation):
+def hands_over(flight):
+    """The pilot takes off and flies by hand, and chooses Mission mode later."""
+    airframe = flight.vehicle.airframe
+    airframe.take_off()
+    airframe.mode = FlightMode.POSITION
+
+
+@pytest.mark.parametrize("reloaded", [True, False], ids=["reloaded", "flown by hand meanwhile"])
+def test_when_the_hours_of_its_zones_are_over_it_comes_home(rig, pennovation, reloaded):
     latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
     timed = Zone("timed", Circle(Point(300.0, 300.0), 5.0), validity=Validity(()))
-    flight = rig(window=FlightWindow(latest, None, latest), duration_s=300.0, arm=False)
-    zones = AirspaceChanged(pennovation.fences, (*pennovation.zones, timed))
-    airframe, told = flight.vehicle.airframe, []
+    zones = {} if reloaded else {"zones": (timed,)}
+    window = FlightWindow(latest, None, latest)
+    flight = rig(window=window, duration_s=300.0, arm=False, **zones)
+    drawn = AirspaceChanged(pennovation.fences, (*pennovation.zones, timed))
 
-    def step():
-        passed_s = flight.clock.now_s() - 1.7e9
-        if passed_s > 30.0 and not airframe.in_air and airframe.mode is FlightMode.HOLD:
-            airframe.take_off()
-        elif passed_s > 200.0 and not told:
-            told.append(flight.flight.loop.on_event(zones))
+    def after(passed_s):
+        return lambda: flight.clock.now_s() - 1.7e9 > passed_s
 
-    flight.vehicle.on_step = step
-    result = flight.run()
-    why = "the hours that its no-fly zones were chosen for are over"
-    assert (result.outcome, result.report["came_home_because"]) == ("done", why)
-    assert replay([*Log(flight.recorder.path)]).difference is None
-
-
-def test_flown_by_hand_until_zones_may_be_others_it_comes_home_when_it_is_handed_over(
-    rig, pennovation
-):
-    latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
-    timed = Zone("timed", pennovation.zones[0].shape, validity=Validity(()))
-    flight = rig(arm=False, window=FlightWindow(latest, None, latest), zones=(timed,))
-    airframe = flight.vehicle.airframe
-
-    def step():
-        passed_s = flight.clock.now_s() - 1.7e9
-        if passed_s > 90.0 and airframe.mode is FlightMode.POSITION:
-            airframe.take_off()
-        elif passed_s > 10.0 and not airframe.in_air and airframe.mode is FlightMode.HOLD:
-            airframe.take_off()
-            airframe.mode = FlightMode.POSITION
-
-    flight.vehicle.on_step = step
+    if reloaded:
+        flight.plan(
+            (after(30.0), flight.vehicle.airframe.take_off),
+            (after(200.0), lambda: flight.flight.loop.on_event(drawn)),
+        )
+    else:
+        flight.plan(
+            (after(10.0), lambda: hands_over(flight)),
+            (after(90.0), flight.vehicle.airframe.take_off),
+        )
     result = flight.run()
     why = "the hours that its no-fly zones were chosen for are over"
     assert (result.outcome, result.report["came_home_because"]) == ("done", why)
@@ -245,13 +236,6 @@ def test_ctrl_c_holds_the_vehicle(rig):
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
     assert flight.vehicle.airframe.mode is FlightMode.HOLD
     assert flight.gossip.closed
-
-
-def test_a_signal_from_elsewhere_brings_it_home(rig):
-    flight = rig(duration_s=None)
-    flight.plan((150.0, sends(signal.SIGUSR1)))
-    assert flight.run().outcome == "done"
-    assert any("the operator's request" in text for text in flight.vehicle.announced)
 
 
 def test_everything_is_closed_whatever_holding_ends_in(rig):

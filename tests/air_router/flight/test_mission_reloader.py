@@ -11,7 +11,6 @@ from types import SimpleNamespace
 import pytest
 
 from air_router.controller.model.actions import ReadAgain
-from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import Reload
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
@@ -53,28 +52,6 @@ def add_zone(file, zone=ZONE):
 def over(mission, number):
     latitude, longitude = mission.frame.to_geodetic(mission.waypoints[number - 1].position)
     return f"\n  - name: over\n    circle: {{centre: [{latitude}, {longitude}], radius_m: 3}}\n"
-
-
-def test_a_zone_that_was_added(file):
-    mission = load_mission(file)
-    add_zone(file)
-    changed = changed_areas(mission)
-    assert isinstance(changed, AirspaceChanged)
-    assert {zone.name for zone in changed.zones} - {z.name for z in mission.zones} == {"crane"}
-    assert changed.fences == mission.fences
-    assert (
-        mission.with_areas(changed.fences, changed.zones).airspace.zones
-        == load_mission(file).airspace.zones
-    )
-
-
-def test_a_zone_over_a_waypoint_is_no_error_in_flight(file):
-    mission = load_mission(file)
-    add_zone(file, over(mission, 7))
-    with pytest.raises(DocumentError, match="waypoint 7"):
-        load_mission(file)
-    changed = changed_areas(mission)
-    assert 7 in mission.with_areas(changed.fences, changed.zones).skipped
 
 
 def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_with(

@@ -22,26 +22,8 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
 from mocha_link.team.document import DocumentError
 
-PAIR = """\
-name: Pair
-coordinates: local
-frame: {origin: [38.5, -98.5]}
-home: {position: [0, 0], altitude_amsl_m: 550}
-altitude_m: 60
-waypoints:
-  - [0, 60]
-  - [80, 60]
-  - [80, -30]
-fence: [[-100, -100], [150, -100], [150, 100], [-100, 100]]
-no_fly_zones:
-  - {name: hall, polygon: [[20, 10], [60, 10], [60, 30], [20, 30]]}
-  - {name: crane, polygon: [[40, -40], [50, -40], [50, -10], [40, -10]], altitude: {upper_m: 50}}
-rally_points:
-  - [-50, 50]
-uavs:
-  atlas: {altitude_m: 48, explore: false, home: [-40, 0]}
-  titan:
-"""
+DATA = Path(__file__).parents[2] / "data"
+PAIR = (DATA / "files" / "pair.yaml").read_text(encoding="utf-8")
 
 
 def write(folder, text=PAIR, *changes):
@@ -259,8 +241,7 @@ def test_a_vehicle_that_stands_beside_its_home_does_not_take_off(tmp_path):
 
 
 def test_a_plan_is_for_one_uav_whichever_that_is(tmp_path):
-    plan = Path(__file__).parents[2] / "data" / "pennovation.plan"
-    mission = load_flown(plan, "atlas")
+    mission = load_flown(DATA / "pennovation.plan", "atlas")
     assert (mission.uav, mission.layers, mission.ceiling_m) == ("atlas", (), math.inf)
     (tmp_path / "team.yaml").write_text(TEAM)
     one = PAIR.partition("uavs:")[0] + "team: team.yaml\n"

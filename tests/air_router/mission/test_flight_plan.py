@@ -227,6 +227,7 @@ def plan(pennovation):
 def test_speed_then_take_off_then_home_then_the_operator_s_waypoints(plan, pennovation):
     commands = [item.command for item in plan.items]
     assert commands == [Command.CHANGE_SPEED, Command.TAKEOFF] + [Command.WAYPOINT] * 40
+    assert [i.autocontinue for i in plan.items] == [True, True] + [False] * 40  # each node stops it
     assert plan.item_of(HOME_NODE) == 2
     assert plan.item_of(1) == 3
     first = plan.items[plan.item_of(1)]
@@ -237,10 +238,6 @@ def test_speed_then_take_off_then_home_then_the_operator_s_waypoints(plan, penno
     )
     assert first.z_m == 40.0
     assert first.frame is Frame.RELATIVE_ALT_INT
-
-
-def test_every_node_stops_the_vehicle_until_the_next_is_commanded(plan):
-    assert [i.autocontinue for i in plan.items] == [True, True] + [False] * 40
 
 
 def test_items_and_nodes_correspond(plan):
@@ -270,11 +267,18 @@ def test_quantised_to_what_mavlink_carries_the_nodes_stay_legal(plan, pennovatio
 
 def test_reading_back_compares_what_flies(plan):
     item = plan.items[3]
-    assert item.same_as(dataclasses.replace(item, z_m=item.z_m + 1e-4))
-    assert item.same_as(dataclasses.replace(item, params=(0.0, 2.0, 0.0, math.nan)))
+    for rounded in (
+        {"x_deg_e7": item.x_deg_e7 + 8},
+        {"y_deg_e7": item.y_deg_e7 - 9},
+        {"z_m": item.z_m + 0.09},
+        {"params": (0.0, 2.0, 0.0, math.nan)},
+        {"frame": Frame.RELATIVE_ALT},  # as PX4 gives it back
+    ):
+        assert item.same_as(dataclasses.replace(item, **rounded))
     for change in (
         {"x_deg_e7": item.x_deg_e7 + 20},
-        {"z_m": item.z_m + 1.0},
+        {"y_deg_e7": item.y_deg_e7 - 90},
+        {"z_m": item.z_m + 0.9},
         {"autocontinue": True},
         {"params": (0.0, 10.0, 0.0, math.nan)},
         {"params": (0.0, 2.0, 0.0, 0.0)},

@@ -21,33 +21,7 @@ from mocha_link.team.document import Document, DocumentError
 from tests.air_router.files.values import values_in
 
 MONDAY = datetime(2026, 11, 23, 10, tzinfo=UTC)
-FILE = """\
-coordinates: local
-frame: {origin: [38.5, -98.5]}
-home: {position: [0, 0], altitude_amsl_m: 300}
-altitude_m: 30
-speed_m_s: 4
-duration_s: 600
-waypoints:
-  - [50, 0]
-  - {position: [50, 50], altitude_m: 25}
-fences:
-  - polygon: [[-99, -99], [99, -99], [99, 99], [-99, 99]]
-    holes: [[[-90, 60], [-60, 60], [-60, 90]]]
-  - circle: {centre: [0, 0], radius_m: 150}
-no_fly_zones:
-  - name: hall
-    polygon: [[-20, 20], [20, 20], [20, 40], [-20, 40]]
-    holes: [[[-10, 25], [10, 25], [10, 35]]]
-    clearance_m: 4
-    altitude: {lower_m: 0, upper_m: 100, reference: ground}
-    active: [{from: "2026-01-01T00:00:00Z", until: "2099-01-01T00:00:00Z"}]
-  - {name: mast, circle: {centre: [50, -50], radius_m: 10}, \
-active: [{days: [mon], between: ["08:00", "18:00"]}]}
-rally_points: [[-50, -50]]
-planner: {clearance_m: 5, tracking_margin_m: 1.5, max_edge_m: 100, kind: waypoints}
-battery_reserve: 0.3
-"""
+FILE = (Path(__file__).parents[2] / "data" / "files" / "every-key.yaml").read_text(encoding="utf-8")
 
 
 def problems(folder, text):

@@ -1,18 +1,15 @@
 """Ways home: their lengths, what they take of the battery, and the autopilot's own return."""
 
-import dataclasses
 import json
 import math
 import random
 
 import pytest
 
-from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import (
     LANDING_M_S,
-    LANDING_MARGIN,
     Pace,
     ReturnPlanner,
     Way,
@@ -241,18 +238,3 @@ def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):
     assert flight.finished.landed_by_us
     assert 0.07 <= flight.battery <= 0.25  # not later than PX4's own return, and not much too early
     assert flight.mission.airspace.track_distance_m(flight.track)[0] >= 5.0
-
-
-def test_the_reserve_still_brings_it_home_first(pretend):
-    flight = pretend(battery_reserve=0.5, endurance_s=3000.0)
-    flight.take_off()
-    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 50.0)
-    flight.battery = 0.5
-    flight.step()
-    assert flight.controller.state is State.HOME
-    assert flight.controller.context.ending_why == "battery at 50%"
-
-
-def test_the_margin_covers_px4_s_own_return():
-    assert LANDING_MARGIN > 0.07
-    assert dataclasses.is_dataclass(Way)

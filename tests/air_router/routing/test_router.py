@@ -199,12 +199,6 @@ def test_a_point_on_a_waypoint_is_that_waypoint(pennovation):
     assert route.legs[-1] == Leg(there, 5)
 
 
-def test_a_start_that_is_the_goal(pennovation):
-    _, graph, router, _ = pennovation
-    route = router.route(graph.position(5), 5)
-    assert route == Route((Leg(graph.position(5), 5),), 0.0)
-
-
 # Answers that are no route.
 
 

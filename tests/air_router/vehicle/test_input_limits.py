@@ -46,20 +46,13 @@ class Missing:
         self._flight.telemetry = self._true
 
 
-def away(pretend, **changes):
-    flight = pretend(**changes)
-    flight.take_off()
-    flight.fly_away()
-    return flight
-
-
 def told(flight, *words):
     return [text for text in flight.said if all(word in text for word in words)]
 
 
 @pytest.mark.parametrize("age", INPUTS)
-def test_what_is_missing_is_told_at_its_limit_and_not_before(pretend, age):
-    flight, limit = away(pretend), INPUTS[age]
+def test_what_is_missing_is_told_at_its_limit_and_not_before(away, age):
+    flight, limit = away(), INPUTS[age]
     Missing(flight, age)
     flight.fly_for(limit.told_s - 0.5)
     assert not told(flight, "not heard")
@@ -68,8 +61,8 @@ def test_what_is_missing_is_told_at_its_limit_and_not_before(pretend, age):
 
 
 @pytest.mark.parametrize("age", [age for age, limit in INPUTS.items() if limit.home_s])
-def test_the_mission_ends_for_what_is_missing_too_long(pretend, age):
-    flight, limit = away(pretend, duration_s=None), INPUTS[age]
+def test_the_mission_ends_for_what_is_missing_too_long(away, age):
+    flight, limit = away(duration_s=None), INPUTS[age]
     missing = Missing(flight, age)
     flight.fly_for(limit.home_s - 0.5)
     assert flight.controller.state is not State.HOME
@@ -79,8 +72,7 @@ def test_the_mission_ends_for_what_is_missing_too_long(pretend, age):
     if not limit.home_without:
         assert isinstance(flight.motions[-1], HoldHere)
         missing.comes_again()
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
@@ -93,8 +85,8 @@ def test_the_table_is_in_the_documents():
         assert f"| {' | '.join(row)} |" in text
 
 
-def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back(pretend):
-    flight = away(pretend)
+def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back(away):
+    flight = away()
     missing = Missing(flight, "position_s")
     flight.fly_for(2.5)
     assert isinstance(flight.motions[-1], HoldHere)
@@ -109,8 +101,8 @@ def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back
     assert told(flight, "going on")
 
 
-def test_the_duration_goes_on_without_positions(pretend):
-    flight = away(pretend, duration_s=60.0)
+def test_the_duration_goes_on_without_positions(away):
+    flight = away(duration_s=60.0)
     began_s = flight.now_s
     Missing(flight, "position_s")
     flight.fly_until(lambda: flight.controller.state is State.HOME, 60.0)
@@ -121,8 +113,8 @@ def test_the_duration_goes_on_without_positions(pretend):
     assert flight.now_s - began_s <= 31.0
 
 
-def test_the_battery_reserve_counts_without_positions(pretend):
-    flight = away(pretend, duration_s=None)
+def test_the_battery_reserve_counts_without_positions(away):
+    flight = away(duration_s=None)
     Missing(flight, "position_s")
     flight.fly_for(3.0)
     flight.battery = flight.mission.battery_reserve - 0.01
@@ -131,8 +123,8 @@ def test_the_battery_reserve_counts_without_positions(pretend):
     assert told(flight, "coming home", "battery at")
 
 
-def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(pretend):
-    flight = away(pretend, duration_s=60.0)
+def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(away):
+    flight = away(duration_s=60.0)
     missing = Missing(flight, "mode_s")
     flight.fly_for(5.5)
     commanded = len(flight.motions)
@@ -152,8 +144,7 @@ def test_positions_missing_while_it_lands_do_not_stop_it(pretend):
     flight.fly_to_state(State.LAND)
     commanded = len(flight.motions)
     Missing(flight, "position_s")
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
     assert len(flight.motions) == commanded
     assert told(flight, "position", "landing on")
 
@@ -167,12 +158,11 @@ def test_in_the_climb_it_is_told_and_the_mission_ends_by_the_same_table(pretend)
     flight.fly_for(28.0)
     assert flight.controller.state is State.HOME
     missing.comes_again()
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
+    flight.lands()
 
 
-def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(pretend):
-    flight = away(pretend)
+def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(away):
+    flight = away()
     flight.pilot_chooses(FlightMode.OTHER)
     Missing(flight, "position_s")
     flight.fly_for(3.0)

@@ -155,10 +155,16 @@ def test_a_mission_allows_zones(tmp_path):
     assert [note.code for note in found.notes] == ["no-restriction", "zone-allowed"]
 
 
-def ed269(**zone):
+def ed269(limits=None, **zone):
     projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
-    volume = {"uomDimensions": "M", "horizontalProjection": projection}
+    volume = {"uomDimensions": "M", "horizontalProjection": projection, **(limits or {})}
     return {"identifier": "X1", "restriction": "PROHIBITED", "geometry": [volume], **zone}
+
+
+def read_written(folder, document):
+    path = folder / "z.json"
+    path.write_text(json.dumps(document))
+    return read_zones(path)
 
 
 def test_a_map_program_that_fills_in_its_columns_makes_no_zone_another_kind(tmp_path):
@@ -193,37 +199,24 @@ def test_a_ceiling_at_the_ground_is_none_whatever_the_floor_counts_from(tmp_path
     limits = {"upperLimit": 0, "upperVerticalReference": "AGL", "uomDimensions": "M"}
     if floor is not None:
         limits |= {"lowerLimit": 0, "lowerVerticalReference": floor}
-    (zone,) = (each := ed269())["geometry"]
-    zone |= limits
-    path = tmp_path / "z.json"
-    path.write_text(json.dumps([each]))
-    reading = read_zones(path)
+    reading = read_written(tmp_path, [ed269(limits)])
     altitudes = reading.zones[0].terms.altitudes
     assert altitudes is None or altitudes.upper is None
     assert codes(reading) == ["no-height"]
 
 
 def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
-    path = tmp_path / "z.json"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": [ed269()]}))
-    assert read_zones(path).kind == "ED-269"
-    assert len(read_zones(path).zones) == 1
+    reading = read_written(tmp_path, {"type": "FeatureCollection", "features": [ed269()]})
+    assert (reading.kind, len(reading.zones)) == ("ED-269", 1)
 
 
 def test_ed269_as_it_was_written_years_ago(tmp_path):
     daily = {"day": [], "startTime": None, "endTime": None}
     period = {"permanent": "NO", "startDateTime": None, "endDateTime": None}
-    projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
-    volume = {
-        "uomDimensions": "FT",
-        "lowerLimit": "100",
-        "lowerVerticalReference": "AGL",
-        "upperLimit": None,
-        "upperVerticalReference": "AGL",
-        "horizontalProjection": projection,
-    }
+    limits = {"uomDimensions": "FT", "lowerLimit": "100", "upperLimit": None}
+    limits |= dict.fromkeys(("lowerVerticalReference", "upperVerticalReference"), "AGL")
     zones = [
-        ed269(geometry=[volume], applicability=[{**period, "dailyPeriod": [daily]}]),
+        ed269(limits, applicability=[{**period, "dailyPeriod": [daily]}]),
         ed269(applicability=[{**period, "dailyPeriod": [{**daily, "day": ["MON"]}]}]),
         ed269(
             applicability=[
@@ -231,9 +224,7 @@ def test_ed269_as_it_was_written_years_ago(tmp_path):
             ]
         ),
     ]
-    path = tmp_path / "z.json"
-    path.write_text(json.dumps({"formatVersion": "1.0.0", "UASZoneList": zones}))
-    reading = read_zones(path)
+    reading = read_written(tmp_path, {"formatVersion": "1.0.0", "UASZoneList": zones})
     assert reading.problems == reading.notes == []
     every, mondays, for_good = reading.zones
     assert str(for_good.terms.validity) == "from 2026-07-22 07:00 until 9999-12-31 23:59 UTC"
@@ -246,28 +237,22 @@ def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
     document = json.loads((FILES / "geozones_ed318.json").read_text())
     del document["features"][0]["geometry"]["layer"]["uom"]
     document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
-    path = tmp_path / "z.json"
-    path.write_text(json.dumps(document))
-    assert read_zones(path).zones[0].terms.altitudes.upper == AltitudeLimit(400, GROUND)
-    assert read_zones(path).zones[2].terms.altitudes.upper is None  # beyond all flight
+    first, _, third, *_ = read_written(tmp_path, document).zones
+    assert first.terms.altitudes.upper == AltitudeLimit(400, GROUND)
+    assert third.terms.altitudes.upper is None  # beyond all flight
 
 
 def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
-    path = tmp_path / "z.json"
-    path.write_text(
-        json.dumps(
-            [
-                ed269(restriction="MAYBE"),
-                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00Z",
-                                      "endDateTime": "2026-07-22T06:50:00Z"}]),
-                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00"}]),
-                ed269(applicability=[{"startDateTime": "2026-07-22T07:00:00Z", "schedule": [7]}]),
-                ed269(applicability=[{"permanent": "YES", "endDateTime": "2020-01-01T00:00:00Z"}]),
-                ed269(applicability=[{"endDateTime": "2020-01-01T00:00:00Z"}, {}]),
-            ]
-        )
-    )  # fmt: skip
-    reading = read_zones(path)
+    start, over = "2026-07-22T07:00:00Z", "2020-01-01T00:00:00Z"
+    times = (
+        [{"startDateTime": start, "endDateTime": "2026-07-22T06:50:00Z"}],
+        [{"startDateTime": start.removesuffix("Z")}],
+        [{"startDateTime": start, "schedule": [7]}],
+        [{"permanent": "YES", "endDateTime": over}],
+        [{"endDateTime": over}, {}],
+    )
+    zones = [ed269(restriction="MAYBE"), *(ed269(applicability=each) for each in times)]
+    reading = read_written(tmp_path, zones)
     assert [zone.terms.validity for zone in reading.zones[:3]] == [None] * 3
     assert str(reading.zones[3].terms.validity) == "from 2026-07-22 07:00 UTC"
     assert [zone.terms.validity for zone in reading.zones[4:]] == [None] * 2

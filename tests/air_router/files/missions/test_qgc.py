@@ -19,8 +19,6 @@ from tests.air_router.files.values import values_in
 DATA = Path(__file__).parents[3] / "data"
 MISSIONS = Path(__file__).parents[4] / "missions"
 
-HOME = [47.0, 8.0, 500.0]
-
 
 def waypoint(lat, lon, *, altitude=30, frame=3, command=16):
     return {
@@ -32,40 +30,7 @@ def waypoint(lat, lon, *, altitude=30, frame=3, command=16):
 
 
 def plan():
-    return {
-        "fileType": "Plan",
-        "version": 1,
-        "mission": {
-            "version": 2,
-            "plannedHomePosition": list(HOME),
-            "hoverSpeed": 5,
-            "items": [
-                waypoint(47.0, 8.0, altitude=20, command=22),
-                waypoint(47.0005, 8.0),
-                waypoint(47.0005, 8.0005, altitude=540, frame=0),
-                {"type": "SimpleItem", "command": 20, "frame": 2, "params": [0] * 7},
-            ],
-        },
-        "geoFence": {
-            "version": 2,
-            "polygons": [
-                {
-                    "version": 1,
-                    "inclusion": False,
-                    "polygon": [[47.0002, 8.0002], [47.0003, 8.0002], [47.0003, 8.0003]],
-                }
-            ],
-            "circles": [
-                {"version": 1, "inclusion": True, "circle": {"center": HOME[:2], "radius": 200}},
-                {
-                    "version": 1,
-                    "inclusion": False,
-                    "circle": {"center": [46.9995, 8.0], "radius": 10},
-                },
-            ],
-        },
-        "rallyPoints": {"version": 2, "points": [[47.0, 8.0004, 0]]},
-    }
+    return json.loads((DATA / "files" / "small.plan").read_text(encoding="utf-8"))
 
 
 def write(folder, data, indent=4):

@@ -8,7 +8,7 @@ from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
-from air_router.mission.flight_plan import FlightPlan, Frame
+from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan
 from air_router.vehicle.px4.mavsdk_bridge import to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
@@ -137,28 +137,6 @@ def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovat
     board.send = lambda _name, _fields: "CONNECTION_ERROR"
     with pytest.raises(PlanRefusedError, match="CONNECTION_ERROR"):
         asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=()), lambda: None))
-
-
-def changed(item, **changes):
-    return dataclasses.replace(item, **changes)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"x_deg_e7": 8}, {"y_deg_e7": -9}, {"z_m": 0.09}],
-)
-def test_what_a_station_rounds_flies_the_same(pennovation, change):
-    item = FlightPlan.of(pennovation).items[-1]
-    ((name, by),) = change.items()
-    assert item.same_as(changed(item, **{name: getattr(item, name) + by}))
-    assert not item.same_as(changed(item, **{name: getattr(item, name) + 10 * by}))
-
-
-def test_frames_that_px4_gives_back_for_others_are_the_same(pennovation):
-    item = FlightPlan.of(pennovation).items[-1]
-    assert item.same_as(changed(item, frame=Frame.RELATIVE_ALT))
-    assert not item.same_as(changed(item, frame=Frame.GLOBAL_INT))
-    assert not item.same_as(changed(item, autocontinue=True))
 
 
 @pytest.mark.parametrize("lost", [0, 1])
