@@ -1,7 +1,4 @@
-"""Mistakes that newcomers make: each gets one clear answer and the exit code of the docs.
-
-Those that take more than a command and a file are made in other files, which ELSEWHERE lists.
-"""
+"""Mistakes that newcomers make: each gets one clear answer and the exit code of the docs."""
 
 import os
 import shutil
@@ -41,38 +38,6 @@ IN_FILES = [  # what is changed in the mission, the command, what is said
     ),
     ("seek: [|seek: [jo, ", "check mission.yaml", "[unknown-robot]"),
 ]
-ELSEWHERE = {
-    "PX4 is not running, or sends to another port": "system/test_px4.py::test_no_answer",
-    "another system id": "system/test_px4.py::test_another_program_is_there",
-    "an extra is missing: keys": (
-        "mocha_link/team/test_keys.py::test_without_the_library_there_is_a_command_to_run"
-    ),
-    "an extra is missing: web, plot, bridge ros2": (
-        "test_commands.py::test_a_missing_extra_ends_with_7_and_the_command_that_installs_it"
-    ),
-    "ask where no flight answers": "air_router/control/test_control.py::test_ask_as_a_command",
-    "an unknown request, no point, no JSON, from a program": (
-        "air_router/control/test_control.py::test_what_cannot_be_asked_is_an_error_and_the_client_goes_on"
-    ),
-    "two nodes of one name": "mocha_link/cli/test_cli.py::test_a_port_in_use_is_1",
-    "team files that differ": (
-        "mocha_link/node/test_other_team.py::test_nothing_is_exchanged_and_both_say_why"
-    ),
-    "a port of the vehicle's in use": "system/test_fly.py::test_a_port_in_use_is_one_clear_error",
-    "Ctrl-C while it starts": (
-        "test_commands.py::test_ctrl_c_while_a_command_is_imported_is_one_line"
-    ),
-    "Ctrl-C in flight": "system/test_fly.py::test_ctrl_c_in_flight_leaves_the_vehicle_holding",
-    "the terminal is closed in flight": (
-        "system/test_fly.py::test_a_flight_outlives_the_session_that_it_was_started_from"
-    ),
-    "a robot whose position is of no known type": (
-        "air_router/mission/test_found_by.py::test_what_cannot_be_flown"
-    ),
-    "a message that cannot be read": (
-        "air_router/gossip/test_gossip.py::test_what_cannot_be_read_is_told_once_for_each_topic"
-    ),
-}
 IN_USAGE = [
     ("", "fly a mission in a simulated world"),
     ("dance", "invalid choice: 'dance'"),
@@ -180,10 +145,3 @@ def test_a_serial_device_of_others_names_the_group(said, monkeypatch):
     code, err = said("preflight mission.yaml --connect serial:///dev/null:57600")
     assert code == 4
     assert "no permission for /dev/null): `sudo usermod -aG root $USER`, then log in again" in err
-
-
-def test_the_other_mistakes_are_made_where_it_says():
-    for mistake, test in ELSEWHERE.items():
-        file, _, function = test.partition("::")
-        source = (ROOT / "tests" / file).read_text(encoding="utf-8")
-        assert f"def {function}(" in source, mistake

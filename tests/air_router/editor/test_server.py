@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import socket
 import threading
 from http import HTTPStatus
@@ -422,7 +421,3 @@ def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
     assert main(["edit", str(path), "--port", "0"]) == ExitCode.INVALID_FILE
     assert "mission.yaml:2:1: not valid YAML" in capsys.readouterr().err
     assert main(["edit", str(path.with_name("none.yaml"))]) == ExitCode.INVALID_FILE
-
-
-def test_all_messages_to_the_page_are_json(path):
-    assert json.loads(EditorServer(EditSession(MissionFile(path)))._state)

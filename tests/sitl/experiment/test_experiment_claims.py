@@ -55,6 +55,12 @@ def test_cases_of_one_run_are_not_independent():
     assert (every.value, design) == (50.0, 1.0)
 
 
+def load(tmp_path, text):
+    path = tmp_path / "experiment.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_experiment(str(path))[0]
+
+
 def made(experiment, seeds, measures, phase="confirmation"):
     """Runs of an experiment; `measures` makes them of a row's settings and a seed number."""
     return [
@@ -123,28 +129,14 @@ def test_a_world_that_is_the_same_for_all_denies_what_it_can():
 
 
 def test_a_row_is_held_against_its_oracle_run_by_run(tmp_path):
-    path = tmp_path / "yard.yaml"
-    path.write_text(
-        "name: yard\ntitle: x\ncross: {policy: [round_robin, oracle], radius_m: [5, 30]}\n",
-        encoding="utf-8",
-    )
-    experiment, _ = load_experiment(str(path))
+    cross = "cross: {policy: [round_robin, oracle], radius_m: [5, 30]}\n"
+    experiment = load(tmp_path, f"name: yard\ntitle: x\n{cross}")
 
     def measures(row, number):
         oracle, near = row["policy"] == "oracle", row["radius_m"] == 5
         age_s = (30.0 + number) * (1 if oracle else 4 if near else 2)
-        blank = dict.fromkeys(
-            (
-                "wall_s",
-                "speed_up",
-                "goals_found",
-                "waits",
-                "wait_sd_s",
-                "data_waits",
-                "header_waits",
-            ),
-            1.0,
-        )
+        blank = dict.fromkeys(("wall_s", "speed_up", "goals_found", "waits", "wait_sd_s"), 1.0)
+        blank |= dict.fromkeys(("data_waits", "header_waits"), 1.0)
         return {**blank, "service_age_mean_s": age_s, "goal_bound_gap_percent": None}
 
     found = tables.lines(experiment, made(experiment, 5, measures))
@@ -259,18 +251,11 @@ def test_verdicts_say_from_which_runs_and_rules_they_come():
 
 
 def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
-    path = tmp_path / "mixed.yaml"
     teams = ("5, policy: round_robin", "5, policy: rendezvous")
     teams += ("30, policy: freshest", "30, policy: rendezvous")
     text = "".join(f"  - {{radius_m: {team}}}\n" for team in teams)
-    path.write_text(f"name: mixed\ntitle: x\nrows:\n{text}", encoding="utf-8")
-    experiment, _ = load_experiment(str(path))
-    measures = dict.fromkeys(claims.MEASURES, 1.0)
-    records = [
-        {"row": row.label, "number": number, "measures": measures}
-        for row in experiment.rows
-        for number in range(2)
-    ]
+    experiment = load(tmp_path, f"name: mixed\ntitle: x\nrows:\n{text}")
+    records = made(experiment, 2, lambda *_: dict.fromkeys(claims.MEASURES, 1.0))
     assert [(one.row, one.base) for one in claims.compared(Runs(experiment, records))] == [
         ("5 m, rendezvous", "5 m, round robin"),
         ("30 m, rendezvous", "30 m, freshest"),
@@ -286,27 +271,15 @@ cross: {policy: [round_robin, freshest], radius_m: [5, 30]}
 
 
 def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
-    path = tmp_path / "pair.yaml"
-    path.write_text(PAIRED, encoding="utf-8")
-    experiment, _ = load_experiment(str(path))
+    experiment = load(tmp_path, PAIRED)
     chance = np.random.default_rng(8)
     luck = chance.normal(0, 30, 8)  # what both rows of a pair meet
-    records = [
-        {
-            "row": row.label,
-            "number": number,
-            "measures": {
-                measure: 50
-                + luck[number]
-                + 2 * (row.settings["policy"] == "freshest")
-                + 0.5 * chance.normal()
-                for measure in claims.MEASURES
-            },
-        }
-        for row in experiment.rows
-        for number in range(8)
-    ]
-    runs = Runs(experiment, records)
+
+    def measures(row, number):
+        mean = 50 + luck[number] + 2 * (row["policy"] == "freshest")
+        return {measure: mean + 0.5 * chance.normal() for measure in claims.MEASURES}
+
+    runs = Runs(experiment, made(experiment, 8, measures))
     found = claims.compared(runs)
     assert [one[:3] for one in found] == [
         ("freshest, 5 m", "round robin, 5 m", 8),

@@ -85,6 +85,11 @@ def runs_in(folder):
         return log.records
 
 
+def rows_of(path):
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
 def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
     code, pool = sitl(pool=Here(most=5))
     assert code == 130
@@ -152,8 +157,8 @@ def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
     _, pool = sitl("--seeds", "2", "--first-seed", "2", "--out", after)
     assert {number for _, number in pool.made} == {2, 3}
     assert "From confirmation seeds 2 to 3." in capsys.readouterr().out
-    with (tmp_path / "after" / "results.csv").open(encoding="utf-8") as file:
-        assert {row["phase"] for row in csv.DictReader(file)} == {"confirmation"}
+    results = rows_of(tmp_path / "after" / "results.csv")
+    assert {row["phase"] for row in results} == {"confirmation"}
     # What has been looked at stays what it was, whatever the file says later.
     sitl.path.write_text(SMALL + "confirmation_seed: 1\n", encoding="utf-8")
     with pytest.raises(MixedRunsError, match="holds exploration runs"):
@@ -305,11 +310,9 @@ def test_a_lost_run_is_told(sitl, capsys):
 def test_results_are_tidy(sitl, tmp_path, capsys):
     sitl("--json")
     answer = json.loads(capsys.readouterr().out)
-    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(tmp_path / "out" / "results.csv")
     assert len(rows) == answer["runs"] == 12
-    with (tmp_path / "out" / "ages.csv").open(encoding="utf-8") as file:
-        ages = [row for row in csv.DictReader(file) if row["row"] == rows[0]["row"]]
+    ages = [row for row in rows_of(tmp_path / "out" / "ages.csv") if row["row"] == rows[0]["row"]]
     own = [row for row in ages if (row["seed_number"], row["topic"]) == ("0", "map")]
     assert {(row["maker"], row["user"]) for row in own} <= {
         ("uav01", f"ugv0{n}") for n in (1, 2, 3)

@@ -1,12 +1,10 @@
 """The judge of zones with terms of their own, and of what is on board among changed zones."""
 
-import dataclasses
-
 import pytest
 import yaml
 
 from air_router.mission.loading import load_mission
-from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind
 from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.judge.verdict import judge
 from sitl.rehearsal.mission_file import MissionFile, hurried, with_room
@@ -23,8 +21,8 @@ from tests.sitl.rehearsal.judge.test_judge import (
     evidence,
     kinds,
     ours,
-    place,
     polygon,
+    rally_upload,
     track,
     upload,
 )
@@ -75,8 +73,7 @@ def test_a_zone_is_on_board_if_it_applies_where_the_mission_cruises(terms, count
     text = yaml.safe_dump({**FILE, "no_fly_zones": [*FILE["no_fly_zones"], zone]})
     for fence in (FENCE, [*FENCE, *polygon(5002, zone["polygon"])]):
         there = fence is not FENCE
-        flown = evidence(messages=list(upload(fence=fence)))
-        wrong = kinds(dataclasses.replace(flown, mission_text=text))
+        wrong = kinds(evidence(messages=list(upload(fence=fence)), text=text))
         assert ("plan" in wrong) == (there != counts)
 
 
@@ -104,15 +101,10 @@ def test_without_its_fence_on_board_it_comes_home():
 
 
 def test_no_rally_point_stays_in_a_zone():
-    wire = [
-        ours(0.2, "MISSION_COUNT", count=1, mission_type=2),
-        ours(0.2, "MISSION_ITEM_INT", seq=0, command=5100, mission_type=2, **place(150, 150)),
-        WireMessage(0.2, 1, 1, 1, "MISSION_ACK", {"type": 0, "mission_type": 2}),
-    ]
     over = {"name": "over", "circle": {"centre": [150, 150], "radius_m": 2}}
     circle = [(5004, 150, 150, 2.0)]
     for zones, wrong in (([], False), ([over], True)):
         document = {**FILE, "no_fly_zones": [*FILE["no_fly_zones"], *zones]}
-        sent = [*upload(fence=[*FENCE, *(circle if zones else ())]), *wire]
-        flown = dataclasses.replace(evidence(messages=sent), mission_text=yaml.safe_dump(document))
+        sent = [*upload(fence=[*FENCE, *(circle if zones else ())]), *rally_upload(150, 150)]
+        flown = evidence(messages=sent, text=yaml.safe_dump(document))
         assert ("plan" in kinds(flown)) == wrong

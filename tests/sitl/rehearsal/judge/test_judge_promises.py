@@ -33,8 +33,7 @@ MET = (met(90.0),)
 
 def found(said, happenings=MET, text=TIMED, **others):
     """What is found of the states and requests of a flight in which all of that was said."""
-    flown = flight(said=said, happenings=tuple(happenings), **others)
-    verdict = judge(dataclasses.replace(flown, mission_text=text))
+    verdict = judge(flight(said=said, happenings=tuple(happenings), text=text, **others))
     return [str(v) for v in verdict.violations if v.kind in {"state", "request"}]
 
 
@@ -119,9 +118,9 @@ def test_all_points_are_flown_to(east_m, note):
 def test_waypoints_are_visited_in_their_turn_or_told_as_left_out():
     text = TEXT.replace("[0, 60]]", "[90, 90], [0, 60]]")
     told = (70.0, "70.0 s  waypoint 3 left out: no clear way leads there")
-    for said, good in (([], False), ([told], True)):
-        flown = evidence(faults=("EXPLORED",), said=[(20.0, "20.0 s  READY -> INIT"), *said])
-        flown = dataclasses.replace(flown, mission_text=text)
+    for more, good in (([], False), ([told], True)):
+        said = [(20.0, "20.0 s  READY -> INIT"), *more]
+        flown = evidence(faults=("EXPLORED",), said=said, text=text)
         assert ("waypoint 3 was neither visited" in str(judge(flown).violations)) != good
 
 
@@ -134,8 +133,8 @@ def test_the_charge_covers_the_way_home():
         )
 
     def texts(percent):
-        flown = flight(FLOWN, spoil({"battery_remaining": percent}), said=SAID[:1])
-        return str(judge(dataclasses.replace(flown, mission_text=text)).violations)
+        flown = flight(FLOWN, spoil({"battery_remaining": percent}), said=SAID[:1], text=text)
+        return str(judge(flown).violations)
 
     assert "stays out at 35%" in texts(35)
     assert "stays out" not in texts(60)
