@@ -82,6 +82,7 @@ class Airframe:
         self.target_altitude_m = None
         self.track = []
         self.noise_m = 0.0
+        self.shown = {}  # told in place of what is so
         self._chance = random.Random(1)
 
     def take_off(self):
@@ -113,7 +114,7 @@ class Airframe:
                 self.in_air = self.armed = False
 
     def telemetry(self):
-        return Telemetry(
+        told = Telemetry(
             time_s=self.now_s,
             position=self._measured(),
             altitude_m=self.altitude_m,
@@ -127,6 +128,7 @@ class Airframe:
             fix=self.fix,
             home_moved=self.home_moved,
         )
+        return dataclasses.replace(told, **self.shown)
 
     def _measured(self):
         if not self.noise_m:

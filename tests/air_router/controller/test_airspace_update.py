@@ -310,8 +310,7 @@ def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_r
 def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_again(pretend):
     """Unheard, a pilot may have the vehicle: nothing is commanded."""
     flight = cruising(pretend, duration_s=None)
-    telemetry, ages = flight.telemetry, [Ages(mode_s=6.0)]
-    flight.telemetry = lambda: dataclasses.replace(telemetry(), ages=ages[0])
+    flight.shown = {"ages": Ages(mode_s=6.0)}
     flight.step()
     commanded, place = len(flight.motions), flight.controller.context.way.leg.to
     assert math.dist(flight.position, place) > 25.0
@@ -319,7 +318,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_aga
     change(flight, zone)
     flight.step()
     assert flight.motions[commanded:] == []
-    ages[0] = Ages()
+    flight.shown = {}
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
     flight.fly_for(20.0)
     assert clear_of(flight, zone) >= 5.0

@@ -263,19 +263,21 @@ def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(prete
     flight = pretend(duration_s=None)
     flight.take_off()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
-    telemetry, last, shown = flight.telemetry, flight.controller.gate.last, {}
-    flight.telemetry = lambda: dataclasses.replace(telemetry(), **shown)
+    last = flight.controller.gate.last
     if held:
         flight.operator_asks(HoldNow())
         flight.fly_for(6.0)
-        shown = {"target": flight.position}
+        flight.shown = {"target": flight.position}
         flight.fly_for(3.0)
     flight.deaf = True
     flight.operator_asks(GoTo((Point(-20.0, -60.0),)) if held else SeekNow("io"))
     flight.deaf = False
     assert "did not follow" in flight.said[-1]
     commanded = len(flight.motions)
-    shown = {"target": Point(20.0, 20.0)} if held else {"item": flight.plan.item_of(last.node) + 3}
+    if held:
+        flight.shown = {"target": Point(20.0, 20.0)}
+    else:
+        flight.shown = {"item": flight.plan.item_of(last.node) + 3}
     flight.fly_for(6.0)
     assert flight.motions[commanded:] == []
     assert flight.controller.state is State.PASSIVE
@@ -290,13 +292,11 @@ def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(
     else:
         flight.take_off()
         flight.fly_away()
-    target, telemetry = [None], flight.telemetry
-    flight.telemetry = lambda: dataclasses.replace(telemetry(), target=target[0])
     flight.give(PlanReplaced(flight.now_s))
-    target[0] = flight.position
+    flight.shown = {"target": flight.position}
     flight.fly_for(5.0)
     east_m, north_m = flight.position
-    target[0] = Point(east_m + 60.0, north_m)
+    flight.shown = {"target": Point(east_m + 60.0, north_m)}
     flight.fly_for(4.0)
     commanded = len(flight.motions)
     flight.give(PlanCompared(flight.now_s))
@@ -530,8 +530,7 @@ def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend)
 
 def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_again(away):
     flight = away()
-    telemetry, ages = flight.telemetry, [Ages(mode_s=6.0)]
-    flight.telemetry = lambda: dataclasses.replace(telemetry(), ages=ages[0])
+    flight.shown = {"ages": Ages(mode_s=6.0)}
     flight.fly_for(1.0)
     commanded = len(flight.motions)
     inside = flight.mission.zones[0]
@@ -540,7 +539,7 @@ def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_a
     assert flight.motions[commanded:] == []
     assert not any(said.startswith("hands off") for said in flight.said)
     assert any("told to hold once its flight mode is heard" in said for said in flight.said)
-    ages[0] = Ages()
+    flight.shown = {}
     flight.fly_for(6.0)
     assert isinstance(flight.motions[commanded], HoldHere)
     assert f"hands off: breach of {inside.name} is not resumed by itself" in flight.said

@@ -160,16 +160,15 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     told = flight.motions[-1]
     assert isinstance(told, FlyToNode)
-    item, telemetry = flight.plan.item_of(told.node), flight.telemetry
     flight.deaf = True
     flight.give(GoTo((Point(60.0, -40.0),)))  # it was given up, and may come any moment
     flight.deaf = False
-    flight.telemetry = lambda: dataclasses.replace(telemetry(), item=item)
+    flight.shown = {"item": flight.plan.item_of(told.node)}
     flight.step()
     setpoints = len(flight.motions)
     flight.give(ExploreNow())
     assert isinstance(flight.motions[setpoints], HoldHere)
-    flight.telemetry = telemetry
+    flight.shown = {}
     flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 10.0)
     assert flight.motions[-1].node == told.node
 

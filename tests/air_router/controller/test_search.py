@@ -1,6 +1,5 @@
 """Where to look for a robot: as near to it as a clear way leads."""
 
-import json
 import math
 from types import SimpleNamespace
 
@@ -8,32 +7,15 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_state import Search
-from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from geo.frame import Point
-
-
-def box(west, south, east, north):
-    return [[west, south], [east, south], [east, north], [west, north]]
+from tests.air_router.local_mission import box, local_mission
 
 
 def searching(folder, zones):
-    path = folder / "mission.yaml"
-    path.write_text(
-        json.dumps(
-            {
-                "coordinates": "local",
-                "frame": {"origin": [38.5, -98.5]},
-                "home": [0, -60],
-                "altitude_m": 30,
-                "waypoints": [[60, -60]],
-                "fence": [[-100, -100], [100, -100], [100, 100], [-100, 100]],
-                "no_fly_zones": zones,
-            }
-        )
-    )
-    mission = load_mission(path)
+    places = {"home": [0, -60], "waypoints": [[60, -60]]}
+    mission = local_mission(folder, **places, no_fly_zones=zones)
     exploration = SimpleNamespace(
         here=mission.home, began_s=0.0, longest_unseen=lambda: Goal(mission.home)
     )

@@ -1,18 +1,17 @@
 """Pictures: what is drawn for missions of all shapes."""
 
 import importlib
-import json
 import re
 import struct
 from importlib import resources
 
 import pytest
 
-from air_router.mission.loading import load_mission
 from air_router.report.svg import colours, style_sheet
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from geo.frame import Point
+from tests.air_router.local_mission import local_mission
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +33,8 @@ def size(path):
 
 
 def made(folder, **changes):
-    data = {
-        "coordinates": "local",
-        "frame": {"origin": [38.5, -98.5]},
-        "home": [0, 0],
-        "altitude_m": 30,
-        "waypoints": [[50, 0], [50, 50]],
-        "fence": [[-100, -100], [100, -100], [100, 100], [-100, 100]],
-        "no_fly_zones": [[[-60, 20], [-20, 20], [-20, 60]]],
-    }
-    path = folder / "mission.yaml"
-    path.write_text(json.dumps(data | changes))
-    return load_mission(path)
+    zones = [[[-60, 20], [-20, 20], [-20, 60]]]
+    return local_mission(folder, **{"no_fly_zones": zones, **changes})
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,10 @@
 """Ways home: their lengths, what they take of the battery, and the autopilot's own return."""
 
-import json
 import math
 import random
 
 import pytest
 
-from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import (
     LANDING_M_S,
@@ -19,22 +17,14 @@ from air_router.routing.return_planner import (
 from air_router.routing.router import Route, Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
+from tests.air_router.local_mission import box, local_mission
 
 
 def made(folder, **changes):
-    data = {
-        "coordinates": "local",
-        "frame": {"origin": [38.5, -98.5]},
-        "home": [0, 0],
-        "altitude_m": 35,
-        "speed_m_s": 5,
-        "waypoints": [[80, 0], [80, 80], [0, 80]],
-        "fence": [[-200, -200], [200, -200], [200, 200], [-200, 200]],
-        "no_fly_zones": [{"name": "barn", "polygon": [[20, 20], [60, 20], [60, 60], [20, 60]]}],
-    }
-    path = folder / "mission.yaml"
-    path.write_text(json.dumps(data | changes))
-    return load_mission(path)
+    square = {"waypoints": [[80, 0], [80, 80], [0, 80]], "fence": box(-200, -200, 200, 200)}
+    barn = {"name": "barn", "polygon": box(20, 20, 60, 60)}
+    values = {"altitude_m": 35, "speed_m_s": 5, **square, "no_fly_zones": [barn]}
+    return local_mission(folder, **values | changes)
 
 
 def planner_of(mission):
@@ -99,16 +89,8 @@ def test_rally_points(tmp_path):
 
 
 def test_a_rally_point_that_no_waypoint_sees_is_reached_around_corners(tmp_path):
-    yard = [
-        [-60, 100],
-        [60, 100],
-        [60, 110],
-        [-50, 110],
-        [-50, 150],
-        [60, 150],
-        [60, 160],
-        [-60, 160],
-    ]
+    west = [[60, 110], [-50, 110], [-50, 150], [60, 150]]
+    yard = [[-60, 100], [60, 100], *west, [60, 160], [-60, 160]]
     mission = made(tmp_path, no_fly_zones=[{"polygon": yard}], rally_points=[[-35, 130]])
     ways = planner_of(mission).rally
     assert set(ways) == {0, 1, 2, 3}
@@ -131,10 +113,11 @@ def test_a_concave_fence_is_cut_too(tmp_path):
 
 
 def test_the_return_climbs_into_zones_above_the_mission(tmp_path):
-    square = [[20, 20], [60, 20], [60, 60], [20, 60]]
-
     def cuts(lower_m, upper_m):
-        zone = {"polygon": square, "altitude": {"lower_m": lower_m, "upper_m": upper_m}}
+        zone = {
+            "polygon": box(20, 20, 60, 60),
+            "altitude": {"lower_m": lower_m, "upper_m": upper_m},
+        }
         return [r.waypoint for r in straight_returns(made(tmp_path, no_fly_zones=[zone]))]
 
     assert cuts(50, 120) == [2]  # 15 m above the mission, below the return altitude

@@ -26,6 +26,7 @@ from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from geo.paths.shortest import ShortestPaths
 from sitl.px4sim.motion.dynamics import MotionDemand, Multirotor
+from tests.air_router.local_mission import box, local_mission
 
 DATA = Path(__file__).parents[2] / "data"
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -73,30 +74,10 @@ def pennovation():
     return flown_in("pennovation")
 
 
-def write(folder, **changes):
-    """A mission in metres, as JSON, which YAML reads."""
-    data = {
-        "coordinates": "local",
-        "frame": {"origin": [38.5, -98.5]},
-        "home": [0, 0],
-        "altitude_m": 30,
-        "waypoints": [[50, 0], [50, 50]],
-        "fence": [[-100, -100], [100, -100], [100, 100], [-100, 100]],
-        "no_fly_zones": [],
-    }
-    path = folder / "mission.yaml"
-    path.write_text(json.dumps(data | changes))
-    return load_mission(path)
-
-
 def made(folder, **changes):
-    mission = write(folder, **changes)
+    mission = local_mission(folder, **changes)
     graph = WaypointGraph(mission)
     return mission, graph, Router(graph), Judge(mission)
-
-
-def box(west, south, east, north):
-    return [[west, south], [east, south], [east, north], [west, north]]
 
 
 # The graph.

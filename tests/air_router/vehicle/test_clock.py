@@ -27,14 +27,6 @@ def test_it_runs_on_at_the_vehicle_s_rate_between_two_messages():
     assert clock.boot_s() == pytest.approx(36.5, abs=0.1)
 
 
-def test_it_stands_still_when_the_vehicle_is_silent():
-    wall = Wall()
-    clock = VehicleClock(monotonic=wall)
-    clock.heard(10.0)
-    wall.now_s += 1000.0
-    assert clock.boot_s() == pytest.approx(12.0)
-
-
 def test_it_goes_on_while_the_vehicle_says_anything():
     wall = Wall()
     clock = VehicleClock(monotonic=wall)

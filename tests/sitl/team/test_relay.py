@@ -73,16 +73,6 @@ def silent(connection: socket.socket) -> bool:
         connection.settimeout(WAIT_S)
 
 
-def test_bytes_pass_both_ways_while_the_link_is_up(server):
-    with relayed(server) as (relay, endpoint):
-        relay.set_link("titan", "io", up=True)
-        with dial(endpoint) as client, server.accept() as node:
-            client.sendall(b"ping")
-            assert receive(node, 4) == b"ping"
-            node.sendall(b"pong")
-            assert receive(client, 4) == b"pong"
-
-
 def test_the_end_of_one_side_reaches_the_other_after_all_bytes(server):
     with relayed(server) as (relay, endpoint):
         relay.set_link("io", "titan", up=True)
