@@ -30,11 +30,10 @@ def facts(capsys, *arguments):
     return json.loads(out)
 
 
-def geojson(folder, ring=FIELD, holes=()):
-    path = folder / "field.geojson"
-    rings = [[*r, r[0]] for r in (ring, *holes)]
-    shape = {"type": "Polygon", "coordinates": rings}
-    path.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": shape}))
+def geojson(folder, ring=FIELD, name="field", **properties):
+    path = folder / f"{name}.geojson"
+    shape = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+    path.write_text(json.dumps({"type": "Feature", "properties": properties, "geometry": shape}))
     return path
 
 
@@ -144,11 +143,7 @@ def test_an_area_alone(capsys, tmp_path):
 
 def test_zones_of_files_and_the_area_as_a_fence(capsys, tmp_path):
     hole = [[-75.2010, 39.9408], [-75.2004, 39.9408], [-75.2004, 39.9412], [-75.2010, 39.9412]]
-    whole, holed = geojson(tmp_path), tmp_path / "zones.geojson"
-    zone = {"type": "Polygon", "coordinates": [[*hole, hole[0]]]}
-    holed.write_text(
-        json.dumps({"type": "Feature", "properties": {"name": "pond"}, "geometry": zone})
-    )
+    whole, holed = geojson(tmp_path), geojson(tmp_path, hole, "pond")
     options = ("--camera", "60x45deg", "--altitude", "30")
     with_zone = facts(capsys, whole, *options, "--zones", holed, "--clearance", "10")
     free = facts(capsys, whole, *options)
@@ -160,11 +155,8 @@ def test_zones_of_files_and_the_area_as_a_fence(capsys, tmp_path):
 
 def test_a_mission_that_could_not_be_flown_is_not_written(capsys, tmp_path):
     area, target = geojson(tmp_path), tmp_path / "m.yaml"
-    zones = tmp_path / "zones.geojson"
-    ring = [[-75.2010, 39.9408], [-75.2004, 39.9408], [-75.2004, 39.9412], [-75.2010, 39.9408]]
-    limits = {"name": "pond", "upper_m": 100, "reference": "amsl"}
-    zone = {"type": "Polygon", "coordinates": [ring]}
-    zones.write_text(json.dumps({"type": "Feature", "properties": limits, "geometry": zone}))
+    ring = [[-75.2010, 39.9408], [-75.2004, 39.9408], [-75.2004, 39.9412]]
+    zones = geojson(tmp_path, ring, "pond", upper_m=100, reference="amsl")
     options = (area, *WIDE, "--altitude", "30", "--zones", zones, "--out", target)
     code, _, err = run(capsys, "cover", *options, "--home", "39.9398,-75.2000")
     assert code == 3

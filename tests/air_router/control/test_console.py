@@ -16,28 +16,15 @@ def terminal():
         yield typist, keyboard
 
 
-def test_typed_words_are_requests_and_nonsense_is_answered(terminal):
-    typist, keyboard = terminal
-    requests, complaints = [], []
-
-    async def listen():
-        done = asyncio.Event()
-
-        def deliver(request):
-            requests.append(request)
-            done.set()
-
-        with listening(deliver, complaints.append, keyboard):
-            typist.write("fly me to the moon\n\n Home \n")
-            await asyncio.wait_for(done.wait(), 60)
-
-    asyncio.run(listen())
-    assert requests == [parse_command("home")]
-    assert len(complaints) == 1
-    assert "no request 'fly'; use one of hold" in complaints[0]
-
-
-def test_no_byte_and_no_ctrl_d_at_the_terminal_ends_anything(terminal):
+@pytest.mark.parametrize(
+    ("typed", "nonsense"),
+    [
+        (b"fly me to the moon\n\n Home \n", "no request 'fly'; use one of hold"),
+        (b"h\xf6ld\n\x04home\n", "no request 'h\N{REPLACEMENT CHARACTER}ld'"),
+    ],
+    ids=["words", "of a Latin-1 terminal, then Ctrl-D"],
+)
+def test_typed_words_are_requests_and_nonsense_is_answered(terminal, typed, nonsense):
     typist, keyboard = terminal
     requests, complaints, faults = [], [], []
 
@@ -50,13 +37,13 @@ def test_no_byte_and_no_ctrl_d_at_the_terminal_ends_anything(terminal):
             done.set()
 
         with listening(deliver, complaints.append, keyboard):
-            os.write(typist.fileno(), b"h\xf6ld\n\x04home\n")  # of a Latin-1 terminal, then Ctrl-D
+            os.write(typist.fileno(), typed)
             await asyncio.wait_for(done.wait(), 60)
 
     asyncio.run(listen())
     assert (requests, faults) == ([parse_command("home")], [])
-    assert len(complaints) == 1
-    assert "no request 'h\N{REPLACEMENT CHARACTER}ld'" in complaints[0]
+    (complaint,) = complaints
+    assert nonsense in complaint
 
 
 def test_a_terminal_that_takes_nothing_keeps_nothing_waiting(terminal):

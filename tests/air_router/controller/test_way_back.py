@@ -204,11 +204,17 @@ def test_where_a_zone_may_be_above_the_pilot_climbs(flight_in, pennovation):
     )
 
 
-def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
-    flight = flight_in(State.EXPL)
+def given_back_low(flight, flies_s=0.0):
+    """The pilot flies low for so long, and chooses Hold there."""
     sticks(flight)
     flight.altitude_m = 20.0
+    flight.fly_for(flies_s)
     flight.pilot_chooses(FlightMode.HOLD)
+
+
+def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
+    flight = flight_in(State.EXPL)
+    given_back_low(flight)
     flight.operator_asks(GoOn())
     for _ in range(200):
         flight.altitude_m = 20.0
@@ -220,11 +226,7 @@ def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
 def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in):
     flight = flight_in(State.EXPL)
     for _ in range(2):
-        sticks(flight)
-        flight.altitude_m = 20.0
-        for _ in range(200):
-            flight.step()
-        flight.pilot_chooses(FlightMode.HOLD)
+        given_back_low(flight, 40.0)
         flight.operator_asks(GoOn())
         flight.step()
         assert flight.controller.state is State.EXPL, flight.said[-3:]
@@ -236,10 +238,7 @@ def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in
 def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, request_, lost):
     """At once after `resume`, while the climb is under way to the vehicle, or was lost."""
     flight = flight_in(State.EXPL)
-    sticks(flight)
-    flight.altitude_m = 20.0
-    flight.fly_for(6.0)
-    flight.pilot_chooses(FlightMode.HOLD)
+    given_back_low(flight, 6.0)
     act, decided = flight._act, []
     flight._act, flight.deaf = act if lost else decided.append, lost
     for request in (GoOn(), request_):

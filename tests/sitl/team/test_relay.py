@@ -49,6 +49,15 @@ def dial(endpoint) -> socket.socket:
     return connection
 
 
+@contextlib.contextmanager
+def connected(server, **options):
+    """A connection over a link that is up."""
+    with relayed(server, **options) as (relay, endpoint):
+        relay.set_link("io", "titan", up=True)
+        with dial(endpoint) as client, server.accept() as node:
+            yield relay, client, node
+
+
 def receive(connection: socket.socket, size: int) -> bytes:
     received = b""
     while len(received) < size:
@@ -74,48 +83,42 @@ def silent(connection: socket.socket) -> bool:
 
 
 def test_the_end_of_one_side_reaches_the_other_after_all_bytes(server):
-    with relayed(server) as (relay, endpoint):
-        relay.set_link("io", "titan", up=True)
-        with dial(endpoint) as client, server.accept() as node:
-            client.sendall(b"x" * 500_000)
-            client.shutdown(socket.SHUT_WR)
-            assert len(receive(node, 600_000)) == 500_000
-            node.sendall(b"answer")  # half-open: the other direction still works
-            node.close()
-            assert receive(client, 100) == b"answer"
+    with connected(server) as (_, client, node):
+        client.sendall(b"x" * 500_000)
+        client.shutdown(socket.SHUT_WR)
+        assert len(receive(node, 600_000)) == 500_000
+        node.sendall(b"answer")  # half-open: the other direction still works
+        node.close()
+        assert receive(client, 100) == b"answer"
 
 
 def test_a_cut_in_mid_transfer_stalls_at_once_and_goes_on_when_healed(server):
     payload = bytes(range(256)) * 40_000  # 10 MB: far more than the kernel's buffers
-    with relayed(server, close_after_s=WAIT_S * 2) as (relay, endpoint):
+    with connected(server, close_after_s=WAIT_S * 2) as (relay, client, node):
+        sender = threading.Thread(target=client.sendall, args=(payload,))
+        sender.start()
+        got = receive(node, 1_000_000)
+        relay.set_link("io", "titan", up=False)
+        while not silent(node):  # what the kernel had taken before the cut
+            got += node.recv(1 << 20)
+        assert len(got) < len(payload)
+        node.sendall(b"credit")
+        assert silent(client)
         relay.set_link("io", "titan", up=True)
-        with dial(endpoint) as client, server.accept() as node:
-            sender = threading.Thread(target=client.sendall, args=(payload,))
-            sender.start()
-            got = receive(node, 1_000_000)
-            relay.set_link("io", "titan", up=False)
-            while not silent(node):  # what the kernel had taken before the cut
-                got += node.recv(1 << 20)
-            assert len(got) < len(payload)
-            node.sendall(b"credit")
-            assert silent(client)
-            relay.set_link("io", "titan", up=True)
-            got += receive(node, len(payload) - len(got))
-            assert got == payload
-            assert receive(client, 6) == b"credit"
-            sender.join(WAIT_S)
+        got += receive(node, len(payload) - len(got))
+        assert got == payload
+        assert receive(client, 6) == b"credit"
+        sender.join(WAIT_S)
 
 
 def test_a_lasting_cut_closes_the_connections(server):
-    with relayed(server, close_after_s=0.05) as (relay, endpoint):
-        relay.set_link("io", "titan", up=True)
-        with dial(endpoint) as client, server.accept() as node:
-            client.sendall(b"ping")
-            assert receive(node, 4) == b"ping"
-            relay.set_link("io", "titan", up=False)
-            for end in (client, node):
-                with pytest.raises(ConnectionResetError):
-                    end.recv(1)
+    with connected(server, close_after_s=0.05) as (relay, client, node):
+        client.sendall(b"ping")
+        assert receive(node, 4) == b"ping"
+        relay.set_link("io", "titan", up=False)
+        for end in (client, node):
+            with pytest.raises(ConnectionResetError):
+                end.recv(1)
 
 
 def test_nothing_reaches_the_node_while_the_link_is_down(server):
@@ -174,16 +177,14 @@ def test_a_cut_separates_one_pair_only(server):
 
 def test_a_limited_link_carries_no_more_than_its_rate(server):
     now_s = [0.0]
-    with relayed(server, rate_bytes_s=1024.0, now_s=lambda: now_s[0]) as (relay, endpoint):
-        relay.set_link("io", "titan", up=True)
-        with dial(endpoint) as client, server.accept() as node:
-            client.sendall(b"y" * 3200)
-            got = 0
-            for tick in range(1, 101):
-                now_s[0] = tick / 32  # earns 32 bytes
-                got += len(receive(node, 32))
-                assert not waiting(node)
-            assert got == 3200
+    with connected(server, rate_bytes_s=1024.0, now_s=lambda: now_s[0]) as (_, client, node):
+        client.sendall(b"y" * 3200)
+        got = 0
+        for tick in range(1, 101):
+            now_s[0] = tick / 32  # earns 32 bytes
+            got += len(receive(node, 32))
+            assert not waiting(node)
+        assert got == 3200
 
 
 def test_a_place_that_is_taken_is_named_with_advice(server):

@@ -35,6 +35,12 @@ def load(folder, rest, *, start=START, base=BASE):
     return load_mission(path, start=start)
 
 
+def problems(folder, rest, **options):
+    with pytest.raises(DocumentError) as caught:
+        load(folder, rest, **options)
+    return caught.value.problems
+
+
 def zone(at, more):
     return f"no_fly_zones: [{{name: z, circle: {{centre: {at}, radius_m: 20}}, {more}}}]\n"
 
@@ -143,9 +149,7 @@ def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
             "rally-point-in-zone",
         ),
     ):
-        with pytest.raises(DocumentError) as caught:
-            load(tmp_path, rest)
-        assert [problem.code for problem in caught.value.problems] == [code], place
+        assert [problem.code for problem in problems(tmp_path, rest)] == [code], place
     over = load(tmp_path, zone([100, 0], "altitude: {upper_m: 10}"))  # a waypoint above the zone
     assert over.planning_airspace.point_clear(Point(100, 0))
     assert load(tmp_path, zone([0, 0], "altitude: {lower_m: 90}")).airspace.zones == ()
@@ -153,9 +157,8 @@ def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
 
 def test_altitudes_above_the_sea_need_home_s(tmp_path):
     base = BASE.replace("{position: [0, 0], altitude_amsl_m: 400}", "[0, 0]")
-    with pytest.raises(DocumentError) as caught:
-        load(tmp_path, zone([50, 200], "altitude: {lower_m: 500, reference: amsl}"), base=base)
-    (problem,) = caught.value.problems
+    above_the_sea = zone([50, 200], "altitude: {lower_m: 500, reference: amsl}")
+    (problem,) = problems(tmp_path, above_the_sea, base=base)
     assert problem.code == "home-altitude-unknown"
     assert (problem.line, problem.column) == (7, 16)
     assert "add 'altitude_amsl_m' to home" in problem.message
@@ -164,9 +167,7 @@ def test_altitudes_above_the_sea_need_home_s(tmp_path):
 def test_a_zone_has_its_own_clearance(tmp_path):
     near = zone([100, 40], "clearance_m: 18.4")
     assert load(tmp_path, near).planning_airspace.distances_m == (19.9,)
-    with pytest.raises(DocumentError) as caught:
-        load(tmp_path, zone([100, 40], "clearance_m: 18.6"))
-    (problem,) = caught.value.problems
+    (problem,) = problems(tmp_path, zone([100, 40], "clearance_m: 18.6"))
     assert problem.code == "waypoint-too-near"
     assert problem.message == (
         "waypoint 1 is 20.0 m from no-fly zone 'z', it needs 20.1 m (clearance 18.6 m + tracking "
@@ -264,9 +265,8 @@ def test_limits_that_exclude_each_other_here_make_the_larger_zone(tmp_path):
 )
 def test_limits_of_one_reference_that_exclude_each_other_are_wrong(tmp_path, limits):
     inverted = f"altitude: {{lower_m: {limits}}}"
-    with pytest.raises(DocumentError) as caught:
-        load(tmp_path, zone([50, 50], inverted))
-    assert [problem.code for problem in caught.value.problems] == ["zone-altitudes-inverted"]
+    (problem,) = problems(tmp_path, zone([50, 50], inverted))
+    assert problem.code == "zone-altitudes-inverted"
 
 
 def test_limits_of_two_references_that_agree_are_kept(tmp_path):

@@ -100,11 +100,17 @@ class Field:
         return [event.direction.value for event in self.events[name] if isinstance(event, kind)]
 
 
+def met(protocol, until_s, **how):
+    """Two robots are in contact until then."""
+    field = Field(protocol, **how)
+    field.contact(1, 2, up=True)
+    field.queue.run(until_s)
+    return field
+
+
 @pytest.mark.parametrize("protocol", ["original", "ours"])
 def test_two_robots_meet(protocol):
-    field = Field(protocol)
-    field.contact(1, 2, up=True)
-    field.queue.run(60.0)
+    field = met(protocol, 60.0)
     assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
     assert field.stored("ugv02") == {("ugv01", "/pose"), ("ugv01", "/path")}
     assert sorted(field.ended("ugv01")) == ["in", "out"]
@@ -117,9 +123,7 @@ def test_two_robots_meet(protocol):
 
 
 def test_who_comes_later_in_the_order_waits():
-    field = Field("original")
-    field.contact(1, 2, up=True)
-    field.queue.run(60.0)
+    field = met("original", 60.0)
     rows = field.rows()
     assert np.all(rows["start_s"][1:] == rows["end_s"][:-1])
     second = rows[rows["asking"] == 2]
@@ -131,9 +135,7 @@ def test_who_comes_later_in_the_order_waits():
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
 def test_what_is_held_goes_on_at_the_next_contact_and_then_everything_new_follows(protocol):
-    field = Field(protocol)
-    field.contact(1, 2, up=True)
-    field.queue.run(1.5)  # in the middle of the first piece of data
+    field = met(protocol, 1.5)  # in the middle of the first piece of data
     field.contact(1, 2, up=False)
     assert field.stored("ugv01") == set()
     field.queue.run(100.0)
@@ -151,9 +153,7 @@ def test_what_is_held_goes_on_at_the_next_contact_and_then_everything_new_follow
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
 def test_after_the_time_out_an_exchange_begins_anew(protocol):
-    field = Field(protocol, patience_s=5.0)
-    field.contact(1, 2, up=True)
-    field.queue.run(1.5)
+    field = met(protocol, 1.5, patience_s=5.0)
     field.contact(1, 2, up=False)
     field.queue.run(4.0)
     field.contact(1, 2, up=True)  # in time
@@ -177,9 +177,7 @@ def test_after_the_time_out_an_exchange_begins_anew(protocol):
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
 def test_news_travel_over_a_third_robot(protocol):
-    field = Field(protocol)
-    field.contact(1, 2, up=True)
-    field.queue.run(30.0)
+    field = met(protocol, 30.0)
     field.contact(1, 2, up=False)
     field.contact(0, 2, up=True)
     field.queue.run(60.0)

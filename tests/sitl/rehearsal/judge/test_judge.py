@@ -26,7 +26,7 @@ from sitl.rehearsal.judge.evidence import (
 )
 from sitl.rehearsal.judge.mission_reader import Area, read_mission
 from sitl.rehearsal.judge.space import room_m
-from sitl.rehearsal.judge.verdict import judge
+from sitl.rehearsal.judge.verdict import RULES, judge
 from tests.imports import imports_in
 
 ROOT = Path(__file__).parents[4]
@@ -412,6 +412,12 @@ def test_no_list_is_begun_for_a_vehicle_that_the_pilot_flies(at_s, asked, wrong)
     count = ours(at_s, "MISSION_COUNT", count=1, mission_type=1)
     flown = evidence(track(), more=[count], happenings=tuple(scene), faults=("STICKS",))
     assert any("a list is put" in v.text for v in judge(flown).violations) is wrong
+
+
+def test_no_rule_is_lost():
+    names = [rule.__name__ for rule in RULES]
+    assert len(names) == len(set(names)) == 54
+    assert {"keeps_its_room", "legs_are_clear", "contact_begins_it", "ends_as_it_may"} <= {*names}
 
 
 def test_every_row_can_be_combined():

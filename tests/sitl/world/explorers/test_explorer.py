@@ -79,6 +79,13 @@ def drive(robots, until_s, since_s=0.0, *, hear=True, check=None):
     return said
 
 
+def explorer(settings=QUICK, map_=MAP):
+    """A robot that got the map."""
+    robot = GroundRobot("io", URBAN, 1, START, settings)
+    robot.take("titan", MAP_TOPIC, map_, 0.0)
+    return robot
+
+
 def claims_message(stamp_s, *goals):
     claimed = []
     for place, status in goals:
@@ -171,8 +178,7 @@ def test_the_ways_they_announce_lead_through_no_house(five):
     ],
 )
 def test_of_two_that_claim_a_goal_the_first_by_name_keeps_it(other, status, keeps):
-    robot = GroundRobot("io", URBAN, 1, START, QUICK)
-    robot.take("titan", MAP_TOPIC, MAP, 0.0)
+    robot = explorer()
     said = drive([robot], 10.0)
     goal = robot.book.current
     assert goal is not None
@@ -189,11 +195,10 @@ def test_of_two_that_claim_a_goal_the_first_by_name_keeps_it(other, status, keep
 
 
 def test_a_goal_that_cannot_be_reached_in_time_is_given_up_and_tried_again_at_home():
-    settings_ = NEAR_SIGHTED.model_copy(update={"patience_s_m": 0.5})
-    robot = GroundRobot("io", URBAN, 1, START, settings_)
     cells = URBAN.raster.cells.copy()
     cells[cells == Terrain.VEHICLE] = Terrain.ROAD
-    robot.take("titan", MAP_TOPIC, map_of(URBAN, cells), 0.0)
+    settings_ = NEAR_SIGHTED.model_copy(update={"patience_s_m": 0.5})
+    robot = explorer(settings_, map_of(URBAN, cells))
     robot.take("europa", OBJECTS_TOPIC, sightings(Point(-10, -15)), 0.0)
     said = drive([robot], 400.0)
     claims = [read_claims(data, URBAN.frame) for _, _, topic, data in said if topic == CLAIMS_TOPIC]
@@ -204,13 +209,8 @@ def test_a_goal_that_cannot_be_reached_in_time_is_given_up_and_tried_again_at_ho
 
 
 def test_a_place_without_a_vehicle_is_visited_but_not_found():
-    robot = GroundRobot("io", URBAN, 1, START, QUICK)
-    robot.take(
-        "titan",
-        MAP_TOPIC,
-        map_of(URBAN, np.where(URBAN.raster.cells == 5, 1, URBAN.raster.cells).astype(np.uint8)),
-        0.0,
-    )
+    cells = np.where(URBAN.raster.cells == 5, 1, URBAN.raster.cells).astype(np.uint8)
+    robot = explorer(map_=map_of(URBAN, cells))
     robot.take("europa", OBJECTS_TOPIC, sightings(Point(59, 3)), 0.0)
     drive([robot], 60.0)
     assert Claim(robot.book.claims[0].place, "visited") in robot.book.claims
@@ -245,8 +245,7 @@ def test_what_goes_wrong_is_a_setting():
 def test_a_map_that_lies_about_houses_does_not_lead_into_them():
     cells = URBAN.raster.cells.copy()
     cells[cells == Terrain.BUILDING] = Terrain.ROAD
-    robot = GroundRobot("io", URBAN, 1, START, QUICK)
-    robot.take("titan", MAP_TOPIC, map_of(URBAN, cells), 0.0)
+    robot = explorer(map_=map_of(URBAN, cells))
 
     def stands_free():
         assert PASSABLE[URBAN.ground[URBAN.lattice.cell(robot.position)]]
