@@ -209,8 +209,8 @@ def test_without_the_fence_on_board_it_comes_home_among_the_new_zones(pretend):
     flight = cruising(pretend)
     zone = box(ahead(flight, 40.0))
     change(flight, zone)
-    goes_on_board(flight, 10.0, "the fence was not taken: TIMEOUT")
     commanded = len(flight.motions)
+    goes_on_board(flight, 10.0, "the fence was not taken: TIMEOUT")
     assert flight.controller.state is State.HOME
     assert flight.controller.context.ending_why == "the changed fence is not on board"
     flight.lands(600.0)
@@ -502,6 +502,15 @@ def test_a_leg_that_is_flown_on_because_a_stop_was_lost_counts_as_under_way(pret
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
     assert clear_of(flight, zone) >= 5.0
     assert math.hypot(*flight.velocity) < 0.5
+
+
+def test_the_way_out_of_a_zone_is_told_again_if_it_was_lost(pretend):
+    flight = cruising(pretend)
+    flight.deaf = True
+    change(flight, box(flight.position, half_m=8.0))
+    flight.fly_for(1.0)
+    flight.deaf = False
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
 
 
 def test_the_battery_is_looked_at_while_zones_change(pretend):

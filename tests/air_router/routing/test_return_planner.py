@@ -8,6 +8,7 @@ import pytest
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import (
     LANDING_M_S,
+    LANDING_MARGIN,
     Pace,
     ReturnPlanner,
     Way,
@@ -221,3 +222,7 @@ def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):
     assert flight.finished.landed_by_us
     assert 0.07 <= flight.battery <= 0.25  # not later than PX4's own return, and not much too early
     assert flight.mission.airspace.track_distance_m(flight.track)[0] >= 5.0
+
+
+def test_the_margin_covers_px4_s_own_return():
+    assert LANDING_MARGIN > 0.07
