@@ -412,9 +412,7 @@ def test_a_file_that_another_node_has(shelter):
 
 
 def spoil(path, how):
-    if how == "garbage":
-        path.write_bytes(random.Random(2).randbytes(20_000))
-    elif how == "truncated":
+    if how == "truncated":
         os.truncate(path, path.stat().st_size // 4096 // 2 * 4096)
     else:
         content = bytearray(path.read_bytes())
@@ -448,22 +446,6 @@ def test_a_damaged_file_is_moved_aside_and_a_new_one_begun(shelter, tmp_path, ca
     assert aside.read_bytes() == spoilt
 
 
-def test_a_file_that_is_no_database_stays_as_it_is(shelter, tmp_path, caplog):
-    path = tmp_path / "messages.db"
-    spoil(path, "garbage")
-    spoilt = path.read_bytes()
-    node = shelter()
-    assert isinstance(node.fault(), StorageDamagedError)
-    node.write(150, 151)
-    assert not node.retry()
-    assert not node.retry()
-    assert len(told(caplog)) == 1
-    assert "is damaged" in told(caplog)[0]
-    assert path.read_bytes() == spoilt
-    path.rename(tmp_path / "damaged.db")
-    check_recovery(node, shelter)
-
-
 def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
     node = shelter()
     node.write(*range(20))
@@ -477,26 +459,33 @@ def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "words"),
+    ("change", "fault"),
     [
-        ("PRAGMA user_version = 2", StorageVersionError, "has schema 2, this release knows 1"),
-        ("PRAGMA application_id = 1", StorageForeignError, "is another program's"),
-        ("DROP TABLE record", StorageUnreachableError, "no such table"),
+        (None, (StorageDamagedError, "is damaged")),
+        ("PRAGMA user_version = 2", (StorageVersionError, "has schema 2, this release knows 1")),
+        ("PRAGMA application_id = 1", (StorageForeignError, "is another program's")),
+        ("DROP TABLE record", (StorageUnreachableError, "no such table")),
     ],
+    ids=["no database", "a later version", "another program's", "without its table"],
 )
-def test_a_file_of_another_program(shelter, tmp_path, change, error, words):
-    shelter().storage.close()
+def test_a_file_that_is_none_of_ours_stays_as_it_is(shelter, tmp_path, caplog, change, fault):
+    error, words = fault
     path = tmp_path / "messages.db"
-    with contextlib.closing(sqlite3.connect(path)) as file:
-        file.execute(change)
-        file.commit()
+    if change is None:
+        path.write_bytes(random.Random(2).randbytes(20_000))
+    else:
+        shelter().storage.close()
+        with contextlib.closing(sqlite3.connect(path)) as file:
+            file.execute(change)
+            file.commit()
     before = path.read_bytes()
     node = shelter()
-    fault = node.fault()
-    assert isinstance(fault, error)
-    assert words in str(fault)
-    node.write(1, 2, 3)
+    assert isinstance(node.fault(), error)
+    node.write(150, 151)
     assert not node.retry()
+    assert not node.retry()
+    assert len(told(caplog)) == 1
+    assert words in told(caplog)[0]
     assert path.read_bytes() == before
     path.rename(tmp_path / "other.db")
     check_recovery(node, shelter)

@@ -39,9 +39,11 @@ def mode(path: Path) -> int:
     return stat.S_IMODE(path.stat().st_mode)
 
 
-def a_team(tmp_path: Path, text: str = TEAM) -> Path:
+@pytest.fixture
+def path(tmp_path) -> Path:
+    """The file of a team without keys."""
     path = tmp_path / "team.yaml"
-    path.write_text(text)
+    path.write_text(TEAM)
     return path
 
 
@@ -69,14 +71,14 @@ def test_a_secret_does_not_show_itself():
         assert secret.public.text in shown
 
 
-def test_without_the_library_there_is_a_command_to_run(monkeypatch, tmp_path, capsys):
+def test_without_the_library_there_is_a_command_to_run(path, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(keys, "_AVAILABLE", False)
     with pytest.raises(KeysUnavailableError, match="PyNaCl"):
         SecretKey.generate()
-    assert main(["keys", str(a_team(tmp_path))]) == 7
+    assert main(["keys", str(path)]) == 7
     assert "PyNaCl" in capsys.readouterr().err
     assert not (tmp_path / "keys").exists()
-    assert main(["check", str(a_team(tmp_path))]) == 0
+    assert main(["check", str(path)]) == 0
 
 
 def test_a_robot_without_the_library_runs_without_keys():
@@ -151,8 +153,7 @@ def test_the_secret_of_a_robot(tmp_path, team):
 # The team file
 
 
-def test_only_the_keys_are_new(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_only_the_keys_are_new(path, tmp_path, capsys):
     path.chmod(0o664)
     assert main(["keys", str(path)]) == 0
     a, b = (keys.read(tmp_path / "keys" / f"{name}.key").public.text for name in "ab")
@@ -182,8 +183,7 @@ def test_only_the_keys_are_new(tmp_path, capsys):
     assert keys.secret_key(team, "a", tmp_path / "keys").public.text == a
 
 
-def test_a_second_time_changes_nothing(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_a_second_time_changes_nothing(path, tmp_path, capsys):
     assert main(["keys", str(path)]) == 0
     before = {each: each.read_bytes() for each in tmp_path.rglob("*") if each.is_file()}
     capsys.readouterr()
@@ -198,8 +198,7 @@ def test_a_second_time_changes_nothing(tmp_path, capsys):
     assert path.read_bytes() == before[path]
 
 
-def test_new_keys_for_a_lost_robot(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_new_keys_for_a_lost_robot(path, tmp_path, capsys):
     assert main(["keys", str(path)]) == 0
     before, text = Team.load(path), path.read_text()
     assert main(["keys", str(path), "--robot", "b", "--force"]) == 0
@@ -210,8 +209,7 @@ def test_new_keys_for_a_lost_robot(tmp_path, capsys):
     assert path.read_text() == text.replace(before.robot("b").key, after.robot("b").key)
 
 
-def test_nothing_is_written_when_something_is_wrong(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_nothing_is_written_when_something_is_wrong(path, tmp_path, capsys):
     text = with_keys(TEAM, path, {"b": SecretKey.generate().public.text})
     path.write_text(text)
     keys.write(tmp_path / "b.key", "b", SecretKey.generate())
@@ -227,8 +225,7 @@ def test_nothing_is_written_when_something_is_wrong(tmp_path, capsys):
     assert path.read_text() == text
 
 
-def test_lines_to_add_by_hand(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_lines_to_add_by_hand(path, tmp_path, capsys):
     assert main(["keys", str(path), "--print"]) == 0
     assert path.read_text() == TEAM
     output = capsys.readouterr()
@@ -240,8 +237,7 @@ def test_lines_to_add_by_hand(tmp_path, capsys):
     assert capsys.readouterr().out.endswith("# every robot that can have a key has one\n")
 
 
-def test_check_says_what_is_protected(tmp_path, capsys):
-    path = a_team(tmp_path)
+def test_check_says_what_is_protected(path, capsys):
     assert main(["check", str(path)]) == 0
     assert "no link is protected by keys ('mocha-link keys' makes them)" in capsys.readouterr().out
     main(["keys", str(path), "--robot", "a"])
@@ -304,9 +300,9 @@ def test_in_whatever_way_it_is_written(before, after, newline):
     assert "\n" not in changed.replace(newline, "")
 
 
-def test_what_cannot_be_changed_is_left_to_the_user(tmp_path, capsys):
+def test_what_cannot_be_changed_is_left_to_the_user(path, tmp_path, capsys):
     strange = f"{KINDS}robots:\n  a: {{? kind\n : rover, {VALUES.partition(', ')[2]}}}\n"
-    path = a_team(tmp_path, strange)
+    path.write_text(strange)
     assert Team.load(path)
     with pytest.raises(TeamTextError, match="add the lines by hand"):
         with_keys(strange, path, {"a": KEY})
@@ -327,8 +323,7 @@ def test_a_mark_at_the_start_and_a_link_stay(tmp_path):
     assert Team.load(link).robot("a").key
 
 
-def test_a_team_file_that_cannot_be_written(tmp_path, capsys, monkeypatch):
-    path = a_team(tmp_path)
+def test_a_team_file_that_cannot_be_written(path, capsys, monkeypatch):
 
     def refuse(*_):
         raise PermissionError(13, "Permission denied")
