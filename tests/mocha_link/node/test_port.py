@@ -230,16 +230,8 @@ def test_only_so_many_requests_wait(titan):
         assert waiting == [QUEUE_REQUESTS]
 
 
-def test_a_connection_that_does_not_read_holds_up_no_other_and_goes_with_its_replies(
-    shell, titan, clients
-):
+def test_a_connection_that_does_not_read_goes_with_its_replies(shell, titan, clients):
     client, _, _ = asleep(shell, titan, clients)
-    other = clients.dial(titan)
-    for number in range(5):
-        other.send_multipart([b"", b"%d" % number])
-        while not other.poll(5):
-            assert shell.serve(b"!") in ([], [b"%d" % number])
-        assert other.recv_multipart() == [b"", b"%d!" % number]
     client.close(0)
     for _ in range(WAIT_MS // 10):
         shell.turn(10)

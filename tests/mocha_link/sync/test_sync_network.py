@@ -153,25 +153,6 @@ def test_a_message_written_during_a_pull_does_not_come_back_through_a_third_node
     assert Pull(ugv, peer).bytes_up < telling.bytes_up  # it is told once
 
 
-def test_a_large_message_resumes_over_many_short_contacts():
-    asker, server = Node("asker"), Node("server")
-    body = server.store(0, 0, START_MS, size=5_000_000).body
-    sent = contacts = 0
-    while not asker.content:
-        pull = Pull(asker, server)
-        pull.ask()
-        for _ in range(250_000 // 8_000 + 1):
-            pull.give(8_000)
-        lost = 0 if pull.sender.done else 2
-        for _ in range(len(pull.down) - lost):
-            pull.deliver()
-        sent += pull.bytes_down + pull.bytes_up
-        contacts += 1
-    assert contacts >= 20
-    assert asker.content == server.content
-    assert sent < 1.1 * len(body) + contacts * 100
-
-
 def test_an_urgent_message_is_in_the_very_next_frame():
     asker, server = Node("asker"), Node("server")
     server.store(0, 0, START_MS, size=5_000_000, priority=1)
