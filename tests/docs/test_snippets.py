@@ -57,7 +57,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "state-machine.md mermaid": (
         "air_router/controller/test_state_table.py::test_the_diagrams_in_the_docs_are_those_drawn_from_the_table"
     ),
-    "team-file.md yaml": "mocha_link/test_docs.py::test_the_examples_are_teams",
+    "team-file.md yaml": "mocha_link/test_docs_embedding.py::test_the_examples_are_teams",
 }
 NO_SNIPPET = {  # pictures, formulas and what programs print
     "architecture.md 1": "who imports whom; tests/test_house.py sees to it",

@@ -1,4 +1,4 @@
-"""What docs/embedding.md and docs/radios.md show works as it stands there, and is complete."""
+"""What docs/embedding.md, radios.md and team-file.md show works as it stands, and is complete."""
 
 import contextlib
 import dataclasses
@@ -27,7 +27,8 @@ from mocha_link.links.metrics import Direction
 from mocha_link.radios.reports import parse_report
 from mocha_link.team.document import Document
 from mocha_link.team.team import Trigger
-from mocha_link.team.team_file import FORMS
+from mocha_link.team.team_file import FORMS, RobotModel, TopicModel
+from tests.mocha_link.conftest import team_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))
@@ -153,3 +154,28 @@ def test_the_team_has_radios():
         open_radio(robot.radio, team, robot.name)
     for url in re.findall(r'radio: "(.*?)"', RADIOS):
         assert open_radio(url, team, "io")
+
+
+@pytest.mark.parametrize("model", [RobotModel, TopicModel, Trigger])
+def test_every_key_is_documented_with_its_default(model):
+    text = (DOCS / "team-file.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", text, re.MULTILINE))
+    for name, field in model.model_fields.items():
+        if field.is_required():
+            assert rows[name] == "required"
+        elif field.default is None:
+            assert rows[name] == "none"
+        else:
+            shown = rows[name].strip('`"')
+            default = getattr(field.default, "name", field.default)  # of a word
+            assert shown == str(default).lower() or float(shown) == default
+
+
+def test_the_examples_are_teams():
+    text = (DOCS / "team-file.md").read_text()
+    team, two_nodes = (
+        team_of(example) for example in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    )
+    assert team.robot("titan").port_for("io") == 24400
+    assert two_nodes.robot("a").peers == ("b",)
+    assert two_nodes.dump() == Team.load(DOCS.parent / "missions" / "two" / "team.yaml").dump()

@@ -1,4 +1,4 @@
-"""A message on the wire: six bytes of header, then a body, unpacked within bounds; its trailer."""
+"""A message on the wire: a header, a body unpacked within bounds, its trailer; several in one."""
 
 import contextlib
 import random
@@ -11,7 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mocha_link.node.publisher import next_stamp_ms
+from mocha_link.store import message as messages
 from mocha_link.store import wire
+from mocha_link.store.message import BatchError
 from mocha_link.store.wire import (
     AHEAD_MS,
     WRAP_MS,
@@ -317,3 +319,31 @@ def test_a_cut_trailer_is_found():
         for end in range(len(packed(1, 2, b"a message " * 8)) + 2, len(body)):
             with pytest.raises(PayloadError, match="trailer"):
                 wire.check(body[:end])
+
+
+# Several messages in one
+
+
+@given(st.lists(st.binary(max_size=300), max_size=20))
+def test_what_goes_into_a_batch_comes_out(parts):
+    assert messages.unpack_batch(messages.pack_batch(parts)) == tuple(parts)
+
+
+def test_the_bytes_of_a_batch():
+    assert messages.pack_batch([]) == b""
+    assert messages.pack_batch([b"ab", b""]) == b"\0\0\0\2ab\0\0\0\0"
+    assert messages.unpack_batch(b"") == ()
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"\0\0\0", "ends within a length"),
+        (b"\0\0\0\1", "ends within a message"),
+        (b"\0\0\0\1a\0", "ends within a length"),
+        (b"\xff\xff\xff\xff" + bytes(100), "ends within a message"),
+    ],
+)
+def test_what_is_no_batch(data, why):
+    with pytest.raises(BatchError, match=why):
+        messages.unpack_batch(data)
