@@ -26,6 +26,7 @@ import sitl.cli.cli
 from air_router.sim.ports import free_port
 from mocha_link import Team
 from sitl.team.roles import derive_team
+from tests.system.forked import ForkedProgram, ForkServer
 from tests.system.looker import SharedBrowser
 from tests.system.simulated import simulated_vehicle
 
@@ -40,15 +41,24 @@ LIMIT_S = 280.0 if UNDER_TEST == ROOT else 120.0
 """Of the wall's clock, against hangs only: a busy machine is slow."""
 
 
+def entry_of(name):
+    """Module and function of a program of the checkout under test, whatever they are called there.
+
+    No function: its module is run.
+    """
+    project = tomllib.loads((UNDER_TEST / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module, _, function = project["scripts"].get(name, name).partition(":")
+    return module, function or None
+
+
 def program(name, *, draws=False):
-    """How a program of the checkout under test begins, whatever its modules are called there.
+    """How a program of the checkout under test begins.
 
     Unless it `draws` it has no extra `plot`: a picture of the track costs a second per flight.
     """
-    project = tomllib.loads((UNDER_TEST / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    if name not in project["scripts"]:
-        return [sys.executable, "-m", name]
-    module, _, function = project["scripts"][name].partition(":")
+    module, function = entry_of(name)
+    if function is None:
+        return [sys.executable, "-m", module]
     plain = "" if draws else "sys.modules['matplotlib'] = None; "
     begin = f"import sys; {plain}from {module} import {function}; sys.exit({function}())"
     return [sys.executable, "-c", begin]
@@ -75,18 +85,31 @@ def where_it_hangs(pid):
     return "".join(told)
 
 
-class Command:
-    """One of our commands as a process; its stderr is followed line by line."""
+_fork_server = ForkServer(environment())
 
-    def __init__(self, name, *arguments, cwd, draws=False, stdin=subprocess.DEVNULL):
-        self.process = subprocess.Popen(
-            [*program(name, draws=draws), *map(str, arguments)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            stdin=stdin,
-            cwd=cwd,
-            env=environment(),
-        )
+
+class Command:
+    """One of our commands as a process; its stderr is followed line by line.
+
+    It is forked off a process that has imported it, unless it `starts` as a user starts it.
+    """
+
+    def __init__(self, name, *arguments, cwd, starts=False, draws=False, stdin=subprocess.DEVNULL):
+        words, pipe = [*map(str, arguments)], subprocess.PIPE
+        module, function = entry_of(name)
+        if starts or draws or function is None or UNDER_TEST != ROOT:
+            self.process = subprocess.Popen(
+                [*program(name, draws=draws), *words],
+                stdout=pipe,
+                stderr=pipe,
+                stdin=stdin,
+                cwd=cwd,
+                env=environment(),
+            )
+        else:
+            request = {"module": module, "function": function, "arguments": words}
+            where = {"cwd": str(cwd), "env": environment()}
+            self.process = ForkedProgram(_fork_server, {**request, **where}, stdin)
         self.said = ""
 
     def wait_for(self, text, limit_s=LIMIT_S):
@@ -188,6 +211,12 @@ def shared_command(shared_folder):
     """What it starts ends with the module."""
     with commands(shared_folder) as start:
         yield start
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _end_the_fork_server():
+    yield
+    _fork_server.close()
 
 
 _shared_browser = SharedBrowser()

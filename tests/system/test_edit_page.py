@@ -116,7 +116,8 @@ def open_page(browser, command):
     pages = []
 
     def served_by_a_program(mission, options):
-        program = command("air-router", "edit", mission, "--port", 0, "--no-open", *options)
+        options = ("--port", 0, "--no-open", *options)
+        program = command("air-router", "edit", mission, *options, starts=True)
         return program.process.stdout.readline().decode().strip(), program
 
     with contextlib.ExitStack() as stack:
