@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import ClassVar
 
-from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
+from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError, RequestError
 from mocha_link.team.problem import DocumentError
 
 
@@ -71,6 +71,8 @@ def exit_code(error: Exception) -> ExitCode:
         return error.exit_code
     if isinstance(error, DocumentError):
         return ExitCode.INVALID_FILE
+    if isinstance(error, RequestError):
+        return ExitCode.USAGE
     if isinstance(error, MissingExtraError):
         return ExitCode.MISSING_EXTRA
     return ExitCode.ENDED_OTHERWISE

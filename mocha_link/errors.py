@@ -41,6 +41,14 @@ class NotInTeamError(MochaLinkError):
     """A caller names what the team does not have: of a command, wrong usage."""
 
 
+class RequestError(MochaLinkError):
+    """A request that is none, or cannot be done. `again`: the same may be taken later."""
+
+    def __init__(self, message: str, *, again: bool = False) -> None:
+        super().__init__(message)
+        self.again = again
+
+
 class RadioError(MochaLinkError):
     """A radio that cannot be used, or a report that is none."""
 

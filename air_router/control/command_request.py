@@ -3,12 +3,11 @@
 docs/control.md describes both. Whether it is done is for the controller to say.
 """
 
-import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Final, Protocol
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from air_router.controller.model.requests import (
     OPERATOR,
@@ -23,23 +22,18 @@ from air_router.controller.model.requests import (
     Reload,
     SeekNow,
 )
-from air_router.errors import AirRouterError, ExitCode
 from air_router.messages import MOST_POINTS
 from air_router.vehicle.clock import loop_s
 from geo.frame import FrameError, LocalFrame
+from mocha_link.errors import RequestError
 from mocha_link.sanitize import sanitize
+from mocha_link.service.requests import Request
 from mocha_link.team.error_text import request_error_text
 
 MAX_BYTES: Final = 64 * 1024
 
 Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
-
-
-class CommandRequestError(AirRouterError, ValueError):
-    """What was asked for is nothing that can be asked; the message says why."""
-
-    exit_code = ExitCode.USAGE
 
 
 _PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = {
@@ -52,19 +46,9 @@ _PLAIN: Final[Mapping[str, Callable[..., AnyRequest]]] = {
 """Requests that say nothing but who asks, by their verbs."""
 
 
-class CommandRequest(BaseModel, extra="forbid", strict=True):
-    """A request as it comes.
+class CommandRequest(Request):
+    """A request as it comes; `by`: who asks, for the record and the pilot."""
 
-    Attributes:
-        request: Its verb.
-        id: Comes back with the answer.
-        by: Who asks, for the record and the pilot.
-    """
-
-    request: str
-    id: (
-        Annotated[str, Field(max_length=64)] | Annotated[int, Field(ge=-(2**63), lt=2**63)] | None
-    ) = None
     by: Annotated[str, Field(max_length=60)] | None = None
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest | None:
@@ -75,7 +59,7 @@ class CommandRequest(BaseModel, extra="forbid", strict=True):
             by: Who asks, if the request does not say.
 
         Raises:
-            CommandRequestError: a place cannot be told in the mission's frame.
+            RequestError: a place cannot be told in the mission's frame.
         """
         del frame
         plain = _PLAIN.get(self.request)
@@ -113,7 +97,7 @@ class _GoTo(CommandRequest):
         try:
             points = tuple(frame.to_local(*point) for point in self.points)
         except FrameError as error:
-            raise CommandRequestError(f"goto: {error}") from None
+            raise RequestError(f"goto: {error}") from None
         return GoTo(points, self.hold_s, by=self.who(by))
 
 
@@ -152,55 +136,33 @@ MODELS: Final[Mapping[str, type[CommandRequest]]] = {
 }
 """The model of every verb."""
 
-VERBS: Final = ", ".join(MODELS)
 
-
-def command_request_of(values: Any) -> CommandRequest:
-    """A request from a JSON object.
-
-    Raises:
-        CommandRequestError: what is wrong with it, first things first.
-    """
+def command_request_of(values: object) -> CommandRequest:
+    """A request from a JSON object. Raises RequestError: what is wrong with it."""
     if not isinstance(values, dict):
-        raise CommandRequestError("a request is a JSON object")
+        raise RequestError("a request is a JSON object")
     name = values.get("request")
     if not isinstance(name, str) or name not in MODELS:
-        raise CommandRequestError(f"no request '{sanitize(str(name)[:40])}'; use one of {VERBS}")
-    model = MODELS[name]
+        known = ", ".join(MODELS)
+        raise RequestError(f"no request '{sanitize(str(name)[:40])}'; use one of {known}")
     try:
-        return model.model_validate(values)
+        return MODELS[name].model_validate(values)
     except ValidationError as error:
-        raise CommandRequestError(f"{name}: {request_error_text(error, model)}") from None
-
-
-def parse(frames: Sequence[bytes]) -> Any:
-    """JSON from a program, in one frame.
-
-    Raises:
-        CommandRequestError: it is none, or too much of it.
-    """
-    if len(frames) != 1 or len(frames[0]) > MAX_BYTES:
-        raise CommandRequestError(
-            f"a request is one frame with a JSON object of up to {MAX_BYTES} bytes"
-        )
-    try:
-        return json.loads(frames[0])
-    except (ValueError, RecursionError):
-        raise CommandRequestError("a request is a JSON object, in UTF-8") from None
+        raise RequestError(f"{name}: {request_error_text(error, MODELS[name])}") from None
 
 
 def parse_command(text: str) -> CommandRequest:
     """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON` ...
 
     Raises:
-        CommandRequestError: what is wrong with it.
+        RequestError: what is wrong with it.
     """
     name, _, rest = text.strip().partition(" ")
     values: dict[str, Any] = {"request": name.lower()}
     if values["request"] == "seek":
         values["robot"] = rest.strip()
         if not values["robot"]:
-            raise CommandRequestError("seek whom? type 'seek NAME'")
+            raise RequestError("seek whom? type 'seek NAME'")
     elif values["request"] == "goto":
         values["points"] = _places(rest)
     elif values["request"] == "altitude":
@@ -208,11 +170,11 @@ def parse_command(text: str) -> CommandRequest:
             values["altitude_m"] = float(rest)
         except ValueError:
             how = "altitude of what? type 'altitude METRES', above home"
-            raise CommandRequestError(how) from None
+            raise RequestError(how) from None
     elif values["request"] == "resume" and rest.strip().lower() == "upload":
         values["upload"] = True
     elif rest.strip() and values["request"] in MODELS:
-        raise CommandRequestError(f"'{name}' stands alone")
+        raise RequestError(f"'{name}' stands alone")
     return command_request_of(values)
 
 
@@ -222,9 +184,7 @@ def _places(text: str) -> list[list[float]]:
     except ValueError:
         numbers = []
     if not numbers or len(numbers) % 2:
-        raise CommandRequestError(
-            "goto where? type 'goto LAT,LON', more places behind it, in degrees"
-        )
+        raise RequestError("goto where? type 'goto LAT,LON', more places behind it, in degrees")
     return [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]
 
 
@@ -232,7 +192,7 @@ class RequestHandler(Protocol):
     """Where requests are handed in."""
 
     def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
-        """Ask for something; what became of it. Raises CommandRequestError."""
+        """Ask for something; what became of it. Raises RequestError."""
 
 
 # How many requests are looked at: no program may take the flight's time with them.

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
+from mocha_link.errors import RequestError
 from mocha_link.service.endpoint import EndpointKeyError, named
 from mocha_link.service.service_client import EndpointClient
 
@@ -31,14 +32,8 @@ Place = tuple[float, float]
 """Latitude and longitude, in degrees."""
 
 
-class ControlError(AirRouterError):
+class ControlError(RequestError):
     """The flight understood nothing of a request, or has too many; the message says what."""
-
-    exit_code = ExitCode.USAGE
-
-    def __init__(self, message: str, *, again: bool = False) -> None:
-        super().__init__(message)
-        self.again = again
 
 
 class ControlUnreachableError(AirRouterError):

@@ -9,10 +9,9 @@ flight's.
 import argparse
 import asyncio
 import contextlib
-import json
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -26,13 +25,12 @@ from air_router.control.command_request import (
     TOO_MANY,
     Budget,
     CommandRequest,
-    CommandRequestError,
     command_request_of,
-    parse,
 )
+from mocha_link.errors import RequestError
 from mocha_link.loopback import is_loopback
 from mocha_link.service import requests
-from mocha_link.service.endpoint import EndpointKeyError, bind, named
+from mocha_link.service.endpoint import EndpointKeyError, bind, named, router, split
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""
@@ -68,7 +66,7 @@ class ControlServer:
             PortInUseError, ListenError: it cannot be had.
         """
         self._context = zmq.asyncio.Context()
-        self._socket = requests.router(self._context, 2 * MAX_BYTES)  # of more nothing is read
+        self._socket = router(self._context, 2 * MAX_BYTES)  # of more nothing is read
         try:
             self.endpoint = bind(self._socket, self.endpoint, "cannot take requests")
         except BaseException:
@@ -79,10 +77,10 @@ class ControlServer:
         """Answer until cancelled."""
         assert self._socket is not None  # noqa: S101 - it was opened
         while True:
-            envelope, frames = requests.split(await self._socket.recv_multipart())
-            reply = json.dumps(self._reply(frames), separators=(",", ":")).encode()
+            envelope, frames = split(await self._socket.recv_multipart())
+            reply = self._reply(frames)
             with contextlib.suppress(zmq.ZMQError):  # it is gone, or does not read its answers
-                await self._socket.send_multipart([*envelope, reply], zmq.NOBLOCK)
+                await self._socket.send_multipart([*envelope, *reply], zmq.NOBLOCK)
             await asyncio.sleep(1 / PER_S)
 
     def close(self) -> None:
@@ -94,16 +92,19 @@ class ControlServer:
             self._context.term()
             self._context = None
 
-    def _reply(self, frames: Sequence[bytes]) -> dict[str, Any]:
-        values: Any = None
+    def _reply(self, frames: requests.Frames) -> requests.Frames:
+        values: dict[str, Any] = {}
         try:
-            values = parse(frames)
+            values = requests.parse(frames, MAX_BYTES)
             command = command_request_of(values)
+            if len(frames) > 1:
+                raise RequestError("a request is one frame")  # noqa: TRY301 - refused as all others
             if not self._costly.affords(command):
-                return {"ok": False, "id": command.id, "error": TOO_MANY, "again": True}
-            return self._grant(command, "a program")
-        except CommandRequestError as error:
-            return {"ok": False, "id": _id_of(values), "error": str(error), "again": False}
+                raise RequestError(TOO_MANY, again=True)  # noqa: TRY301 - refused as all others
+            answer = requests.Answer(self._grant(command, "a program"))
+        except RequestError as error:
+            return requests.refusal(values.get("id"), str(error), again=error.again)
+        return requests.reply(command.id, answer)
 
 
 def endpoint_of(text: str) -> str:
@@ -138,8 +139,3 @@ def endpoint_of(text: str) -> str:
             )
         text = f"tcp://127.0.0.1:{port}" if host == "localhost" else text
     return text
-
-
-def _id_of(values: Any) -> str | int | None:
-    number = values.get("id") if isinstance(values, dict) else None
-    return number if isinstance(number, str | int) and len(str(number)[:65]) <= 64 else None

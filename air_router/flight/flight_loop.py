@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Coroutine, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any, Final, Protocol
 
-from air_router.control.command_request import CommandRequest, CommandRequestError, View
+from air_router.control.command_request import CommandRequest, View
 from air_router.controller.command_handler import NOT_HEARD_S
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import (
@@ -48,6 +48,7 @@ from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import FlightMode, Vehicle
 from air_router.web.serving import Say, Served
 from geo.frame import LocalFrame
+from mocha_link.errors import RequestError
 
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
@@ -116,7 +117,7 @@ class CommandService:
         """The operator has typed something; its answer is shown as every answer is."""
         try:
             reply = self.grant(command, OPERATOR)
-        except CommandRequestError as error:
+        except RequestError as error:
             say(str(error))
         else:
             if "accepted" not in reply:
@@ -126,7 +127,7 @@ class CommandService:
         """Ask for something, in degrees; returns what a program is answered, in JSON's values.
 
         Raises:
-            CommandRequestError: a place cannot be told in the mission's frame.
+            RequestError: a place cannot be told in the mission's frame.
         """
         request = command.asked(self._frame, by)
         if request is None:

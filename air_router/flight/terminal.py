@@ -16,11 +16,12 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, TextIO
 
-from air_router.control.command_request import CommandRequest, CommandRequestError, parse_command
+from air_router.control.command_request import CommandRequest, parse_command
 from air_router.controller.controller import Controller
 from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import Telemetry
 from air_router.words import wind_words
+from mocha_link.errors import RequestError
 from mocha_link.links.metrics import LinkMetrics
 
 REFRESH_S: Final = 0.25
@@ -187,7 +188,7 @@ def listening(
             return
         try:
             command = parse_command(line)
-        except CommandRequestError as error:
+        except RequestError as error:
             complain(f"{error}; or press Ctrl-C")
         else:
             deliver(command)

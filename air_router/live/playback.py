@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final
 
-from air_router.control.command_request import CommandRequest, CommandRequestError
+from air_router.control.command_request import CommandRequest
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Announce, PublishMap
 from air_router.controller.model.flight_setup import FlightSetup
@@ -23,6 +23,7 @@ from air_router.record.log import RecordEntry
 from air_router.record.replay import RecordedStep, Replayer, steps_of
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import Say, Web
+from mocha_link.errors import RequestError
 from mocha_link.links.metrics import LinkMetrics
 
 MOST_SPEED: Final = 100.0
@@ -40,7 +41,7 @@ class _FinishedFlight:
     def grant(self, command: CommandRequest, by: str) -> dict[str, Any]:
         """Nothing can be asked of it."""
         del command, by
-        raise CommandRequestError("this flight is over: it is shown from its record")
+        raise RequestError("this flight is over: it is shown from its record")
 
 
 class RecordedFlight:
@@ -194,7 +195,5 @@ class Playback:
             case {"ask": "go", "to_s": int() | float() as to_s} if math.isfinite(to_s):
                 self._wanted_s = min(max(float(to_s), self._recorded.begin_s), self._recorded.end_s)
             case _:
-                raise CommandRequestError(
-                    "the page asks for something that is not known; load it again"
-                )
+                raise RequestError("the page asks for something that is not known; load it again")
         return {}

@@ -16,7 +16,6 @@ from air_router.control.command_request import (
     COSTLY_PER_S,
     TOO_MANY,
     Budget,
-    CommandRequestError,
     RequestHandler,
     command_request_of,
 )
@@ -31,7 +30,7 @@ from air_router.web.serving import HERE, SHOWN_AT, Say, Web
 from air_router.web.site import Browsers, PageOutbox, Site, as_json
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells
-from mocha_link.errors import Guard
+from mocha_link.errors import Guard, RequestError
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
 
 TICK_S: Final = 0.1
@@ -50,7 +49,7 @@ _MOST_CELLS: Final = 600_000
 """A page draws no more; of a larger map every second, third ... row and column is shown."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
-"""Takes what a page asks of a recorded flight; raises CommandRequestError."""
+"""Takes what a page asks of a recorded flight; raises RequestError."""
 
 Links = Callable[[], "Mapping[str, LinkMetrics]"]
 
@@ -304,5 +303,5 @@ class LivePage:
             if not (self._requests.spend() and self._costly.affords(command)):
                 return {"type": "refused", "id": number, "kind": "busy", "why": TOO_MANY}
             return {"type": "done", **self._commands.grant(command, "the page"), "id": number}
-        except CommandRequestError as error:
+        except RequestError as error:
             return {"type": "refused", "id": number, "kind": "request", "why": str(error)}

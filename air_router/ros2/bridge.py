@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final
 
-from air_router.control.command_request import CommandRequestError, parse_command
+from air_router.control.command_request import parse_command
 from air_router.control.control import (
     ControlAnswer,
     ControlClient,
@@ -25,6 +25,7 @@ from air_router.ros2.actions import ActionServer, Answer
 from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene, Values
 from air_router.ros2.ros_graph import RosGraph
 from mocha_link.bridges.bridge import channel
+from mocha_link.errors import RequestError
 
 LOOK_S: Final = 0.2
 SLOW_LOOKS: Final = 5
@@ -232,7 +233,7 @@ class Ros2Bridge:
         try:
             request = parse_command(asked["data"]).model_dump(exclude_none=True)
             answer = self._client.request({**request, "by": BY})
-        except (CommandRequestError, ControlUnreachableError, ControlError) as error:
+        except (ControlUnreachableError, RequestError) as error:
             answer = {"accepted": False, "why": str(error)}
         self._graph.publish(self._topic(ANSWERS), TEXT, {"data": json.dumps(answer)})
 

@@ -17,7 +17,7 @@ import socket
 import stat
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import zmq
@@ -28,6 +28,9 @@ from mocha_link.loopback import is_loopback
 TCP, IPC = "tcp://", "ipc://"
 KEY_BYTES = 40  # of a CURVE key in Z85
 _HANDSHAKE_MS = 3000
+MAX_UNREAD = 16  # answers that a client may leave unread before more of them are dropped
+
+AnySocket = TypeVar("AnySocket", bound="zmq.Socket[Any]")
 
 
 class EndpointError(MochaLinkError):
@@ -36,6 +39,28 @@ class EndpointError(MochaLinkError):
 
 class EndpointKeyError(EndpointError):
     """The folder of the endpoints' keys, or a key in it, cannot be used."""
+
+
+def router(context: zmq.Context[AnySocket], max_bytes: int) -> AnySocket:
+    """A socket that answers, to be bound: no client fills the memory with unread answers."""
+    server = context.socket(zmq.ROUTER)
+    server.setsockopt(zmq.LINGER, 0)
+    server.setsockopt(zmq.SNDHWM, MAX_UNREAD)
+    server.setsockopt(zmq.RCVHWM, MAX_UNREAD)
+    server.setsockopt(zmq.MAXMSGSIZE, max_bytes)
+    return server
+
+
+def split(frames: list[bytes]) -> tuple[list[bytes], list[bytes]]:
+    """Of what a router received: the envelope that the answer needs, and the request's frames."""
+    start = 2 if len(frames) > 1 and not frames[1] else 1
+    return frames[:start], frames[start:]
+
+
+def send_answer(server: zmq.Socket[bytes], frames: list[bytes]) -> None:
+    """Send an answer, its envelope first, if the client takes it."""
+    with contextlib.suppress(zmq.Again):  # it does not read what it asks for
+        server.send_multipart(frames, zmq.NOBLOCK)
 
 
 def bind(server: zmq.Socket[Any], endpoint: str, what: str = "cannot serve") -> str:

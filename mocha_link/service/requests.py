@@ -7,36 +7,29 @@ the verb's fields; frames of data may follow. So it is with answers, which say w
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple
 
-import zmq
 from pydantic import BaseModel, Field, ValidationError
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import RequestError
 from mocha_link.team.error_text import request_error_text
 
-MAX_UNREAD = 16  # answers that a client may leave unread before more of them are dropped
+MAX_ID = 64  # letters or digits of a request's id
 
 Frames = list[bytes]
-AnySocket = TypeVar("AnySocket", bound=zmq.Socket[Any])
-
-
-class RequestError(MochaLinkError):
-    """A request that is none, or cannot be done. `again`: the same may be taken later."""
-
-    def __init__(self, message: str, *, again: bool = False) -> None:
-        super().__init__(message)
-        self.again = again
 
 
 class Request(BaseModel, extra="forbid", strict=True):
     """What every request has; each verb adds its own fields."""
 
     request: str
-    id: Annotated[str, Field(max_length=64)] | int | None = None
+    id: (
+        Annotated[str, Field(max_length=MAX_ID)]
+        | Annotated[int, Field(ge=-(2**63), lt=2**63)]
+        | None
+    ) = None
 
 
 class Answer(NamedTuple):
@@ -58,28 +51,6 @@ class Verb(NamedTuple):
     model: type[Request]
     run: Callable[[Any, Sequence[bytes]], Answer | None]
     frames: int = 0
-
-
-def router(context: zmq.Context[AnySocket], max_bytes: int) -> AnySocket:
-    """A socket that answers, to be bound: no client fills the memory with unread answers."""
-    socket = context.socket(zmq.ROUTER)
-    socket.setsockopt(zmq.LINGER, 0)
-    socket.setsockopt(zmq.SNDHWM, MAX_UNREAD)
-    socket.setsockopt(zmq.RCVHWM, MAX_UNREAD)
-    socket.setsockopt(zmq.MAXMSGSIZE, max_bytes)
-    return socket
-
-
-def split(frames: Frames) -> tuple[Frames, Frames]:
-    """Of what a router received: the envelope that the answer needs, and the request's frames."""
-    start = 2 if len(frames) > 1 and not frames[1] else 1
-    return frames[:start], frames[start:]
-
-
-def send(socket: zmq.Socket[bytes], frames: Frames) -> None:
-    """Send an answer, its envelope first, if the client takes it."""
-    with contextlib.suppress(zmq.Again):  # it does not read what it asks for
-        socket.send_multipart(frames, zmq.NOBLOCK)
 
 
 def parse(frames: Sequence[bytes], max_bytes: int) -> dict[str, Any]:
@@ -119,7 +90,8 @@ def reply(number: object, answer: Answer) -> Frames:
 
 def refusal(number: object, error: str, *, again: bool) -> Frames:
     """The frames that answer one which was not; `again`: the same may be taken later."""
-    known = number if isinstance(number, str | int) else None
+    short = isinstance(number, str | int) and len(str(number)) <= MAX_ID
+    known = number if short else None
     return [_json({"ok": False, "id": known, "error": error, "again": again})]
 
 

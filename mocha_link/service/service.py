@@ -21,12 +21,13 @@ from typing import Annotated, Any
 import zmq
 from pydantic import Field
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MochaLinkError, RequestError
 from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.node.node import Node, NodeClosedError
 from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
-from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
+from mocha_link.service.endpoint import router, send_answer, split
+from mocha_link.service.requests import Answer, Frames, Request, Verb
 from mocha_link.service.server import EndpointServer
 from mocha_link.service.service_client import TEXT
 from mocha_link.store.message import Message
@@ -311,7 +312,7 @@ class ServiceServer(EndpointServer):
         self._service = Service(node)
 
     def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
-        return requests.router(context, MAX_BYTES + MAX_HEADER_BYTES)
+        return router(context, MAX_BYTES + MAX_HEADER_BYTES)
 
     def _note(self, event: LinkEvent) -> None:
         if isinstance(event, MessageStored):
@@ -332,9 +333,9 @@ class ServiceServer(EndpointServer):
         self._service.tick(time.monotonic(), ending=True)
 
     def _take(self, server: zmq.Socket[bytes]) -> None:
-        envelope, body = requests.split(server.recv_multipart())
+        envelope, body = split(server.recv_multipart())
 
         def send(answer: Frames) -> None:
-            requests.send(server, [*envelope, *answer])
+            send_answer(server, [*envelope, *answer])
 
         self._service.request(body[:MAX_FRAMES], send, time.monotonic())

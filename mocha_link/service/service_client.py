@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import zmq
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MochaLinkError, RequestError
 from mocha_link.node.lifetime import Closeable
 from mocha_link.service.endpoint import EndpointError, connect, folder
 
@@ -28,12 +28,8 @@ LOOK_S = 0.05
 """So often it is looked whether the program that is to answer has begun."""
 
 
-class ServiceError(MochaLinkError):
+class ServiceError(RequestError):
     """The node refused a request; it says why. `again`: the same may be taken later."""
-
-    def __init__(self, message: str, *, again: bool = False) -> None:
-        super().__init__(message)
-        self.again = again
 
 
 class ServiceUnreachableError(MochaLinkError):

@@ -20,10 +20,11 @@ import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
 from air_router.cli.cli import _with_places
-from air_router.control.command_request import command_request_of, parse
+from air_router.control.command_request import MAX_BYTES, command_request_of
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
 from air_router.report.flight_table import COLUMNS
+from mocha_link.service.requests import parse
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from sitl.experiment.plan_file import load_experiment
@@ -332,7 +333,7 @@ def test_what_a_robot_says():
 
 def test_the_request_in_other_languages():
     (text,) = re.findall(r'R"\((.*?)\)"', ALL["control.md cpp 1"].text)
-    assert command_request_of(parse([text.encode()])).request == "seek"
+    assert command_request_of(parse([text.encode()], MAX_BYTES)).request == "seek"
 
 
 def test_an_experiment(tmp_path):

@@ -5,7 +5,6 @@ import contextlib
 import numpy as np
 import pytest
 
-from air_router.control.command_request import CommandRequestError
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession, MissionFile, write_starter
@@ -18,6 +17,7 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 from air_router.web.serving import PageAddress, Web
 from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
+from mocha_link.errors import RequestError
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from mocha_link.links.reading import Reading, Unit
 from tests.system.looker import Looker, served
@@ -33,7 +33,7 @@ class Refusing:
     """RequestHandler what is asked of a flight that is only looked at."""
 
     def grant(self, command, by):
-        raise CommandRequestError(f"{by} asks for {type(command).__name__}")
+        raise RequestError(f"{by} asks for {type(command).__name__}")
 
 
 def viewport(size):

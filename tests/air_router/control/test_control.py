@@ -22,7 +22,6 @@ from air_router.control.command_request import (
     MAX_BYTES,
     MODELS,
     Budget,
-    CommandRequestError,
     command_request_of,
     parse_command,
 )
@@ -41,6 +40,7 @@ from air_router.sim import sim
 from air_router.sim.sim_world import SimVehicle
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
+from mocha_link.errors import RequestError
 from mocha_link.service.endpoint import bind, connect
 
 
@@ -214,7 +214,7 @@ FIELDS = st.fixed_dictionaries(
 def test_whatever_json_comes_is_a_request_or_a_complaint(values):
     try:
         command = command_request_of(values)
-    except CommandRequestError as error:
+    except RequestError as error:
         complaint = str(error)
     else:
         complaint = command.request

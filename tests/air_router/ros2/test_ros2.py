@@ -24,7 +24,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from air_router.control.command_request import CommandRequestError, command_request_of
+from air_router.control.command_request import command_request_of
 from air_router.control.control import ControlClient, ControlError, ControlUnreachableError
 from air_router.control.control_server import ControlServer
 from air_router.controller.model.requests import ExploreNow
@@ -39,6 +39,7 @@ from air_router.ros2.ros_graph import RosGraph
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.bridges.dds import DdsTypes
+from mocha_link.errors import RequestError
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.ros.ros import RosCodec
@@ -76,7 +77,7 @@ class FakeClient(ControlClient):
         asked = {key: value for key, value in values.items() if value is not None}
         try:
             return json.loads(json.dumps(self.commands.grant(command_request_of(asked), "a test")))
-        except CommandRequestError as error:
+        except RequestError as error:
             raise ControlError(str(error)) from None
 
 
