@@ -327,12 +327,23 @@ def pretend(pennovation):
 
 
 @pytest.fixture
-def away(pretend):
-    """A flight on its way, 60 m from home."""
+def airborne(pretend):
+    """A flight that has taken off."""
 
     def make(mission=None, **changes):
         flight = pretend(mission, **changes)
         flight.take_off()
+        return flight
+
+    return make
+
+
+@pytest.fixture
+def away(airborne):
+    """A flight on its way, 60 m from home."""
+
+    def make(mission=None, **changes):
+        flight = airborne(mission, **changes)
         flight.fly_away()
         return flight
 

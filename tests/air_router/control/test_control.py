@@ -94,9 +94,8 @@ class Served:
 
 
 @pytest.fixture(params=["tcp://127.0.0.1:*"])
-def served(pretend, request):
-    flight = pretend()
-    flight.take_off()
+def served(airborne, request):
+    flight = airborne()
     with Served(flight, endpoint_of(request.param)) as serving:
         yield serving
 

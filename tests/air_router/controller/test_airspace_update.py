@@ -168,11 +168,10 @@ def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
     assert isinstance(flight.motions[-1], FlyToPoint)
 
 
-def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
+def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend, airborne):
     flight = pretend(duration_s=None)
     timers = dataclasses.replace(flight.mission.timers, init_s=3000.0)
-    flight = pretend(duration_s=None, timers=timers)
-    flight.take_off()
+    flight = airborne(duration_s=None, timers=timers)
     flight.fly_until(lambda: flight.controller.exploration.remaining < 36, 300.0)
     inside = next(w for w in flight.mission.waypoints if w.number == 10)
     change(flight, box(inside.position))
@@ -362,9 +361,8 @@ def test_who_may_ask_for_it_when(pretend):
 
 
 @pytest.mark.parametrize("asked_for", [False, True])
-def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(pretend, asked_for):
-    flight = pretend(explore=False, name="titan", duration_s=2000.0)
-    flight.take_off()
+def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborne, asked_for):
+    flight = airborne(explore=False, name="titan", duration_s=2000.0)
     if asked_for:
         flight.operator_asks(SeekNow("callisto"))
     assert flight.controller.context.robot == "callisto"
@@ -652,9 +650,8 @@ def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
 
 
-def test_a_way_that_is_not_there_is_said_once(pretend):
-    flight = pretend(duration_s=600.0)
-    flight.take_off()
+def test_a_way_that_is_not_there_is_said_once(airborne):
+    flight = airborne(duration_s=600.0)
     flight.operator_asks(SeekNow("io", by="operator"))
     flight.fly_until(lambda: flight.now_s > 110.0)
     outer, inner = (box(flight.position, half_m).shape.ring for half_m in (60.0, 30.0))

@@ -575,9 +575,8 @@ def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state
     assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 
-def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(airborne):
+    flight = airborne()
     late, act = [], flight._act
     flight._act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
     assert ask(flight, GoTo(FAR))[0].accepted

@@ -191,12 +191,11 @@ def test_a_comparison_that_ends_late_takes_no_vehicle_from_a_pilot_who_took_off_
 @pytest.mark.parametrize("radius_m", [2.0, 20.0])
 @pytest.mark.parametrize(("away_m", "speed_m_s"), [(8.0, 0.0), (2.0, 9.0)])
 def test_it_does_not_land_beside_home_nor_while_it_passes_by(
-    pretend, pennovation, away_m, speed_m_s, radius_m
+    airborne, pennovation, away_m, speed_m_s, radius_m
 ):
     """PX4 reports the item above home from farther away than we land."""
     planner = dataclasses.replace(pennovation.planner, acceptance_radius_m=radius_m)
-    flight = pretend(duration_s=60.0, planner=planner)
-    flight.take_off()
+    flight = airborne(duration_s=60.0, planner=planner)
     flight.fly_to_state(State.HOME)
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 20.0)
     assert flight.controller.state is State.HOME
@@ -258,10 +257,9 @@ def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(away):
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(pretend, held):
+def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(airborne, held):
     """In the mode that it is in: a target while it hovers in Hold, a plan item in Mission."""
-    flight = pretend(duration_s=None)
-    flight.take_off()
+    flight = airborne(duration_s=None)
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     last = flight.controller.gate.last
     if held:
@@ -444,9 +442,8 @@ def killed(flight, altitude_m, mode):
 
 
 @pytest.mark.parametrize("state", [State.INIT, State.LAND])
-def test_motors_stopped_in_the_air_are_told_as_that_until_it_is_down(pretend, state):
-    flight = pretend(duration_s=60.0 if state is State.LAND else None)
-    flight.take_off()
+def test_motors_stopped_in_the_air_are_told_as_that_until_it_is_down(airborne, state):
+    flight = airborne(duration_s=60.0 if state is State.LAND else None)
     flight.fly_to_state(state)
     killed(flight, 28.0, FlightMode.MISSION)  # PX4 falls back to it, out of Land
     assert "hands off: disarmed in the air at 28 m above home" in flight.said
@@ -456,9 +453,8 @@ def test_motors_stopped_in_the_air_are_told_as_that_until_it_is_down(pretend, st
     assert not any("pilot chose" in text for text in flight.said)
 
 
-def test_a_flight_termination_is_told(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_flight_termination_is_told(airborne):
+    flight = airborne()
     flight.fly_to_state(State.INIT)
     flight.terminated = True
     flight.step()
@@ -466,9 +462,8 @@ def test_a_flight_termination_is_told(pretend):
     assert flight.controller.state is State.PASSIVE
 
 
-def test_a_landing_whose_landed_state_comes_late_is_no_takeover(pretend):
-    flight = pretend(duration_s=60.0)
-    flight.take_off()
+def test_a_landing_whose_landed_state_comes_late_is_no_takeover(airborne):
+    flight = airborne(duration_s=60.0)
     flight.fly_to_state(State.LAND)
     flight.fly_until(lambda: flight.altitude_m < 0.1)
     flight.armed, flight.mode = False, FlightMode.MISSION  # in_air is of another stream

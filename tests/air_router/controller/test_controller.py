@@ -24,9 +24,8 @@ from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 from tests.air_router.conftest import CORNERS
 
 
-def test_the_paper_s_times(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_the_paper_s_times(airborne):
+    flight = airborne()
     began_s = flight.now_s
     flight.fly_to_state(State.SEARCH)
     assert flight.now_s - began_s == pytest.approx(180.0, abs=0.2)
@@ -76,9 +75,8 @@ def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
     assert flight.controller.state is State.COMM
 
 
-def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_carried_pose_moves_the_search_but_is_not_found(airborne):
+    flight = airborne()
     flight.fly_to_state(State.SEARCH)
     robot = flight.controller.context.robot
     flight.give(RobotPose(robot, CORNERS["io"], 10.0, "europa"))
@@ -88,12 +86,11 @@ def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
     assert flight.controller.state is State.COMM
 
 
-def test_exploration_resumes_where_it_stopped_and_then_only_search_remains(pretend):
+def test_exploration_resumes_where_it_stopped_and_then_only_search_remains(pretend, airborne):
     short = dataclasses.replace
     flight = pretend()
     timers = short(flight.mission.timers, init_s=60.0, search_s=1.0)
-    flight = pretend(timers=timers, duration_s=None)
-    flight.take_off()
+    flight = airborne(timers=timers, duration_s=None)
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 4000.0)
     visited = [m.node for m in flight.motions if isinstance(m, FlyToNode)]
     assert set(range(1, 40)) <= set(visited)
@@ -132,9 +129,8 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     assert any("no hovering over callisto" in text for text in flight.said)
 
 
-def test_a_command_that_fails_is_tried_again(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_command_that_fails_is_tried_again(airborne):
+    flight = airborne()
     flight.fly_until(lambda: flight.controller.exploration.remaining < 39)
     flight.deaf = True
     flight.fly_until(lambda: any("did not follow" in text for text in flight.said))
@@ -144,18 +140,16 @@ def test_a_command_that_fails_is_tried_again(pretend):
     flight.fly_until(lambda: flight.controller.exploration.remaining < left - 1)
 
 
-def test_a_repeated_report_of_an_earlier_node_does_not_skip_one(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_repeated_report_of_an_earlier_node_does_not_skip_one(airborne):
+    flight = airborne()
     flight.fly_until(lambda: flight.controller.exploration.remaining == 37)
     before = flight.controller.context.way.leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(1)))
     assert flight.controller.context.way.leg == before
 
 
-def test_the_autopilot_s_report_alone_is_enough_to_go_on(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_the_autopilot_s_report_alone_is_enough_to_go_on(airborne):
+    flight = airborne()
     leg = flight.controller.context.way.leg
     flight.position = Point(leg.to.east_m + 2.5, leg.to.north_m)  # outside our radius, inside PX4's
     flight.velocity = (0.0, 0.0)
@@ -209,9 +203,8 @@ def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(prete
     flight.fly_until(lambda: math.dist(flight.position, Point(0.0, 100.0)) < 3.0, 60.0)
 
 
-def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
-    flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
-    flight.take_off()
+def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend, airborne):
+    flight = airborne(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
     flight.fly_until(lambda: flight.controller.exploration.remaining == 35)
     flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
     flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
@@ -264,9 +257,8 @@ def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
-def test_a_long_silence_is_told_now_and_then(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_long_silence_is_told_now_and_then(airborne):
+    flight = airborne()
     for silent_s in (4.0, 5.0, 6.0, 13.0, 14.0, 15.0, 24.0, 4.0):
         flight.give(LinkSilent(flight.now_s, silent_s))
     flight.step()  # heard for a moment; the next silence is looked at a bit later than the first
@@ -315,9 +307,8 @@ def test_whatever_goes_wrong_nothing_raises_no_pilot_is_overridden_and_no_zone_i
     assert len(flight.motions) == commanded
 
 
-def test_a_robot_that_cannot_be_read_is_told_of_and_changes_nothing(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_robot_that_cannot_be_read_is_told_of_and_changes_nothing(airborne):
+    flight = airborne()
     before = len(flight.actions)
     flight.give(PeerFault("/pose of io cannot be read"))
     assert flight.actions[before:] == [Announce("/pose of io cannot be read")]

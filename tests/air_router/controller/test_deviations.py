@@ -88,9 +88,8 @@ def test_home_moved_aside_is_told_and_flown_on(cruising):
 
 
 @pytest.mark.parametrize("state", [State.HOLD, State.HOME, State.LAND, State.PASSIVE])
-def test_home_moved_is_told_in_every_state_in_the_air(pretend, state):
-    flight = pretend(duration_s=60.0)
-    flight.take_off()
+def test_home_moved_is_told_in_every_state_in_the_air(airborne, state):
+    flight = airborne(duration_s=60.0)
     if state is State.HOLD:
         flight.fly_away()
         flight.operator_asks(HoldNow(by="operator"))
@@ -428,10 +427,9 @@ def test_home_moved_is_told_without_a_fix_too(cruising):
     assert len(told(cruising, "home was moved")) == 1
 
 
-def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(pretend, pennovation):
+def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(airborne, pennovation):
     planner = dataclasses.replace(pennovation.planner, vertical_margin_m=0.0)
-    flight = pretend(duration_s=60.0, planner=planner, cruise=Band(40.0, 40.0))
-    flight.take_off()
+    flight = airborne(duration_s=60.0, planner=planner, cruise=Band(40.0, 40.0))
     for number in range(200):
         flight.altitude_m = 40.0 + (2.3 if number > 20 else 0.0)
         flight.step()

@@ -75,9 +75,8 @@ def has_moved(robot, flight):
     return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
 
 
-def test_a_landing_goes_on_without_a_fix(pretend):
-    flight = pretend(duration_s=60.0)
-    flight.take_off()
+def test_a_landing_goes_on_without_a_fix(airborne):
+    flight = airborne(duration_s=60.0)
     flight.fly_to_state(State.LAND)
     commanded = len(flight.motions)
     flight.fix = False
@@ -87,10 +86,9 @@ def test_a_landing_goes_on_without_a_fix(pretend):
     assert flight.finished.landed_by_us
 
 
-def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(pretend):
+def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(airborne):
     """The race that leads a vehicle past a waypoint: its report comes after the next jump."""
-    flight = pretend()
-    flight.take_off()
+    flight = airborne()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 20.0)
     flight._act = flight.actions.append  # neither confirmed nor failed
     flight.fly_until(lambda: isinstance(flight.controller.gate.pending, FlyToNode))
@@ -225,9 +223,8 @@ def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(away):
     assert flight.mode is FlightMode.HOLD
 
 
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(airborne):
+    flight = airborne()
     flight.fly_to_state(State.SEARCH)
     robot = flight.controller.context.robot
     flight.fix, flight.deaf = False, True

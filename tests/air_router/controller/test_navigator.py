@@ -153,10 +153,9 @@ def test_however_late_commands_arrive_the_clearance_is_kept(pretend, pennovation
     assert closest_m >= flight.mission.planner.clearance_m, what
 
 
-def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
+def test_what_may_come_late_is_held_for_where_it_would_not_show(airborne):
     """As it was rehearsed: the jump that shows is not the one that was made last."""
-    flight = pretend()
-    flight.take_off()
+    flight = airborne()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     told = flight.motions[-1]
     assert isinstance(told, FlyToNode)

@@ -261,9 +261,8 @@ def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
     assert place.position == (100, 0)
 
 
-def test_a_moving_robot_is_met_on_its_way_in_flight(pretend):
-    flight = pretend(seek=("io",), seek_policy="rendezvous", radius_m=15.0)
-    flight.take_off()
+def test_a_moving_robot_is_met_on_its_way_in_flight(airborne):
+    flight = airborne(seek=("io",), seek_policy="rendezvous", radius_m=15.0)
     south, north = Point(75.0, -140.0), Point(64.0, 40.0)
     way_m = math.dist(south, north)
 
@@ -289,9 +288,8 @@ def test_a_moving_robot_is_met_on_its_way_in_flight(pretend):
     assert any("SEARCH io: oldest data" in text for text in flight.said)
 
 
-def test_where_a_radio_is_heard_is_noted_in_flight(pretend):
-    flight = pretend(seek=("io",), seek_policy="freshest")
-    flight.take_off()
+def test_where_a_radio_is_heard_is_noted_in_flight(airborne):
+    flight = airborne(seek=("io",), seek_policy="freshest")
     flight.fly_until(lambda: flight.now_s > 200.0)
     flight.give(ContactBegan("io", 0.0, None))
     there, known = flight.position, flight.controller.search.targets.tracks["io"]

@@ -48,9 +48,8 @@ def test_a_vehicle_that_only_searches_searches_at_once_and_never_explores(preten
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
-def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one(pretend):
-    flight = pretend(explore=False)
-    flight.take_off()
+def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one(airborne):
+    flight = airborne(explore=False)
     first = flight.controller.context.robot
     flight.fly_until(lambda: flight.controller.context.robot != first)
     assert flight.controller.state is State.SEARCH
@@ -58,17 +57,15 @@ def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one
     assert seeking(flight) == ["callisto", "europa"]
 
 
-def test_one_that_only_searches_hovers_when_no_robot_can_be_sought_and_asks_again(pretend):
-    flight = pretend(explore=False, seek=())
-    flight.take_off()
+def test_one_that_only_searches_hovers_when_no_robot_can_be_sought_and_asks_again(airborne):
+    flight = airborne(explore=False, seek=())
     flight.fly_until(lambda: flight.now_s > 150.0)
     assert flight.controller.state is State.SEARCH
     assert not any(isinstance(motion, FlyToNode) for motion in flight.motions)
 
 
-def test_resumed_it_searches_on(pretend):
-    flight = pretend(explore=False)
-    flight.take_off()
+def test_resumed_it_searches_on(airborne):
+    flight = airborne(explore=False)
     flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
     flight.pilot_chooses(FlightMode.HOLD)
@@ -104,27 +101,24 @@ def test_a_robot_that_another_uav_seeks_comes_last_for_some_minutes():
 
 
 @pytest.mark.parametrize(("ours", "yields"), [("titan", True), ("alpha", False), ("", False)])
-def test_of_two_that_seek_the_same_robot_the_lower_name_keeps_it(pretend, ours, yields):
-    flight = pretend(explore=False, name=ours)
-    flight.take_off()
+def test_of_two_that_seek_the_same_robot_the_lower_name_keeps_it(airborne, ours, yields):
+    flight = airborne(explore=False, name=ours)
     assert flight.controller.context.robot == "callisto"
     flight.give(RobotSought("atlas", "callisto", 1.0))
     assert flight.controller.context.robot == ("europa" if yields else "callisto")
     assert flight.controller.state is State.SEARCH
 
 
-def test_one_that_hovers_over_a_robot_already_keeps_it(pretend):
-    flight = pretend(explore=False)
-    flight.take_off()
+def test_one_that_hovers_over_a_robot_already_keeps_it(airborne):
+    flight = airborne(explore=False)
     flight.give(RobotPose("callisto", CORNERS["callisto"], 1.0, "callisto"))
     assert flight.controller.state is State.COMM
     flight.give(RobotSought("atlas", "callisto", 1.0))
     assert (flight.controller.state, flight.controller.context.robot) == (State.COMM, "callisto")
 
 
-def test_the_same_word_again_or_one_that_leaves_no_other_robot_changes_nothing(pretend):
-    flight = pretend(explore=False, seek=("io",))
-    flight.take_off()
+def test_the_same_word_again_or_one_that_leaves_no_other_robot_changes_nothing(airborne):
+    flight = airborne(explore=False, seek=("io",))
     for stamp_s in range(5):
         flight.give(RobotSought("atlas", "io", stamp_s))
     assert flight.states == [State.SEARCH]
@@ -234,9 +228,8 @@ def test_mission_mode_in_the_layer_of_another_uav_is_held(pretend, atlas, altitu
         assert flight.controller.state is State.SEARCH
 
 
-def test_a_flight_is_not_resumed_in_the_layer_of_another_uav(pretend, atlas):
-    flight = pretend(atlas, explore=False, name="atlas")
-    flight.take_off()
+def test_a_flight_is_not_resumed_in_the_layer_of_another_uav(airborne, atlas):
+    flight = airborne(atlas, explore=False, name="atlas")
     flight.pilot_chooses(FlightMode.OTHER)
     flight.altitude_m = 60.0
     flight.pilot_chooses(FlightMode.HOLD)

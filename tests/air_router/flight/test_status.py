@@ -70,9 +70,8 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     assert line.endswith("| io -61 dBm")
 
 
-def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(pretend):
-    flight = pretend()
-    flight.take_off()
+def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(airborne):
+    flight = airborne()
     moved = HomeMove(0.0, 0.0, -25.0)
     shown = dataclasses.replace(flight.telemetry(), wind_m_s=(6.0, 0.0), home_moved=moved)
     flight.give(shown)

@@ -205,9 +205,8 @@ def test_without_a_way_the_last_one_counts_and_the_distance_since(tmp_path):
     assert WayHome().need(lost, CountingRouter(made(tmp_path))) is None
 
 
-def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):
-    flight = pretend(battery_reserve=0.05, endurance_s=600.0, duration_s=None)
-    flight.take_off()
+def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(airborne):
+    flight = airborne(battery_reserve=0.05, endurance_s=600.0, duration_s=None)
     began_s, capacity_s = flight.now_s, 600.0
 
     def drain():

@@ -138,9 +138,8 @@ def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(away):
     assert len(flight.motions) == commanded
 
 
-def test_positions_missing_while_it_lands_do_not_stop_it(pretend):
-    flight = pretend(duration_s=60.0)
-    flight.take_off()
+def test_positions_missing_while_it_lands_do_not_stop_it(airborne):
+    flight = airborne(duration_s=60.0)
     flight.fly_to_state(State.LAND)
     commanded = len(flight.motions)
     Missing(flight, "position_s")
