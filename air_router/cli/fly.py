@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import contextlib
 import dataclasses
+import gc
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -142,6 +143,7 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
                 from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
             told = flight.controller, flight.commands, gossip.links
             flight.loop.page = LivePage(*told, mapper=mapper, web=web)
+        gc.freeze()  # what is there by now stays: a search of it for garbage blocks the loop
         result = asyncio.run(flight.run())
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)
