@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments experiments-verify lint film bench bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -76,6 +76,10 @@ film: setup
 
 bench: setup
 	$(BIN)/python -m benchmarks
+
+# Every figure with a goal, beside an anchor; options: make bench-goals BENCH="--busy --json FILE --only NAME"
+bench-goals: $(VENV)/.tools
+	$(BIN)/python -m benchmarks.goals $(BENCH)
 
 # Options: make bench-link BENCH="--quick --json FILE"
 bench-link: $(VENV)/.tools

@@ -5,15 +5,18 @@ of complete messages by (rate x sum over the contacts of (contact - one round tr
 """
 
 import argparse
+import contextlib
 import json
 import sys
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from benchmarks.busy import busy_loops
 from benchmarks.link import links as known
 from benchmarks.link import small, table
-from benchmarks.link.cell import Task
+from benchmarks.link.cell import STARVED_NICE, Task
 from benchmarks.link.load import Load
 from benchmarks.link.namespaces import EmulationError, congestion_control
 from benchmarks.link.runner import run
@@ -38,7 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     load = Load()
     tasks = _tasks(options, ways, chosen)
     try:
-        scores = _measure(tasks, options.cores)
+        with busy_loops() if options.starved else contextlib.nullcontext():
+            scores = _measure(tasks, options.cores)
     except EmulationError as error:
         print(f"links cannot be emulated here: {error}", file=sys.stderr)
         return 1
@@ -60,7 +64,8 @@ def _tasks(
         for way in ways
         for link in chosen
     ]
-    return tasks if options.loss else tasks + small.tasks(ways)
+    tasks = tasks if options.loss else tasks + small.tasks(ways)
+    return [replace(task, nice=STARVED_NICE if options.starved else 0) for task in tasks]
 
 
 def _lines(
@@ -116,6 +121,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     add("--gap", metavar="S", type=float, default=known.GAP_S, help="between contacts")
     add("--repeat", metavar="N", type=int, default=1, help="with other messages, taken together")
     add("--seed", type=int, default=SEED, help="of the messages and of packet loss")
+    add("--starved", action="store_true", help="peers at nice 19 beside three busy loops")
     add("--cores", metavar="N", type=float, help="contacts take at most so many at once")
     return parser.parse_args(argv)
 

@@ -20,6 +20,7 @@ from benchmarks.link.ways import ADDRESSES, ENDED, WAYS, Side
 START_S = 600.0  # to get ready, when many others do so as well
 SETTLE_S = 0.5  # to take in what had arrived when the last contact ended
 END_S = 600.0
+STARVED_NICE = 19  # of the nodes where they are to want for a core
 
 PROCESSES = multiprocessing.get_context("fork")
 
@@ -41,6 +42,7 @@ class Task:
     link: Link
     seed: int
     small: bool = False  # not the usual offer but 100 messages of 1 KB
+    nice: int = 0  # of the two nodes, not of the link
 
     @property
     def offer(self) -> Offer:
@@ -150,6 +152,7 @@ def _agent(
 ) -> None:
     """The main of a node's process."""
     namespaces.end_with_parent()
+    os.nice(task.nice)
     try:
         namespaces.enter()
         interface = namespaces.open_interface(ADDRESSES[number])

@@ -91,10 +91,20 @@ def open_interface(address: str) -> int:
         _set(control, INTERFACE, _SIOCSIFNETMASK, _sockaddr("255.255.255.0"))
         _set(control, INTERFACE, _SIOCSIFMTU, struct.pack("i", MTU_BYTES))
         for name in ("lo", INTERFACE):
-            answer = fcntl.ioctl(control, _SIOCGIFFLAGS, struct.pack("16s24x", name.encode()))
-            flags = struct.unpack_from("H", answer, 16)[0] | _IFF_UP_RUNNING
-            _set(control, name, _SIOCSIFFLAGS, struct.pack("H", flags))
+            _raise(control, name)
     return tun
+
+
+def raise_loopback() -> None:
+    """Let the namespace's programs reach each other at 127.0.0.1."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+        _raise(control, "lo")
+
+
+def _raise(control: socket.socket, name: str) -> None:
+    answer = fcntl.ioctl(control, _SIOCGIFFLAGS, struct.pack("16s24x", name.encode()))
+    flags = struct.unpack_from("H", answer, 16)[0] | _IFF_UP_RUNNING
+    _set(control, name, _SIOCSIFFLAGS, struct.pack("H", flags))
 
 
 def congestion_control() -> str:

@@ -30,6 +30,7 @@ class Score:
         cores: what the two nodes and the emulator took while the link was up.
         last_s, ended_s: from the first contact's begin to the last message, and until the two
             had told each other that there is no more (the latter only of the nodes).
+        firsts_s: from each contact's begin to the first message in it; None: it brought none.
         late_ms: how late the emulator moved packets: median, 99th percentile, worst.
     """
 
@@ -50,6 +51,7 @@ class Score:
     cores: float
     last_s: float | None
     ended_s: float | None
+    firsts_s: tuple[float | None, ...]
     late_ms: tuple[float, float, float]
 
     @classmethod
@@ -67,6 +69,7 @@ class Score:
         contacts = emulator.contacts_s
         begins = [begin for begin, _ in contacts]
         by_contact = [0] * len(contacts)
+        firsts_s: list[float | None] = [None] * len(contacts)
         got: dict[int, float] = {}
         ended_s = None
         for at_s, key in delivered:
@@ -74,7 +77,9 @@ class Score:
                 ended_s = ended_s or at_s - begins[0]
             elif key not in got and key not in damaged:
                 got[key] = at_s
-                by_contact[max(0, bisect.bisect(begins, at_s) - 1)] += offer.sizes[key]
+                number = max(0, bisect.bisect(begins, at_s) - 1)
+                by_contact[number] += offer.sizes[key]
+                firsts_s[number] = firsts_s[number] or at_s - begins[number]
         total = sum(by_contact)
         ends = [end for _, end in contacts]
         if len(got) == offer.count:
@@ -104,5 +109,6 @@ class Score:
             cores=cpu_s / (len(contacts) * link.window_s),
             last_s=max(got.values()) - begins[0] if got else None,
             ended_s=ended_s,
+            firsts_s=tuple(firsts_s),
             late_ms=(late[len(late) // 2], late[int(len(late) * 0.99)], late[-1]),
         )

@@ -62,6 +62,7 @@ def test_a_share_is_of_what_the_contacts_leave_after_a_round_trip():
     assert score.delivered_bytes == 20_000
     assert score.share == pytest.approx(20_000 / (125_000 * 2 * 2.9))
     assert score.by_contact == (10_000, 10_000)
+    assert score.firsts_s == pytest.approx((0.5, 0.6))
     assert (score.empty_contacts, score.contacts) == (0, 2)
 
 
