@@ -11,15 +11,14 @@ GROUPS = (
 )
 
 
-def figures_of(name: str, conditions: Conditions) -> list[Figure]:
-    """All figures of a group.
-
-    Raises:
-        UnmeasuredError: it cannot be measured, or failed; the other groups do not suffer by it.
-    """
+def figures_of(name: str, conditions: Conditions) -> tuple[list[Figure], str]:
+    """All figures of a group, and why there are no more of them; "": that is all."""
+    figures: list[Figure] = []
     try:
-        return [*importlib.import_module(f"benchmarks.goals.{name}").measure(conditions)]
-    except UnmeasuredError:
-        raise
-    except Exception as error:
-        raise UnmeasuredError(traceback.format_exc()) from error
+        for figure in importlib.import_module(f"benchmarks.goals.{name}").measure(conditions):
+            figures.append(figure)  # noqa: PERF402 - those before a failure stay
+    except UnmeasuredError as error:
+        return figures, str(error)
+    except Exception:  # noqa: BLE001 - the other groups do not suffer by it
+        return figures, traceback.format_exc()
+    return figures, ""
