@@ -21,11 +21,12 @@ from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
+from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_loop import CommandService, FlightLoop
 from air_router.flight.flight_stats import FlightResult, FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.flight.resumption import flown_before, recognised
-from air_router.flight.terminal import StatusLine, flight_line, listening
+from air_router.flight.terminal import StatusLine, listening
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper, receive_patches
 from air_router.mission.flight_plan import FlightPlan

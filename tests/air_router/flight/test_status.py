@@ -2,7 +2,8 @@ import dataclasses
 import io
 
 from air_router.controller.model.states import State
-from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine, flight_line
+from air_router.flight.flight_line import flight_line
+from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine
 from air_router.live.scene import LiveScene
 from air_router.vehicle.height_frame import HomeMove
 from mocha_link.links.metrics import LinkMetrics
