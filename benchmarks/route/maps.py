@@ -6,6 +6,7 @@ import random
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import shapely
 from shapely import Polygon, STRtree
 
 from geo.airspace.airspace import Airspace, Zone
@@ -16,6 +17,8 @@ _APART_M = 2.4 * CLEARANCE_M
 """Zones keep so much between them that there is a way through."""
 
 _PLACE_M = 1.4 * CLEARANCE_M
+_IN_TREE = 50
+"""So many zones more, and they are looked up as well: making the tree anew takes long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +105,7 @@ def _ring(places: list[list[float]]) -> tuple[Point, ...]:
 def _rings(chance: random.Random, zones: int, side_m: float) -> list[tuple[Point, ...]]:
     rings: list[tuple[Point, ...]] = []
     shapes: list[Polygon] = []
+    tree, recent = STRtree([]), 0  # of all but those after that number
     while len(rings) < zones:
         reach_m = 0.2 * side_m / math.sqrt(zones) * chance.lognormvariate(0.0, 0.45)
         room_m = side_m / 2 - reach_m
@@ -119,9 +123,12 @@ def _rings(chance: random.Random, zones: int, side_m: float) -> list[tuple[Point
         shape = Polygon(ring)
         if not shape.is_valid:
             continue
-        if len(STRtree(shapes).query(shape, predicate="dwithin", distance=_APART_M)) == 0:
+        near = len(tree.query(shape, predicate="dwithin", distance=_APART_M)) > 0
+        if not (near or shapely.dwithin(shapes[recent:], shape, _APART_M).any()):
             rings.append(ring)
             shapes.append(shape)
+            if len(shapes) - recent == _IN_TREE:
+                tree, recent = STRtree(shapes), len(shapes)
     return rings
 
 
