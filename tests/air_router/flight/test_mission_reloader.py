@@ -23,7 +23,7 @@ from air_router.routing.router import Router
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from mocha_link.team.document import DocumentError
-from tests.air_router.flight.whole_flight import WholeFlight
+from tests.air_router.flight.whole_flight import WholeFlight, at_once
 
 PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
 ZONE = """
@@ -158,7 +158,9 @@ class Field(WholeFlight):
                 self.flight.commands.ask(Reload())
 
         self.vehicle.on_step = on_step
-        return self.run()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(rereading.asyncio, "to_thread", at_once)
+            return self.run()
 
 
 @pytest.fixture

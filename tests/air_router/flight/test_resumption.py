@@ -30,6 +30,7 @@ from air_router.vehicle.vehicle import (
 )
 from geo.frame import Point
 from tests.air_router.flight.test_flight import Rig, sends
+from tests.air_router.flight.whole_flight import at_once
 
 INFO = VehicleInfo(1, "PX4", "1.17.0", Point(0.0, 0.0), 6.7)
 DURATION_S = 200.0
@@ -101,10 +102,6 @@ def test_without_a_record_the_vehicle_is_asked(mission):
 @pytest.fixture
 def second(first, mission, pretend_vehicle, tmp_path, monkeypatch):
     """A companion that goes on with it."""
-
-    async def at_once(function, *arguments):  # the pretended vehicle's time stands still meanwhile
-        return function(*arguments)
-
     monkeypatch.setattr(flight_module, "flown_before", partial(flown_before, unix=lambda: 0.0))
     monkeypatch.setattr(flight_module.asyncio, "to_thread", at_once)
     rig = Rig(mission, pretend_vehicle, tmp_path, arm=False, resume=True)

@@ -11,6 +11,11 @@ from air_router.vehicle.clock import VehicleClock
 from tests.air_router.alone import Alone
 
 
+async def at_once(function, *arguments):
+    """Stands for `asyncio.to_thread`: the pretended vehicle's time stands still meanwhile."""
+    return function(*arguments)
+
+
 class WholeFlight:
     """The flight program with a vehicle, a node, a record and a screen of its own."""
 
