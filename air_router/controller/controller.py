@@ -51,7 +51,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.controller.safety_monitor import FlightPhase, HomeWatch, Response, SafetyMonitor
 from air_router.controller.states.explore_state import Exploration
 from air_router.controller.states.goto_state import GotoValidator
-from air_router.controller.states.search_state import Search
+from air_router.controller.states.search_points import Search
 from air_router.controller.states.table import STATES, StateHandlers, transitions
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph

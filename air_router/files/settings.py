@@ -11,7 +11,7 @@ from air_router.files.zone_terms import ActiveForm, AltitudeForm, Clearance, Zon
 PlannerKind = Literal["waypoints", "shortest"]
 """`waypoints` stays on the operator's waypoint graph (the paper's), `shortest` goes straight."""
 
-SeekPolicy = Literal["round_robin", "freshest", "rendezvous"]
+SeekPolicy = Literal["round_robin", "freshest", "rendezvous", "tour"]
 """How the robot that is sought next is chosen, and its place; see docs/seeking.md."""
 
 Accepted = Literal[

@@ -33,10 +33,10 @@ PulledBy = Literal["contact", "node"]
 `node`: the trigger of `mocha_link` pulls, every 2 s while a contact lasts; our protocol follows its
 last pull, and what a peer stores in between is pushed."""
 
-PolicyKind = SeekPolicy | Literal["orienteering", "oracle"]
-"""A policy that flies; or one that does not. `orienteering`: `freshest` with a look ahead
-(`robots.controllers`). `oracle`, a yardstick: a `rendezvous` that is told every `ORACLE_S` where
-all ground robots are, and how much each is worth."""
+PolicyKind = SeekPolicy | Literal["orienteering", "milp", "oracle"]
+"""A policy that flies; or one that does not. `orienteering`: `freshest` with a look ahead. `milp`:
+the best `tour` over meeting points. `oracle`, a yardstick: a `rendezvous` that is told every
+`ORACLE_S` where all ground robots are, and how much each is worth."""
 
 MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]
 """Which columns are the paper's message wait: of all messages, robots' data, or header requests;
@@ -190,7 +190,7 @@ class RunSettings(_Model):
     world: Literal["town", "mission", "processes", "px4"] = "town"
     mission: Path | None = None
     uavs: Annotated[int, Field(ge=0, le=50)] = 1
-    ugvs: Annotated[int, Field(ge=0, le=200)] = 3
+    ugvs: Annotated[int, Field(ge=0, le=1000)] = 3
     explorer: ExplorerSettings = ExplorerSettings()
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"

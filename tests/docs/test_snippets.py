@@ -67,6 +67,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "embedding.md 2": "PromQL; its metrics: tests/mocha_link/service/test_prometheus.py",
     "mission-file.md 2": "printed; its codes: below",
     "seeking.md 1": "a formula",
+    "seeking.md 2": "a formula",
     "sync-protocol.md 1": "who sends what when",
     "terminal.md 1": "what is printed; its parts: air_router/test_status.py",
     "terminal.md 2": "what is printed; its columns: below",

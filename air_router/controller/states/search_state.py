@@ -1,18 +1,15 @@
-"""Going where a robot should be, and hovering over it while data are exchanged: SEARCH, COMM.
-
-Where that is for each robot: the best guess, where hovering keeps the clearance.
-"""
+"""Going where a robot should be, and hovering over it while data are exchanged: SEARCH, COMM."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import Announce, PublishMap
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
-from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import (
     Goal,
     MissionContext,
@@ -22,12 +19,8 @@ from air_router.controller.model.mission_context import (
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.states.explore_state import Exploration
-from air_router.controller.targets.seeking import POLICIES, Policy, SeekContext
-from air_router.controller.targets.target_list import SearchPlace, Sighting, TargetList
-from air_router.routing.return_planner import Way
-from air_router.routing.router import NoRoute
-from geo.frame import Point
+from air_router.controller.states.search_points import Search, SearchPoint
+from air_router.controller.targets.target_list import Sighting
 from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
@@ -44,98 +37,6 @@ FOLLOW_M: Final = 8.0
 
 SEEK_AGAIN_S: Final = 10.0
 """Pause before the robots are gone through again when none of them could be sought."""
-
-
-@dataclass(frozen=True, slots=True)
-class SearchPoint:
-    """A robot that could be sought now, where, and why there.
-
-    Attributes:
-        robot: Its name.
-        goal: Where to hover.
-        reason: What is known there of the robot, and what keeps the vehicle beside it.
-        beside_m: How far from the robot's place the vehicle will hover.
-    """
-
-    robot: str
-    goal: Goal
-    reason: str
-    beside_m: float = 0.0
-
-
-class Search:
-    """Knows the robots, and the places from which to look for them.
-
-    Args:
-        context: The airspace, and how long the vehicle would fly.
-        navigator: Where to hover for a place.
-        setup: Whom to seek, in order, and whether the vehicle explores between two searches.
-        exploration: Where the vehicle is, and where a robot may be that was never heard.
-
-    Attributes:
-        targets: The robots, and what is known of each.
-        name: This UAV's: of two that seek the same robot, the lower name keeps it.
-        exploration: Where the vehicle is, and was.
-        to_explore: The same, as what else there is to do; None: this vehicle only searches.
-        policy: Whom to seek, and where; the mission's.
-        foresees: A robot is sought where it will be, so that news of its path matters too.
-    """
-
-    def __init__(
-        self,
-        context: MissionContext,
-        navigator: Navigator,
-        setup: FlightSetup,
-        exploration: Exploration,
-    ) -> None:
-        self.name = setup.name
-        self.targets = TargetList(setup.seek)
-        self.policy: Policy = POLICIES[context.mission.seek_policy]
-        self.foresees = self.policy.foresees
-        self._context, self._navigator = context, navigator
-        self.exploration = exploration
-        self.to_explore = exploration if setup.explore else None
-        timers = context.mission.timers
-        # a search, a talk, and exploring between them
-        self._round_s = timers.search_s + timers.communicate_s + setup.explore * timers.explore_s
-
-    def search_points(self, now_s: float) -> Iterator[SearchPoint]:
-        """The robots in the order in which they are to be tried."""
-        for place in self.policy.order(self.targets, self._seek_context(now_s)):
-            yield self._beside(place)
-
-    def search_point(self, robot: str, now_s: float) -> SearchPoint:
-        """Where one of the robots would be sought now."""
-        return self._beside(self.policy.place(robot, self.targets, self._seek_context(now_s)))
-
-    def _seek_context(self, now_s: float) -> SeekContext:
-        exploration = self.exploration
-        began_s = now_s if exploration.began_s is None else exploration.began_s
-        return SeekContext(
-            now_s,
-            began_s,
-            self._flight_s,
-            unseen=exploration.longest_unseen().position,
-            round_s=self._round_s,
-        )
-
-    def _flight_s(self, place: Point) -> float:
-        here = self.exploration.here
-        if here is None:
-            return 0.0
-        route = self._context.router.route(here, self._navigator.hover_point(place))
-        if isinstance(route, NoRoute):
-            return math.inf
-        return self._context.pace.time_s(Way(route.length_m, len(route.legs)))
-
-    def _beside(self, place: SearchPlace) -> SearchPoint:
-        robot = place.robot
-        if place.position is None:
-            return SearchPoint(robot, self.exploration.longest_unseen(), place.reason)
-        hover, why = self._navigator.hover(place.position)
-        beside_m = math.dist(place.position, hover)
-        reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
-        return SearchPoint(robot, Goal(hover), reason, beside_m)
 
 
 @dataclass(slots=True, eq=False)
@@ -155,6 +56,8 @@ class SearchState(StateHandler):
     search: Search
     _wanted: str | None = None  # by a request, to be sought next
     _asked_for: str | None = None  # by a request, sought now
+    _passes: deque[tuple[str, Goal]] = field(default_factory=deque)  # still to be flown over
+    _over: str | None = None  # which of them was flown to last
 
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
@@ -173,26 +76,45 @@ class SearchState(StateHandler):
 
         One that is sought already, if it `goes_on`, is not tried once more by that.
         """
+        self._passes.clear()
         for point in self._candidates(first):
-            motion = self._navigator.plan_to(point.goal)
+            passes = deque((name, Goal(place)) for name, place in point.passes)
+            passes.append((point.robot, point.goal))
+            over, goal = passes.popleft()
+            motion = self._navigator.plan_to(goal)
             if self._context.way.progress is not Progress.NO_ROUTE:
                 self._context.robot = point.robot
                 if not (goes_on and point.robot == first):
                     self.search.targets.sought(point.robot)
+                self._passes = passes
+                self._passing(over)
                 self._context.say(f"SEARCH {point.robot}: {point.reason}")
                 self._navigator.advance(motion)
                 return
             self._context.say(f"no way to {point.robot}: {self._navigator.refusal}")
         self._no_target()
 
+    def _passing(self, robot: str) -> None:
+        """It is on the way to where a robot may be, not only the one that is sought."""
+        if robot not in {self._context.robot, self._over}:
+            self.search.targets.tracks[robot].tries += 1
+        self._over = robot
+
     def arrived(self) -> None:
-        """Wait for it here."""
-        if self._context.ends_s is None:
+        """On over the next robot, or wait for the one that is sought here."""
+        if self._passes:
+            robot, goal = self._passes.popleft()
+            self._passing(robot)
+            self._navigator.fly_to(goal)
+        elif self._context.ends_s is None:
             self._context.start_timer()
             self._context.say(f"at the search position of {self._context.robot}")
 
     def no_route(self, refusal: str) -> None:
-        """Give it up."""
+        """Give it up, or only those that were to be flown over on the way."""
+        if self._passes:
+            self.arrived()
+            return
         self._context.say(f"no way to {self._context.robot}: {refusal}")
         self._no_target()
 
@@ -228,9 +150,10 @@ class SearchState(StateHandler):
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
         context, robot = self._context, self._context.robot
         track = None if robot is None else self.search.targets.tracks.get(robot)
-        if robot is None or track is None or track.pose is None:
+        searching = context.state is State.SEARCH
+        if robot is None or track is None or track.pose is None or (searching and self._passes):
             return
-        if context.state is State.SEARCH and self.search.foresees:
+        if searching and self.search.foresees:
             point = self.search.search_point(robot, context.now_s)
             hover, beside_m = point.goal, point.beside_m
         else:

@@ -23,7 +23,8 @@ from air_router.controller.states.return_state import (
     LandState,
     ReturnState,
 )
-from air_router.controller.states.search_state import CommState, Search, SearchState
+from air_router.controller.states.search_points import Search
+from air_router.controller.states.search_state import CommState, SearchState
 
 # Common to states in the air: home when duration, battery or operator demand it; hands off when a
 # pilot flies; done when the ground has the vehicle. And what the operator may ask for.

@@ -41,6 +41,12 @@ class PredictedPath:
         """How far it has driven by now: between nothing and the whole way."""
         return min(max((now_s - self.start_s) * self.speed_m_s, 0.0), self.length_m)
 
+    def between(self, low_m: float, high_m: float) -> tuple[Point, ...]:
+        """The corners of the way between two distances along it."""
+        starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)
+        corners = zip(starts_m, self.points, strict=True)
+        return tuple(corner for start_m, corner in corners if low_m < start_m < high_m)
+
     def place(self, along_m: float) -> Point:
         """The place after so many metres."""
         starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)

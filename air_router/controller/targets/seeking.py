@@ -15,7 +15,6 @@ from air_router.controller.targets.target_list import (
     SearchPlace,
     TargetList,
 )
-from air_router.files.settings import SeekPolicy
 from geo.frame import Point
 
 MEETING_M: Final = 1.0
@@ -33,13 +32,16 @@ class SeekContext:
         now_s: Time on the vehicle's clock.
         began_s: When the flight began, before which no robot could be heard.
         flight_s: How long the vehicle would fly to a place; infinite where no way leads.
+        leg_s: How long from one place to another, straight.
         unseen: The waypoint that the vehicle has not passed for longest.
-        round_s: What a round of exploring, waiting and communicating takes beside the flight.
+        round_s: What a round of exploring (while anything is left to explore), waiting and
+            communicating takes beside the flight.
     """
 
     now_s: float
     began_s: float
     flight_s: Callable[[Point], float]
+    leg_s: Callable[[Point, Point], float]
     unseen: Point
     round_s: float
 
@@ -144,6 +146,16 @@ class Freshest:
         """As `Policy.place`."""
         return self._meeting(robot, targets, context)[0]
 
+    def ages_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
+        """How old what we hold of a robot and what it holds of us are, together."""
+        known, began_s = targets.tracks[robot], context.began_s
+        held_s = _since_s(context.now_s, began_s, known.word_s, known.taken_s)
+        return held_s + _since_s(context.now_s, began_s, known.given_s)
+
+    def value(self, robot: str) -> float:
+        """How much a robot's age counts."""
+        return self._values.get(robot, 1.0)
+
     def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
         known = targets.tracks[robot]
         place, flight_s = self._meeting(robot, targets, context)
@@ -151,11 +163,11 @@ class Freshest:
         course = targets.course(robot)
         doubt_s = max(arrival_s - (context.began_s if course is None else course.end_s), 0.0)
         age_s = _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
-        ages_s = age_s + _since_s(context.now_s, context.began_s, known.given_s)
+        ages_s = self.ages_s(robot, targets, context)
         round_s = context.round_s
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
-        benefit = ages_s * self._values.get(robot, 1.0) * chance / (flight_s + round_s)
+        benefit = ages_s * self.value(robot) * chance / (flight_s + round_s)
         return _Candidate(place, age_s, flight_s, benefit)
 
     def _meeting(
@@ -228,9 +240,3 @@ def _words(course: PredictedPath, along_m: float, context: SeekContext) -> str:
 def _since_s(now_s: float, *moments_s: float | None) -> float:
     """Seconds since the last of some moments."""
     return max(0.0, now_s - max(moment_s for moment_s in moments_s if moment_s is not None))
-
-
-POLICIES: Final[Mapping[SeekPolicy, Policy]] = MappingProxyType(
-    {"round_robin": RoundRobin(), "freshest": Freshest(), "rendezvous": Rendezvous()}
-)
-"""What a mission can choose."""

@@ -221,11 +221,21 @@ class TargetTrack:
 
 @dataclass(frozen=True, slots=True)
 class SearchPlace:
-    """Where to look for a robot (None: where the UAV passed longest ago) and why there."""
+    """Where to look for a robot, why there, and over whom on the way.
+
+    Attributes:
+        robot: Its name.
+        position: Where it is looked for; None: where the UAV passed longest ago, since nothing is
+            known of it.
+        reason: In words, to be announced.
+        passes: Robots, and where each may be met, that are flown over before, in this order; the
+            robot itself, too, if it is looked for at several places.
+    """
 
     robot: str
-    position: Point | None  # None: nothing is known of it
-    reason: str  # announced
+    position: Point | None
+    reason: str
+    passes: tuple[tuple[str, Point], ...] = ()
 
 
 @dataclass(slots=True)

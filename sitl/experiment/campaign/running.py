@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.settings import SeekPolicy
+from air_router.files.settings import SEEK_POLICIES, SeekPolicy
 from sitl.experiment.campaign.runs import program
 from sitl.experiment.engine.engine import Run
 from sitl.experiment.engine.flights import flown_here, flown_in_processes
@@ -70,7 +70,7 @@ def make_run(task: Task) -> Record:
 def _mission_and_policy(settings: RunSettings) -> tuple[Path, SeekPolicy]:
     """What is flown in a mission's own world. Raises ValueError."""
     mission, policy = settings.mission, settings.policy
-    if mission is None or policy == "orienteering" or policy == "oracle":  # noqa: PLR1714 - mypy
+    if mission is None or policy not in SEEK_POLICIES:
         raise ValueError("a world of its own needs a mission, and a policy that flies")
     return mission, policy
 

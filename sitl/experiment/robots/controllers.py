@@ -7,26 +7,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
-from itertools import cycle, pairwise, permutations
+from itertools import cycle, pairwise
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.targets.seeking import Freshest, Policy, Rendezvous, SeekContext
-from air_router.controller.targets.target_list import SearchPlace, TargetList
+from air_router.controller.targets.seeking import Policy, Rendezvous
 from air_router.files.settings import SeekPolicy, Timers
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import checked, read_draft
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from geo.frame import Point
+from sitl.experiment.robots.baselines import Orienteering, PlannedRendezvous
 from sitl.experiment.robots.node import Fleet
 from sitl.experiment.settings import RunSettings
 from sitl.world.towns.town import Town
@@ -90,7 +87,7 @@ def _scenery(settings: RunSettings) -> Scenery:
 def _seek_policy(settings: RunSettings) -> SeekPolicy:
     """What the mission says; policies that do not fly are put in its place later."""
     policy = settings.policy
-    if policy == "oracle":
+    if policy == "oracle" or policy == "milp":  # noqa: PLR1714 - mypy
         return "rendezvous"
     return "freshest" if policy == "orienteering" else policy
 
@@ -102,79 +99,6 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
     draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
     return checked(draft)
-
-
-STOPS: Final = 3
-"""So many robots ahead `Orienteering` looks."""
-
-
-class _Stop(NamedTuple):
-    """A robot that may be visited, and what a visit at once would be worth.
-
-    Attributes:
-        place: Where it is believed to be.
-        ages_s: Of what it and the UAV hold of each other, together.
-        chance: That it is found there, times its value.
-        flight_s: To it from where the UAV is.
-    """
-
-    robot: str
-    place: Point
-    ages_s: float
-    chance: float
-    flight_s: float
-
-
-class Orienteering(Freshest):
-    """Seeks the first robot of the best tour of `STOPS` robots, and plans anew at each search.
-
-    It is for comparison: no mission can choose it. `Freshest` takes the robot whose visit is
-    expected to remove most age per second. This takes the tour that does, from robot to robot. Ages
-    as they are now, places where robots are believed to be and the chances to find them there are
-    those of `Freshest`.
-
-    Args:
-        speed_m_s: At which the UAV flies from robot to robot, straight.
-        values: How much a robot's age counts, by its name; 1 if it is not named.
-    """
-
-    def __init__(
-        self, speed_m_s: float, values: Mapping[str, float] = MappingProxyType({})
-    ) -> None:
-        super().__init__(values)
-        self._speed_m_s = speed_m_s
-
-    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
-        """As `Freshest.order`, but for the first."""
-        ranked = super().order(targets, context)
-        free, *_ = targets.groups(context.now_s)
-        stops = [self._stop(robot, targets, context) for robot in free]
-        stops = [stop for stop in stops if math.isfinite(stop.flight_s)]
-        if not stops:
-            return ranked
-        tours = permutations(stops, min(STOPS, len(stops)))
-        first, *_ = max(tours, key=lambda tour: self._rate(tour, context.round_s))
-        return tuple(sorted(ranked, key=lambda place: place.robot != first.robot))
-
-    def _stop(self, robot: str, targets: TargetList, context: SeekContext) -> _Stop:
-        found = self._prospect(robot, targets, context)
-        course = targets.course(robot)
-        over_s = context.began_s if course is None else course.end_s
-        doubt_s = max(context.now_s + found.flight_s - over_s, 0.0)
-        tries = targets.tracks[robot].tries
-        chance = self._values.get(robot, 1.0) / (1 + doubt_s / context.round_s) / (1 + tries)
-        ages_s = found.benefit * (found.flight_s + context.round_s) / chance if chance else 0.0
-        return _Stop(robot, found.place.position or context.unseen, ages_s, chance, found.flight_s)
-
-    def _rate(self, tour: Sequence[_Stop], round_s: float) -> float:
-        """The age that is expected to be removed, per second of the tour."""
-        time_s = removed_s = 0.0
-        for before, stop in zip((None, *tour), tour, strict=False):
-            way_m = 0.0 if before is None else math.dist(before.place, stop.place)
-            time_s += stop.flight_s if before is None else way_m / self._speed_m_s
-            time_s += round_s
-            removed_s += stop.chance * stop.ages_s
-        return removed_s / time_s
 
 
 def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dict[str, Controller]:
@@ -190,6 +114,7 @@ def controllers_of(fleet: Fleet, settings: RunSettings, scenery: Scenery) -> dic
     policies: dict[str, Policy] = {
         "oracle": Rendezvous(values),
         "orienteering": Orienteering(scenery.mission.speed_m_s, values),
+        "milp": PlannedRendezvous(),
     }
     for controller in controllers.values():
         controller.search.policy = policies.get(settings.policy, controller.search.policy)

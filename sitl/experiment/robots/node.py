@@ -8,7 +8,7 @@ where the base station stands, are said besides.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,7 +22,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.store import wire
 from mocha_link.sync.protocol import ID_BYTES, Action
 from mocha_link.team.document import Document, as_yaml
-from mocha_link.team.team import Team
+from mocha_link.team.team import Robot, Team
 from sitl.experiment.events import EventQueue
 from sitl.world.explorers.messages import CLAIMS_TOPIC, OBJECTS_TOPIC, REACHABILITY_TOPIC, degrees
 from sitl.world.towns.town import Town
@@ -93,13 +93,76 @@ class Fleet:
         return tuple(kinds.get(name, "base") for name in self.names)
 
 
+_ID_ROBOTS: Final = 256
+"""So many robots a header's first byte tells apart."""
+
+_ID_TOPICS: Final = 8
+"""So many topics a robot may have, where the second byte tells robots apart, too."""
+
+
+class _WholeTeam(Team):
+    """A team in which every robot is linked to every other one."""
+
+    def pushed(self, pusher: Robot, peer: str) -> frozenset[int]:  # noqa: ARG002 - a team's
+        """A robot's own messages: there is none whose messages a peer could not have from it."""
+        return frozenset({pusher.robot_id})
+
+    @classmethod
+    def of(cls, one: Team, kinds: Mapping[str, str], *, original: bool) -> _WholeTeam:
+        """A team of any size.
+
+        What a header has for robot and topic are two bytes. Here robots are numbered by both: robot
+        number n has the id n modulo 256, and its topics' ids begin at 8 times n / 256. So headers
+        and all that is sent are as long as in a team of 256, and no two topics are taken for each
+        other. What counts by a robot's id alone (whose messages are pushed) is for all robots of
+        that id together.
+
+        Args:
+            one: A team with the kinds' topics.
+            kinds: The kind of each robot by its name, sorted by name.
+            original: Their nodes are original ones.
+        """
+        names = tuple(kinds)
+        blocks = range((len(names) - 1) // _ID_ROBOTS + 1)
+        topics = {
+            f"{kind} {block}": tuple(
+                topic.model_copy(update={"topic_id": topic.topic_id + _ID_TOPICS * block})
+                for topic in one.kinds[kind]
+            )
+            for kind in one.kinds
+            for block in blocks
+        }
+        robots = {
+            name: Robot.model_construct(
+                name=name,
+                robot_id=number % _ID_ROBOTS,
+                kind=f"{_KINDS[kinds[name]]} {number // _ID_ROBOTS}",
+                address=f"10.{number // _ID_ROBOTS}.{number % _ID_ROBOTS}.1",
+                base_port=20_000,
+                clients=names,
+                original=original,
+            )
+            for number, name in enumerate(names)
+        }
+        own = ("trigger", "trust", "definitions", "path", "model")
+        return cls(robots, topics, **{key: getattr(one, key) for key in own})
+
+
 @lru_cache(maxsize=16)
 def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
-    """A team in which every robot may talk to every other one."""
+    """A team in which every robot may talk to every other one.
+
+    One of more than 256 robots is no team that a file could have: see `_WholeTeam.of`.
+    """
     aerial = tuple(f"uav{number:02d}" for number in range(1, uavs + 1))
     ground = tuple(f"ugv{number:02d}" for number in range(1, ugvs + 1))
     kinds = dict.fromkeys((BASE,) if base else (), BASE)
     kinds |= dict.fromkeys(aerial, "uav") | dict.fromkeys(ground, "ugv")
+    if len(kinds) > _ID_ROBOTS:
+        small = fleet_of(1, 1, base=True, original=original).team
+        own = {name: kinds[name] for name in sorted(kinds)}
+        team = _WholeTeam.of(small, own, original=original)
+        return Fleet(team, aerial, ground, BASE if base else None)
     robots = {
         name: {
             "kind": _KINDS[kinds[name]],

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.states.search_state import Search
+from air_router.controller.states.search_points import Search
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from geo.frame import Point
@@ -17,7 +17,7 @@ def searching(folder, zones):
     places = {"home": [0, -60], "waypoints": [[60, -60]]}
     mission = local_mission(folder, **places, no_fly_zones=zones)
     exploration = SimpleNamespace(
-        here=mission.home, began_s=0.0, longest_unseen=lambda: Goal(mission.home)
+        here=mission.home, began_s=0.0, remaining=0, longest_unseen=lambda: Goal(mission.home)
     )
     router = Router(WaypointGraph(mission))
     context = MissionContext(mission, router)

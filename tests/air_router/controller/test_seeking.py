@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.states import State
+from air_router.controller.targets.policies import POLICIES
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import (
     EARLY_SHARE,
     MEETING_M,
-    POLICIES,
     SeekContext,
     meet,
 )
@@ -42,11 +41,15 @@ paths = st.lists(points, min_size=1, max_size=5).map(tuple)
 moments = st.floats(0, 2500)
 
 
+def leg_s(start, end):
+    return math.dist(start, end) / SPEED_M_S
+
+
 def context(now_s, here=HOME, *, began_s=0.0, walled=()):
     def flight_s(place):
         return math.inf if place in walled else math.dist(here, place) / SPEED_M_S
 
-    return SeekContext(now_s, began_s, flight_s, unseen=UNSEEN, round_s=185.0)
+    return SeekContext(now_s, began_s, flight_s, leg_s, unseen=UNSEEN, round_s=185.0)
 
 
 def order(policy, targets, *args, **how):
@@ -306,12 +309,9 @@ def test_every_policy_finds_all_robots(pretend, policy):
     flight.take_off()
     found = set()
 
-    def all_found():
-        found.update(
-            a.robot
-            for a in flight.actions
-            if isinstance(a, StateChanged) and a.target is State.COMM
-        )
+    def all_found():  # also in passing
+        tracks = flight.controller.search.targets.tracks.values()
+        found.update(track.robot for track in tracks if track.taken_s is not None)
         return len(found) == 3
 
     flight.fly_until(all_found, 1000.0)

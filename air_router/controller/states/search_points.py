@@ -1,0 +1,119 @@
+"""Where each robot could be sought now: the best guess, where hovering keeps the clearance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from air_router.controller.model.flight_setup import FlightSetup
+from air_router.controller.model.mission_context import Goal, MissionContext
+from air_router.controller.motion.navigator import Navigator
+from air_router.controller.states.explore_state import Exploration
+from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.seeking import Policy, SeekContext
+from air_router.controller.targets.target_list import SearchPlace, TargetList
+from air_router.routing.return_planner import Way
+from air_router.routing.router import NoRoute
+from geo.frame import Point
+
+
+@dataclass(frozen=True, slots=True)
+class SearchPoint:
+    """A robot that could be sought now, where, and why there.
+
+    Attributes:
+        robot: Its name.
+        goal: Where to hover.
+        reason: What is known there of the robot, and what keeps the vehicle beside it.
+        beside_m: How far from the robot's place the vehicle will hover.
+        passes: Robots that are flown over before, and from where each is heard.
+    """
+
+    robot: str
+    goal: Goal
+    reason: str
+    beside_m: float = 0.0
+    passes: tuple[tuple[str, Point], ...] = ()
+
+
+class Search:
+    """Knows the robots, and the places from which to look for them.
+
+    Args:
+        context: The airspace, and how long the vehicle would fly.
+        navigator: Where to hover for a place.
+        setup: Whom to seek, in order, and whether the vehicle explores between two searches.
+        exploration: Where the vehicle is, and where a robot may be that was never heard.
+
+    Attributes:
+        targets: The robots, and what is known of each.
+        name: This UAV's: of two that seek the same robot, the lower name keeps it.
+        exploration: Where the vehicle is, and was.
+        to_explore: The same, as what else there is to do; None: this vehicle only searches.
+        policy: Whom to seek, and where; the mission's.
+        foresees: A robot is sought where it will be, so that news of its path matters too.
+    """
+
+    def __init__(
+        self,
+        context: MissionContext,
+        navigator: Navigator,
+        setup: FlightSetup,
+        exploration: Exploration,
+    ) -> None:
+        self.name = setup.name
+        self.targets = TargetList(setup.seek)
+        self.policy: Policy = POLICIES[context.mission.seek_policy]
+        self.foresees = self.policy.foresees
+        self._context, self._navigator = context, navigator
+        self.exploration = exploration
+        self.to_explore = exploration if setup.explore else None
+        timers = context.mission.timers
+        self._visit_s = timers.search_s + timers.communicate_s
+        self._explore_s = timers.explore_s
+
+    def search_points(self, now_s: float) -> Iterator[SearchPoint]:
+        """The robots in the order in which they are to be tried."""
+        for place in self.policy.order(self.targets, self._seek_context(now_s)):
+            yield self._beside(place)
+
+    def search_point(self, robot: str, now_s: float) -> SearchPoint:
+        """Where one of the robots would be sought now."""
+        return self._beside(self.policy.place(robot, self.targets, self._seek_context(now_s)))
+
+    def _seek_context(self, now_s: float) -> SeekContext:
+        exploration = self.exploration
+        began_s = now_s if exploration.began_s is None else exploration.began_s
+        explores = self.to_explore is not None and self.to_explore.remaining > 0
+        return SeekContext(
+            now_s,
+            began_s,
+            self._flight_s,
+            self._leg_s,
+            unseen=exploration.longest_unseen().position,
+            round_s=self._visit_s + self._explore_s * explores,
+        )
+
+    def _flight_s(self, place: Point) -> float:
+        here = self.exploration.here
+        if here is None:
+            return 0.0
+        route = self._context.router.route(here, self._navigator.hover_point(place))
+        if isinstance(route, NoRoute):
+            return math.inf
+        return self._context.pace.time_s(Way(route.length_m, len(route.legs)))
+
+    def _leg_s(self, start: Point, end: Point) -> float:
+        return self._context.pace.time_s(Way(math.dist(start, end), 1))
+
+    def _beside(self, place: SearchPlace) -> SearchPoint:
+        robot, hover_point = place.robot, self._navigator.hover_point
+        passes = tuple((name, hover_point(over)) for name, over in place.passes)
+        if place.position is None:
+            goal = self.exploration.longest_unseen()
+            return SearchPoint(robot, goal, place.reason, passes=passes)
+        hover, why = self._navigator.hover(place.position)
+        beside_m = math.dist(place.position, hover)
+        reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
+        return SearchPoint(robot, Goal(hover), reason, beside_m, passes)

@@ -1,0 +1,161 @@
+"""A seek policy that flies over several robots in one search."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+from shapely import LineString
+
+from air_router.controller.targets.predicted_path import PredictedPath
+from air_router.controller.targets.seeking import Rendezvous, SeekContext
+from air_router.controller.targets.target_list import SearchPlace, TargetList
+from geo.frame import Point
+
+MOST_STOPS: Final = 3
+"""A search goes over so many robots at most: what it believes of later ones is too old by then."""
+
+VAIN_SHARE: Final = 0.25
+"""What remains of the chance to find a robot after a search in vain, until there is news of it."""
+
+SPREAD: Final = (0.7, 1.2)
+"""A robot has driven between so much and so much of what its speed says."""
+
+OFF_WAY_M: Final = 3.0
+"""Over a stretch of a robot's path the vehicle leaves out bends smaller than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A robot that a search could go over.
+
+    Attributes:
+        robot: Its name.
+        places: Where it may be: one place, or a stretch of its path, flown along in this order.
+        gain_s: The age that flying over it is expected to remove, weighted by its value.
+        flight_s: From where the vehicle is to the first of the places.
+    """
+
+    robot: str
+    places: tuple[Point, ...]
+    gain_s: float
+    flight_s: float
+
+
+class Tour(Rendezvous):
+    """Goes over several robots in one search, and exchanges data with them in passing.
+
+    Every search costs a round beside its flight: exploring, waiting, communicating. So it pays to
+    go over other robots on the way. Of each robot, with the time on the vehicle's clock,
+
+        gain   = (held + given) * value * chance
+        chance = round / (round + doubt) * VAIN_SHARE ^ tries
+
+    with the terms of `Freshest`; the search is the tour of at most `MOST_STOPS` robots with the
+    greatest
+
+        sum of gains / (flight + round)
+
+    that is found by insertion: the robot that raises it most is put where it raises it most, until
+    none raises it. So it is the age of information that is expected to be removed per second
+    (orienteering in a receding horizon, with the stopping rule of foraging: Charnov, Optimal
+    foraging, the marginal value theorem, Theoretical Population Biology 9, 1976). The last robot of
+    the tour is the one that is sought, over which the vehicle waits and hovers.
+
+    A robot that is still on the path that it published is looked for on all of the stretch on which
+    it may be (`SPREAD`), which is flown along. Any other robot is where its path ended, or where it
+    was last.
+    """
+
+    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
+        """As `Policy.order`; the first goes over others on its way."""
+        ranked = super().order(targets, context)
+        tour = self._best(self._stops(targets, context), context)
+        if not tour:
+            return ranked
+        robot, places = tour[-1].robot, tour[-1].places
+        passed = [(stop.robot, place) for stop in tour[:-1] for place in stop.places]
+        passed += [(robot, place) for place in places[:-1]]
+        over = list(dict.fromkeys(name for name, _ in passed if name != robot))
+        sought = next(place for place in ranked if place.robot == robot)
+        if sought.position is not None:
+            sought = replace(sought, position=places[-1])
+        if over:
+            sought = replace(sought, reason=f"over {', '.join(over)}; {sought.reason}")
+        others = (place for place in ranked if place.robot != robot)
+        return replace(sought, passes=tuple(passed)), *others
+
+    def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
+        """The tour that is flown; none if none brings anything."""
+        return best_tour(stops, context)
+
+    def _places(self, course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
+        """Where a robot is looked for, in the order in which it is flown."""
+        return stretch(course, context)
+
+    def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
+        """The robots that may be sought and that a way leads to.
+
+        Of those that were never heard one is enough: all of them would be sought at one place.
+        """
+        free, *_ = targets.groups(context.now_s)
+        stops: list[Stop] = []
+        unheard = False
+        for robot in free:
+            course = targets.course(robot)
+            places = (context.unseen,) if course is None else self._places(course, context)
+            flight_s = context.flight_s(places[0])
+            if math.isfinite(flight_s) and not (course is None and unheard):
+                unheard |= course is None
+                over_s = context.began_s if course is None else course.end_s
+                doubt_s = max(context.now_s + flight_s - over_s, 0.0)
+                chance = context.round_s / (context.round_s + doubt_s)
+                chance *= VAIN_SHARE ** targets.tracks[robot].tries
+                gain_s = self.ages_s(robot, targets, context) * self.value(robot) * chance
+                stops.append(Stop(robot, places, gain_s, flight_s))
+        return stops
+
+
+def stretch(course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
+    """Where on its path a robot may be when the vehicle is there; the nearer end first."""
+    flight_s = context.flight_s(course.place(course.along_m(context.now_s)))
+    if not math.isfinite(flight_s):
+        return (course.place(course.along_m(context.now_s)),)
+    driven_m = course.speed_m_s * max(context.now_s + flight_s - course.start_s, 0.0)
+    low_m, high_m = (min(share * driven_m, course.length_m) for share in SPREAD)
+    if high_m - low_m < OFF_WAY_M:
+        return (course.place(high_m),)
+    ends = course.place(low_m), course.place(high_m)
+    line = LineString((ends[0], *course.between(low_m, high_m), ends[1])).simplify(OFF_WAY_M)
+    places = tuple(Point(*place) for place in line.coords)
+    return min(places, places[::-1], key=lambda way: context.flight_s(way[0]))
+
+
+def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
+    """The stops in the order in which they are flown over; none if none brings anything."""
+    left, best = list(stops), 0.0
+    tour: tuple[Stop, ...] = ()
+    while left and len(tour) < MOST_STOPS:
+        longer = [
+            (rate(way, context), way, stop)
+            for stop in left
+            for place in range(len(tour) + 1)
+            for way in ((*tour[:place], stop, *tour[place:]),)
+        ]
+        brings, way, stop = max(longer, key=lambda each: each[0])
+        if brings <= best:
+            break
+        best, tour = brings, way
+        left.remove(stop)
+    return tour
+
+
+def rate(tour: Sequence[Stop], context: SeekContext) -> float:
+    """The age that a tour is expected to remove, per second."""
+    places = [place for stop in tour for place in stop.places]
+    legs_s = sum(context.leg_s(a, b) for a, b in pairwise(places))
+    time_s = tour[0].flight_s + legs_s + context.round_s
+    return sum(stop.gain_s for stop in tour) / time_s

@@ -1,0 +1,151 @@
+"""A search that goes over several robots."""
+
+import dataclasses
+import math
+
+import pytest
+
+from air_router.controller.model.states import State
+from air_router.controller.targets.policies import POLICIES
+from air_router.controller.targets.predicted_path import PredictedPath
+from air_router.controller.targets.seeking import SeekContext
+from air_router.controller.targets.target_list import TargetList
+from air_router.controller.targets.tour import MOST_STOPS, Stop, best_tour, rate, stretch
+from geo.frame import Point
+from mocha_link.links.metrics import Direction
+
+SPEED_M_S = 5.0
+TOUR = POLICIES["tour"]
+
+
+def context(now_s=300.0, *, round_s=60.0, walled=()):
+    def flight_s(place):
+        return math.inf if place in walled else math.hypot(*place) / SPEED_M_S
+
+    def leg_s(start, end):
+        return math.dist(start, end) / SPEED_M_S
+
+    unseen = Point(0.0, -500.0)
+    return SeekContext(now_s, 0.0, flight_s, leg_s, unseen=unseen, round_s=round_s)
+
+
+def standing(**places):
+    """Robots met at their places at the start, and not heard since."""
+    targets = TargetList(tuple(places))
+    for name, place in places.items():
+        track = targets.tracks[name]
+        track.pose_heard(Point(*place), 1e9, 0.0)
+        for direction in Direction:
+            track.synced(direction, 0.0)
+    return targets
+
+
+def first(targets, **how):
+    return TOUR.order(targets, context(**how))[0]
+
+
+def test_it_goes_over_the_nearer_robot_on_the_way_to_the_farther_one():
+    place = first(standing(far=(200, 0), near=(100, 0)))
+    assert (place.robot, place.position) == ("far", (200, 0))
+    assert place.passes == (("near", (100, 0)),)
+    assert place.reason == "over near; oldest data, 300 s; 40 s away; its last position"
+
+
+def test_a_robot_that_costs_more_than_it_brings_is_left_out():
+    assert first(standing(here=(10, 0), there=(-4000, 0))).passes == ()
+    assert first(standing(here=(10, 0), there=(-4000, 0)), round_s=6000.0).passes != ()
+
+
+def test_no_search_goes_over_more_than_so_many_robots():
+    place = first(standing(**{name: (10 * n, 0) for n, name in enumerate("abcdef", 1)}))
+    assert len(place.passes) == MOST_STOPS - 1
+
+
+def test_every_robot_comes_once_and_those_that_cannot_be_reached_or_are_taken_not_first():
+    targets = standing(a=(10, 0), b=(20, 0), c=(30, 0))
+    targets.sought_by_other("uav02", "c", 300.0)
+    places = TOUR.order(targets, context(walled=[Point(20, 0)]))
+    assert [place.robot for place in places] == ["a", "b", "c"]
+    assert places[0].passes == ()
+    assert TOUR.order(TargetList(()), context()) == ()
+
+
+def test_a_search_in_vain_leaves_a_quarter_of_the_chance():
+    targets = standing(a=(100, 0), b=(-110, 0))
+    assert first(targets, round_s=1.0).robot == "a"
+    targets.tracks["a"].tries = 1
+    assert first(targets, round_s=1.0).robot == "b"
+
+
+def test_of_robots_never_heard_one_is_sought_where_the_uav_passed_longest_ago():
+    place = first(TargetList(("a", "b")))
+    assert (place.position, place.passes) == (None, ())
+
+
+COURSE = PredictedPath((Point(0, 0), Point(100, 0), Point(100, 100)), 0.0, 1.0)
+
+
+def test_a_robot_on_its_path_is_looked_for_along_where_it_may_be():
+    nowhere = dataclasses.replace(context(100.0), flight_s=lambda _: 0.0)  # as if it were there
+    assert stretch(COURSE, nowhere) == ((70, 0), (100, 0), (100, 20))
+    near_the_end = dataclasses.replace(nowhere, flight_s=lambda p: math.dist(p, (100, 20)) / 1e3)
+    assert stretch(COURSE, near_the_end)[0][0] == 100  # from its nearer end
+    assert stretch(COURSE, dataclasses.replace(nowhere, now_s=900.0)) == ((100, 100),)
+    assert len(stretch(COURSE, dataclasses.replace(nowhere, flight_s=lambda _: math.inf))) == 1
+
+
+def test_insertion_takes_what_raises_the_rate_most_where_it_does():
+    stops = [
+        Stop(name, (Point(east, 0),), gain, east / SPEED_M_S)
+        for name, east, gain in (("a", 50, 10.0), ("b", 100, 30.0), ("c", 150, 20.0))
+    ]
+    tour = best_tour(stops, context(round_s=10.0))
+    assert [stop.robot for stop in tour] == ["a", "b", "c"]
+    assert rate(tour, context(round_s=10.0)) == pytest.approx(60 / (30 + 10))
+
+
+# In flight.
+
+
+def tour_flight(pretend):
+    flight = pretend(seek=("europa", "io"), seek_policy="tour", radius_m=15.0)
+    timers = dataclasses.replace(flight.mission.timers, init_s=5.0)
+    flight = pretend(seek=("europa", "io"), seek_policy="tour", radius_m=15.0, timers=timers)
+    tracks = flight.controller.search.targets.tracks
+    tracks["io"].pose_heard(Point(40.0, 0.0), 1e9, 0.0)
+    tracks["europa"].pose_heard(Point(75.0, 0.0), 1e9, 0.0)
+    return flight, tracks
+
+
+def test_it_flies_over_one_and_on_to_the_other_and_counts_both_as_tried(pretend):
+    flight, tracks = tour_flight(pretend)
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    sought = flight.controller.context.robot
+    (over,) = {"io", "europa"} - {sought}
+    assert f"SEARCH {sought}: over {over}; " in "\n".join(flight.said)
+    assert (tracks[sought].tries, tracks[over].tries) == (1, 1)
+    first_goal = flight.controller.context.way.goal.position
+    assert math.dist(first_goal, tracks[over].pose.position) < 10.0
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    assert math.dist(flight.position, tracks[sought].pose.position) < 10.0
+
+
+def test_news_of_the_sought_robot_wait_until_the_others_are_passed(pretend):
+    flight, tracks = tour_flight(pretend)
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    goal, robot = flight.controller.context.way.goal, flight.controller.context.robot
+    tracks[robot].pose_heard(Point(-60.0, 0.0), 2e9, flight.now_s)
+    flight.controller.states.search.follow()
+    assert flight.controller.context.way.goal == goal
+
+
+def test_where_no_way_leads_over_a_robot_it_goes_on_to_the_next(pretend):
+    flight, _ = tour_flight(pretend)
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    goal = flight.controller.context.way.goal
+    flight.controller.states.search.no_route("made up")
+    assert flight.controller.context.way.goal != goal
+    assert "made up" not in "\n".join(flight.said)
