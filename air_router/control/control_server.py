@@ -97,14 +97,17 @@ class ControlServer:
         try:
             values = requests.parse(frames, MAX_BYTES)
             command = command_request_of(values)
-            if len(frames) > 1:
-                raise RequestError("a request is one frame")  # noqa: TRY301 - refused as all others
-            if not self._costly.affords(command):
-                raise RequestError(TOO_MANY, again=True)  # noqa: TRY301 - refused as all others
-            answer = requests.Answer(self._grant(command, "a program"))
+            return requests.reply(command.id, self._answer(command, frames))
         except RequestError as error:
             return requests.refusal(values.get("id"), str(error), again=error.again)
-        return requests.reply(command.id, answer)
+
+    def _answer(self, command: CommandRequest, frames: requests.Frames) -> requests.Answer:
+        """What became of a request. Raises RequestError: it is not looked at."""
+        if len(frames) > 1:
+            raise RequestError("a request is one frame")
+        if not self._costly.affords(command):
+            raise RequestError(TOO_MANY, again=True)
+        return requests.Answer(self._grant(command, "a program"))
 
 
 def endpoint_of(text: str) -> str:
