@@ -130,6 +130,15 @@ def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(tmp_path):
         assert "; run: pip install " in said.splitlines()[-1]
 
 
+def test_a_robot_s_own_program_is_told_of_the_extra_too():
+    script = "import sys; sys.modules['cyclonedds'] = None; import mocha_link.bridges.dds"
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith("mocha_link.errors.MissingExtraError: ROS 2 needs cyclonedds, ")
+    assert "; run: pip install " in told
+
+
 class Installed:
     """A distribution whose files say that it came from `url`."""
 

@@ -137,7 +137,7 @@ class Bridge:
     def _subscribe(self, team: dict[str, Any]) -> None:
         for topic in team["robots"][team["robot"]]["topics"]:
             name, kind = topic["name"], topic["type"]
-            carried = self._carried(kind, team)
+            carried = self._carried(kind, team, logging.WARNING)
             if carried is None:
                 continue
 
@@ -155,16 +155,18 @@ class Bridge:
             except Exception as error:  # noqa: BLE001 - whatever a middleware raises
                 self._complain(name, f"cannot be subscribed: {error}")
 
-    def _carried(self, kind: str, team: dict[str, Any]) -> str | None:
-        """The type of the middleware that carries a type of the team's."""
+    def _carried(self, kind: str, team: dict[str, Any], level: int) -> str | None:
+        """The type of the middleware that carries a type of the team's; one without is logged."""
         if kind.startswith(JSON_PACKAGE):
             return TEXT
-        if self._middleware.ros in team["types"].get(kind, {}).get("ros", ()):
+        ros = self._middleware.ros
+        if ros in team["types"].get(kind, {}).get("ros", ()):
             return kind
-        why = f"is no type of ROS {self._middleware.ros} that is known here"
+        why = f"is not bridged: no type of ROS {ros}, nor one of the team's definitions"
         if not team.get("has_ros", True):
             why = f"is unknown to the node: it needs the extra 'ros', {install_command('ros')}"
-        self._complain(kind, why)
+            level = logging.WARNING
+        self._complain(kind, why, level)
         return None
 
     def _follow(self, client: ServiceClient, team: dict[str, Any]) -> None:
@@ -195,7 +197,7 @@ class Bridge:
         name = channel(f"/{about['robot']}/{about['topic']}")
         if self._progress.handed(name, about["header"]):
             return
-        kind = self._carried(about["type"], team)
+        kind = self._carried(about["type"], team, logging.INFO)  # programs may want it
         if "error" in about:
             self._complain(name, f"passed over: {about['error']}")
         elif kind is not None:
@@ -246,11 +248,10 @@ class Bridge:
             if self._stopping.wait(PAUSE_S):
                 return None
 
-    def _complain(self, about: str, what: str) -> None:
+    def _complain(self, about: str, what: str, level: int = logging.WARNING) -> None:
         """Log, loudly the first time."""
         self._complaints[about] += 1
-        level = logging.WARNING if self._complaints[about] == 1 else logging.DEBUG
-        LOG.log(level, "%s %s", about, what)
+        LOG.log(level if self._complaints[about] == 1 else logging.DEBUG, "%s %s", about, what)
 
 
 class _GivenUpError(Exception):

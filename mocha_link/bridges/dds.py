@@ -13,29 +13,30 @@ from collections.abc import Callable, Collection, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from cyclonedds.core import (
-    DDSException,
-    GuardCondition,
-    InstanceState,
-    ReadCondition,
-    SampleState,
-    ViewState,
-    WaitSet,
-)
-from cyclonedds.domain import DomainParticipant
-from cyclonedds.idl import IdlStruct, make_idl_struct, types
-from cyclonedds.pub import DataWriter
-from cyclonedds.qos import Policy, Qos
-from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
-from cyclonedds.util import duration
-from rosbags.interfaces import Nodetype
-from rosbags.interfaces.typing import FieldDesc
-
 from mocha_link.bridges.ros_clients import Cdr
-from mocha_link.errors import Guard, MochaLinkError
+from mocha_link.errors import Guard, MochaLinkError, needs_extra
 from mocha_link.node.lifetime import Closeable
 from mocha_link.ros.ros_store import RosTypes, element
+
+with needs_extra("ROS 2", "ros2"):
+    from cyclonedds.core import (
+        DDSException,
+        GuardCondition,
+        InstanceState,
+        ReadCondition,
+        SampleState,
+        ViewState,
+        WaitSet,
+    )
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.idl import IdlStruct, make_idl_struct, types
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.qos import Policy, Qos
+    from cyclonedds.sub import DataReader
+    from cyclonedds.topic import Topic
+    from cyclonedds.util import duration
+    from rosbags.interfaces import Nodetype
+    from rosbags.interfaces.typing import FieldDesc
 
 _BASES: dict[str, Any] = {"bool": bool, "string": str, "char": types.uint8}  # others by their name
 
