@@ -1,6 +1,7 @@
 """`air-router new`: a first mission with its team, world and rover, from options or answers."""
 
 import argparse
+import itertools
 import math
 import re
 import sys
@@ -36,6 +37,7 @@ _CORNERS = 4
 _RADIUS_M = 100.0
 _FENCE_M = 200.0
 _PATROL_M = 8.0
+_FIRST_DOMAIN = 7  # of DDS; robots do not hear each other's topics there
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 _altitude = number("an altitude between 2 and 500 m above home", 2.0, 500.0)
@@ -191,23 +193,25 @@ def _answered(arguments: argparse.Namespace, ask: Callable[[str], str] | None) -
 
 
 def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
-    robot, kind = next(iter(kinds.items()))
-    endpoint, place = f"ipc:///tmp/{robot}", first_places(len(kinds))[0]
-    where = f"{place.east_m:.0f},{place.north_m:.0f}"
-    if kind != "ros2":
-        where = ",".join(map(degrees_text, LocalFrame(at).to_geodetic(place)))
-    mission, program = folder / "mission.yaml", folder / ROVERS[kind]
+    mission, frame = folder / "mission.yaml", LocalFrame(at)
+    places = first_places(len(kinds))
+    endpoints = {robot: f"ipc:///tmp/{robot}" for robot in kinds}
+    rovers = " ".join(f"--rover {robot}={endpoint}" for robot, endpoint in endpoints.items())
     lines = [
         "next:",
         f"  air-router check {mission}",
         f"  air-router sim {mission}",
-        f"with a program of yours as {robot} (docs/robot.md):",
-        f"  air-router sim {mission} --rover {robot}={endpoint}",
+        "with programs of yours as robots, each in a terminal of its own (docs/robot.md):",
+        f"  air-router sim {mission} {rovers}",
     ]
-    if kind == "ros2":
-        lines.append(f"  mocha-link bridge ros2 --node {endpoint} --domain 7")
-        endpoint = "7"
-    lines.append(f"  python {program} {endpoint} {where}")
+    domains = itertools.count(_FIRST_DOMAIN)
+    for (robot, kind), place in zip(kinds.items(), places, strict=False):
+        to, where = endpoints[robot], ",".join(map(degrees_text, frame.to_geodetic(place)))
+        if kind == "ros2":
+            domain = str(next(domains))
+            lines.append(f"  mocha-link bridge ros2 --node {to} --domain {domain}")
+            to, where = domain, f"{place.east_m:.0f},{place.north_m:.0f}"
+        lines.append(f"  python {folder / ROVERS[kind]} {to} {where}")
     sys.stderr.write("\n".join(lines) + "\n")
 
 

@@ -1,6 +1,7 @@
 """`air-router new` makes what can be checked and flown, from options or answers."""
 
 import builtins
+import re
 import sys
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ HOME = "47.3977,8.5456"
     [
         ("a", "30", {"a": "/pose"}),
         ("a=ros1, b=ros2, c", "45", {"a": "/fix", "b": "/odom", "c": "/pose"}),
+        ("a=ros2, b=ros2", "45", {"a": "/odom", "b": "/odom"}),
         (" ".join(f"r{n}" for n in range(20)), "30", {f"r{n}": "/pose" for n in range(20)}),
     ],
 )
@@ -34,7 +36,12 @@ def test_what_it_makes_is_in_order(robots, altitude, found, tmp_path, capsys):
     assert all(len(plan.patrol.stops) == 4 for plan in plans.values())
     said = capsys.readouterr()
     assert sorted(said.out.split()) == sorted(map(str, folder.iterdir()))
-    assert f"air-router sim {folder}/mission.yaml --rover " in said.err
+    rovers = " ".join(f"--rover {name}=ipc:///tmp/{name}" for name in found)
+    assert f"air-router sim {folder}/mission.yaml {rovers}\n" in said.err
+    programs = re.findall(r"python \S+/rover_\w+.py (\S+) \S+\n", said.err)
+    assert len(programs) == len({*programs}) == len(found)  # a DDS domain for each
+    bridges = re.findall(r"mocha-link bridge ros2 --node \S+ --domain (\d+)\n", said.err)
+    assert bridges == [program for program in programs if program.isdigit()]
     for file in folder.glob("*.py"):
         assert "titan" not in file.read_text()
 
