@@ -171,7 +171,7 @@ def _battery(summary: FlightSummary) -> Graph | None:
         [Line(charges, "own", "battery", steps=True)],
         [],
         _QUARTERS,
-        (reserve, f"reserve {reserve:g} %"),
+        (reserve, f"reserve {reserve:g}%"),
     )
 
 

@@ -69,7 +69,7 @@ def _tiles(facts: dict[str, Any]) -> str:
         ),
         (
             "syncs completed",
-            "none" if share is None else f"{100 * share:.1f} %",
+            "none" if share is None else f"{share:.1%}",
             f"{exchanged['completed']} of {exchanged['started']} begun",
         ),
         ("exchanged", size_words(got + given), f"{size_words(got)} in, {size_words(given)} out"),

@@ -109,7 +109,7 @@ def _mission(mission: Mission, canvas: _Canvas) -> list[str]:
 def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
     """Home, the closest approach, and how long some metres are."""
     x, y = canvas.at(summary.mission.home)
-    parts = [element("path", "home", d=f"M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12")]
+    parts = [canvas.circle("home", summary.mission.home, 6.0, "home")]
     parts.append(text(x + 8, y - 6, "home"))
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at

@@ -12,12 +12,12 @@ const LINKS = 5;
 /** What is plotted: name, unit, values of a row (of each line one), from where the axis begins.
  *  @type {[string, string, (row: any[], peers: string[]) => (number | null | undefined)[], number | null][]} */
 const PLOTS = [
-  ["altitude", "m", (row) => [row[1]], 0],
-  ["speed", "m/s", (row) => [row[2]], 0],
+  ["altitude", " m", (row) => [row[1]], 0],
+  ["speed", " m/s", (row) => [row[2]], 0],
   ["battery", "%", (row) => [row[3] === null ? null : 100 * row[3]], 0],
-  ["clearance", "m", (row) => [row[4]], 0],
+  ["clearance", " m", (row) => [row[4]], 0],
   ["signal", "", (row, peers) => peers.map((peer) => row[LINKS][peer]?.[0]), null],
-  ["data", "kB", (row, peers) => [peers.reduce((sum, peer) => sum + (row[LINKS][peer]?.[2] ?? 0), 0) / 1000], 0],
+  ["data", " kB", (row, peers) => [peers.reduce((sum, peer) => sum + (row[LINKS][peer]?.[2] ?? 0), 0) / 1000], 0],
 ];
 
 export class Timeline {
@@ -122,10 +122,11 @@ export class Timeline {
       const values = rows.map((row) => of(row, peers));
       const told = at ? of(at, peers).filter((value) => value != null) : [];
       const text = told.map((value) => Math.round(value * 10) / 10).join(", ");
-      const units = unit ? [unit] : new Set(at ? peers.map((peer) => at[LINKS][peer]?.[3]) : []);
+      const units = new Set(at ? peers.map((peer) => at[LINKS][peer]?.[3]) : []);
+      const behind = unit || ` ${[...units].filter(Boolean).join(", ")}`;
       context.fillStyle = colour("soft");
       context.textAlign = "left";
-      context.fillText(`${name} ${text} ${[...units].filter(Boolean).join(", ")}`, 2, TOP_PIXELS + index * ROW_PIXELS + 11);
+      context.fillText(`${name} ${text}${behind}`, 2, TOP_PIXELS + index * ROW_PIXELS + 11);
       const box = { top: TOP_PIXELS + index * ROW_PIXELS + 14, height: ROW_PIXELS - 18 };
       drawLines(context, rows, values, x, box, least, peers.length > 1 && values[0]?.length > 1);
     });

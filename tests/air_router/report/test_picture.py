@@ -82,3 +82,16 @@ def test_pictures_and_reports_have_the_pages_colours(map_sheet):
     report = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     known = set(re.findall(r"--([\w-]+):", report)) | light.keys()
     assert set(re.findall(r"var\(--([\w-]+)", report)) <= known
+
+
+def test_states_have_the_same_colours_on_the_report_as_on_the_pages():
+    report, page = (
+        resources.files(f"air_router.{room}").joinpath(*path).read_text("utf-8")
+        for room, path in (("report", ["flight_page.css"]), ("live", ["page", "live.css"]))
+    )
+    rules = re.findall(r"\n((?:\.chip\.[A-Z]+[, ]*)+)\{ background: var\(--([\w-]+)\)", page)
+    chips = {state: colour for names, colour in rules for state in re.findall("[A-Z]+", names)}
+    assert chips.keys() == {"HOLD", "GOTO", "HOME", "LAND", "PASSIVE"}
+    drawn = dict(re.findall(r"--([A-Z]+): var\(--([\w-]+)\)", report))
+    assert {state: drawn.get(state) for state in chips} == chips
+    assert not set(chips.values()) & {c for state, c in drawn.items() if state not in chips}
