@@ -1,7 +1,7 @@
 """The first promise of the README: one command, and a whole communication-aware flight.
 
 The field is small, so that all robots are soon met. A browser looks on at the same flight, where
-there is one. With DOCS_IMAGES=docs/images in the environment the picture of docs/live-page.md is
+there is one. With DOCS_IMAGES=docs/images in the environment the pictures of docs/live-page.md are
 taken anew, of missions/pennovation.
 """
 
@@ -226,13 +226,20 @@ def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight
     looker.shows("#hint", "outside of the fence")
     flight.sought = looker.seek_another()
     if PICTURED:
-        page.set_viewport_size({"width": 1280, "height": 800})
-        page.locator("#fit").click()
-        page.locator("path.link.lit").first.wait_for(state="attached")
-        page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / "live.png")
+        take_pictures(page)
     assert looker.strangers(flight.address) == []
     assert looker.faults == []
     page.close()
+
+
+def take_pictures(page):
+    """On a laptop, in light, and on a phone, in dark."""
+    for name, size in (("live", (1280, 800)), ("live-phone", (390, 844))):
+        page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+        page.locator("#fit").click()
+        page.locator("path.link.lit").first.wait_for(state="attached")
+        page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / f"{name}.png")
+        page.locator("#theme").click()
 
 
 def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(flight):
