@@ -6,11 +6,12 @@ needs some; then its steps. A list within the list stands for its steps: `defini
 several cases share.
 
 A step is a mapping. Its first entry is a verb and what it is about; the others are named terms of
-the function that the verb stands for:
+the function of `sending` or `expecting` that is called as the verb is:
 
     {mode: AUTO_LOITER, armed: true}  ->  expecting.mode(session, "AUTO_LOITER", armed=True)
 """
 
+import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -29,37 +30,11 @@ _READY_S: Final = 60.0
 Step = Mapping[str, Any]
 
 VERBS: Final[Mapping[str, Callable[..., None]]] = {
-    "send": sending.send,
-    "command": sending.command,
-    "set mode": sending.set_mode,
-    "take off": sending.take_off,
-    "go to": sending.goto,
-    "sticks": sending.sticks,
-    "stop": sending.stop,
-    "heartbeats": sending.heartbeats,
-    "wait": sending.wait,
-    "mark": sending.mark,
-    "upload": sending.upload,
-    "download": sending.download,
-    "clear": sending.clear,
-    "set parameter": sending.set_parameter,
-    "parameter": sending.parameter,
-    "all parameters": sending.all_parameters,
-    "expect": expecting.expect,
-    "nothing": expecting.nothing,
-    "count": expecting.count,
-    "rates": expecting.rates,
-    "text": expecting.text,
-    "event": expecting.event,
-    "mode": expecting.mode,
-    "stays in": expecting.stays_in,
-    "mission": expecting.mission,
-    "disarmed": expecting.disarmed,
-    "arrives": expecting.arrives,
-    "strays": expecting.STRAYS,
-    "furthest north": expecting.FURTHEST,
-    "speed": expecting.SPEED,
-    "climb": expecting.CLIMB,
+    name.replace("_", " "): step
+    for module in (sending, expecting)
+    for name, step in vars(module).items()
+    if callable(step) and step.__module__ == module.__name__ and not name.startswith("_")
+    if "session" in inspect.signature(step).parameters
 }
 
 
@@ -150,8 +125,8 @@ def converse(conversation: Conversation, line: Line) -> Outcome:
     except (DepartureError, SilentVehicleError) as error:
         notes = tuple(session.notes)
         return Outcome(conversation.name, held=False, departure=f"{when}{error}", notes=notes)
-    notes, took_s = tuple(session.notes), session.now_s - begun_s
-    return Outcome(conversation.name, held=True, notes=notes, took_s=took_s)
+    took_s = session.now_s - begun_s
+    return Outcome(conversation.name, held=True, notes=tuple(session.notes), took_s=took_s)
 
 
 def prepare(conversation: Conversation, session: Session) -> None:

@@ -67,7 +67,7 @@ def expect(  # noqa: PLR0913 - what a case may say of a message
         return sum(one.at_s >= since_s for one in heard) >= times
 
     if not session.run(within_s, come):
-        heard = [shorten(one.fields, wanted) for one in session.since(name, Link(link))]
+        heard = [shorten(one.fields, wanted) for one in session.since(name, link=Link(link))]
         raise DepartureError(
             f"expected {name} {wanted or ''} within {within_s:g} s, heard {heard or 'none'}"
         )
@@ -210,7 +210,7 @@ def shorten(fields: Fields, wanted: Iterable[str]) -> Fields:
 
 
 def _matching(session: Session, name: str, fields: Fields | None, link: str = "API") -> list[Heard]:
-    return [one for one in session.since(name, Link(link)) if same(one.fields, fields or {})]
+    return [one for one in session.since(name, link=Link(link)) if same(one.fields, fields or {})]
 
 
 def _reading(fields: Fields, name: str) -> Any:
@@ -236,8 +236,7 @@ def arrives(
     """
 
     def near() -> bool:
-        here = session.position
-        axes = zip(place, (here.north_m, here.east_m, here.up_m), strict=False)
+        axes = zip(place, session.position[1:], strict=False)
         return math.hypot(*(wanted - is_ for wanted, is_ in axes if wanted is not None)) <= near_m
 
     if not session.run(within_s, near):
@@ -275,16 +274,12 @@ class Measure:
 
 
 def _strayed_m(track: Sequence[PositionEstimate]) -> float:
-    start = track[0]
-    return max(
-        math.hypot(place.north_m - start.north_m, place.east_m - start.east_m) for place in track
-    )
+    return max(math.dist(track[0].level_m, place.level_m) for place in track)
 
 
 def _speed_m_s(track: Sequence[PositionEstimate]) -> float:
     flown = track[1:]
-    pairs = itertools.pairwise(flown)
-    way_m = sum(math.hypot(b.north_m - a.north_m, b.east_m - a.east_m) for a, b in pairs)
+    way_m = sum(math.dist(a.level_m, b.level_m) for a, b in itertools.pairwise(flown))
     return way_m / max(flown[-1].at_s - flown[0].at_s, 0.1)
 
 
@@ -293,9 +288,9 @@ def _climb_m_s(track: Sequence[PositionEstimate]) -> float:
     return (end.up_m - start.up_m) / max(end.at_s - start.at_s, 0.1)
 
 
-STRAYS: Final = Measure(_strayed_m, "left its place by {:.1f} m")
-SPEED: Final = Measure(_speed_m_s, "{:.1f} m/s")
-CLIMB: Final = Measure(_climb_m_s, "climbed {:.2f} m/s")
-FURTHEST: Final = Measure(
+strays: Final = Measure(_strayed_m, "left its place by {:.1f} m")
+speed: Final = Measure(_speed_m_s, "{:.1f} m/s")
+climb: Final = Measure(_climb_m_s, "climbed {:.2f} m/s")
+furthest_north: Final = Measure(
     lambda track: max(place.north_m for place in track[1:]), "came {:.1f} m north, is at {}"
 )

@@ -64,7 +64,7 @@ def take_off(session: Session, up_m: float) -> None:
     command(session, "NAV_TAKEOFF", (*(math.nan,) * 6, session.ground_amsl_m + up_m))
 
 
-def goto(
+def go_to(
     session: Session,
     place: Sequence[float | None],
     answer: str = "ACCEPTED",
@@ -218,7 +218,6 @@ def _value(fields: Fields) -> float:
 
 
 _PATIENCE_S: Final = 3.0
-_ANSWERS: Final = ("MISSION_REQUEST_INT", "MISSION_ACK")
 _KINDS: Final = {"mission": 0, "fence": 1, "rally": 2}  # MAV_MISSION_TYPE
 _BOX: Final = ((-1, -1), (-1, 1), (1, 1), (1, -1))
 
@@ -244,11 +243,11 @@ def upload(
     send(session, "MISSION_COUNT", {"mission_type": _KINDS[kind], "count": len(items)})
     sent = 0
     while True:
-        answer = _next_answer(session, _ANSWERS)
+        answer = _next_answer(session, "MISSION_REQUEST_INT", "MISSION_ACK")
         if answer is None:
             raise DepartureError(f"the upload got stuck after {sent} items: no answer")
         fields = answer.fields
-        if answer.frame.name == "MISSION_ACK":
+        if answer.name == "MISSION_ACK":
             break
         of_kind = {"seq": fields["seq"], "mission_type": _KINDS[kind]}
         send(session, "MISSION_ITEM_INT", _message(session, items[fields["seq"]]) | of_kind)
@@ -278,15 +277,15 @@ def download(
     """
     of_kind = {"mission_type": _KINDS[kind]}
     send(session, "MISSION_REQUEST_LIST", of_kind)
-    total = _next_answer(session, ("MISSION_COUNT",))
+    total = _next_answer(session, "MISSION_COUNT")
     count = None if total is None else total.fields["count"]
     if count != len(items):
         raise DepartureError(f"expected MISSION_COUNT {len(items)}, heard {count}")
     reply = "MISSION_ITEM_INT"
     for sequence, wanted in enumerate(items):
         send(session, "MISSION_REQUEST_INT", of_kind | {"seq": sequence})
-        item = _next_answer(session, (reply, "MISSION_ACK"))
-        if item is None or item.frame.name != reply or not same(item.fields, wanted):
+        item = _next_answer(session, reply, "MISSION_ACK")
+        if item is None or item.name != reply or not same(item.fields, wanted):
             got = None if item is None else shorten(item.fields, wanted)
             raise DepartureError(f"expected item {sequence} {wanted}, heard {got}")
     if finished:
@@ -296,7 +295,7 @@ def download(
 def clear(session: Session, kind: str) -> None:
     """Send MISSION_CLEAR_ALL; MISSION_ACK has to come."""
     send(session, "MISSION_CLEAR_ALL", {"mission_type": _KINDS[kind]})
-    answer = _next_answer(session, ("MISSION_ACK",))
+    answer = _next_answer(session, "MISSION_ACK")
     result = None if answer is None else answer.fields["type"]
     if result != UploadResult.ACCEPTED:
         raise DepartureError(f"expected MISSION_ACK ACCEPTED, heard {result}")
@@ -338,11 +337,6 @@ def _message(session: Session, item: Fields) -> Fields:
     return usual | fields
 
 
-def _next_answer(session: Session, names: tuple[str, ...]) -> Heard | None:
-    answers: list[Heard] = []
-
-    def come() -> bool:
-        answers[:] = [heard for name in names for heard in session.since(name)]
-        return bool(answers)
-
-    return min(answers, key=lambda heard: heard.at_s) if session.run(_PATIENCE_S, come) else None
+def _next_answer(session: Session, *names: str) -> Heard | None:
+    session.run(_PATIENCE_S, lambda: bool(session.since(*names)))
+    return next(iter(session.since(*names)), None)

@@ -5,23 +5,21 @@ import math
 import select
 import socket
 import time
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sitl.mavlink.codec import Frame, Sender, addressed, frames
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.process.vehicle import PortInUseError
+from sitl.px4sim.state import MapProjection
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)
 _AUTOPILOT: Final = 1
 _BEAT_S: Final = 0.5
 _STICKS_S: Final = 0.05
-_METRES_PER_DEGREE: Final = math.radians(6371000.0)
 _COUNTED_ONLY: Final = frozenset(
     {
         *("ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "HIGHRES_IMU", "ODOMETRY"),
@@ -47,26 +45,16 @@ class DepartureError(Exception):
     """The vehicle did something else than the conversation says; the message tells both."""
 
 
-@dataclass(frozen=True)
-class Heard:
-    """One message that came in.
-
-    Attributes:
-        at_s: Vehicle's time.
-        frame: The message.
-    """
+class Heard(NamedTuple):
+    """One message that came in, when by the vehicle's time, and on which link."""
 
     at_s: float
-    frame: Frame
-
-    @cached_property
-    def fields(self) -> dict[str, Any]:
-        """The message's fields."""
-        return self.frame.fields()
+    link: Link
+    name: str
+    fields: dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class PositionEstimate:
+class PositionEstimate(NamedTuple):
     """A position estimate: seconds, metres north, east and up of where the vehicle was started."""
 
     at_s: float
@@ -76,6 +64,11 @@ class PositionEstimate:
 
     def __str__(self) -> str:
         return f"({self.north_m:.1f}, {self.east_m:.1f}, {self.up_m:.1f})"
+
+    @property
+    def level_m(self) -> tuple[float, float]:
+        """North and east."""
+        return self.north_m, self.east_m
 
 
 class LocalLine:
@@ -232,8 +225,8 @@ class Session:
         self.track: list[PositionEstimate] = []
         self.counts: Counter[tuple[Link, str]] = Counter()
         self.vehicle_id = 1
-        self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
-        self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
+        self._heard: list[Heard] = []  # since the present exchange began
+        self._newest: dict[tuple[Link, str], Frame] = {}  # through all exchanges
         self._speakers: dict[tuple[int, int], Sender] = {}  # by sender: sequences go on
         self._beat_s = self._sticks_s = -math.inf  # vehicle's time of the last we sent, and are due
 
@@ -269,19 +262,19 @@ class Session:
             self._speak_on()
             self._listen()
 
-    def since(self, name: str, link: Link = Link.API) -> list[Heard]:
-        """The messages of a name since the present exchange began."""
-        return list(self._heard[link, name])
+    def since(self, *names: str, link: Link = Link.API) -> list[Heard]:
+        """The messages of these names since the present exchange began."""
+        return [heard for heard in self._heard if heard.link is link and heard.name in names]
 
     def newest(self, name: str, link: Link = Link.API) -> dict[str, Any] | None:
         """The fields of the newest message of a name; None if there was none."""
-        heard = self._newest.get((link, name))
-        return None if heard is None else heard.fields
+        frame = self._newest.get((link, name))
+        return None if frame is None else frame.fields()
 
     def texts(self, link: Link = Link.API) -> list[str]:
         """The STATUSTEXTs since the exchange began, put together from their pieces."""
         texts: dict[int, str] = {}
-        for heard in self.since("STATUSTEXT", link):
+        for heard in self.since("STATUSTEXT", link=link):
             number, text = heard.fields["id"], heard.fields["text"]
             texts[number] = texts.get(number, "") + text
         return [text.rstrip("\t") for text in texts.values()]
@@ -295,27 +288,21 @@ class Session:
 
     def degrees(self, north_m: float, east_m: float) -> tuple[float, float]:
         """Latitude and longitude of a place in local metres."""
-        latitude, longitude, _ = self._home()
-        scale = _METRES_PER_DEGREE * math.cos(math.radians(latitude))
-        return latitude + north_m / _METRES_PER_DEGREE, longitude + east_m / scale
+        home = self._home()
+        around_home = MapProjection(home["latitude"] * 1e-7, home["longitude"] * 1e-7)
+        return around_home.to_global(north_m - home["x"], east_m - home["y"])
 
     @property
     def ground_amsl_m(self) -> float:
         """The altitude of home, as it is known now."""
-        return self._home()[2]
+        return float(self._home()["altitude"]) / 1e3
 
-    def _home(self) -> tuple[float, float, float]:
+    def _home(self) -> dict[str, Any]:
         self.run(5.0, lambda: self.newest("HOME_POSITION") is not None)
         home = self.newest("HOME_POSITION")
         if home is None:
             raise DepartureError("expected HOME_POSITION, heard none in 5 s")
-        latitude, longitude = home["latitude"] * 1e-7, home["longitude"] * 1e-7
-        scale = _METRES_PER_DEGREE * math.cos(math.radians(latitude))
-        return (
-            latitude - home["x"] / _METRES_PER_DEGREE,
-            longitude - home["y"] / scale,
-            home["altitude"] / 1e3,
-        )
+        return home
 
     def _listen(self) -> None:
         for link, frame in self.line.listen():
@@ -339,10 +326,9 @@ class Session:
         if frame.name == "HEARTBEAT":
             self.vehicle_id = frame.system_id
         self.counts[link, frame.name] += 1
-        heard = Heard(self.now_s, frame)
-        self._newest[link, frame.name] = heard
+        self._newest[link, frame.name] = frame
         if frame.name == "LOCAL_POSITION_NED" and link is Link.API:
-            north_m, east_m, down_m = (heard.fields[axis] for axis in "xyz")
-            self.track.append(PositionEstimate(self.now_s, north_m, east_m, -down_m))
+            fields = frame.fields()
+            self.track.append(PositionEstimate(self.now_s, fields["x"], fields["y"], -fields["z"]))
         if frame.name not in _COUNTED_ONLY:
-            self._heard[link, frame.name].append(heard)
+            self._heard.append(Heard(self.now_s, link, frame.name, frame.fields()))

@@ -120,7 +120,7 @@ def test_two_links_cannot_upload_at_once():
     session = ready_for(links=frozenset(Link))
     session.say("MISSION_COUNT", count=2)
     session.say("MISSION_COUNT", Link.GROUND, count=2)
-    assert session.run(1.0, lambda: bool(session.since("MISSION_ACK", Link.GROUND)))
+    assert session.run(1.0, lambda: bool(session.since("MISSION_ACK", link=Link.GROUND)))
     assert session.newest("MISSION_ACK", Link.GROUND)["type"] == 1  # MAV_MISSION_ERROR
 
 
