@@ -20,7 +20,7 @@ from sitl.px4sim.plan_store import (
     checksum,
     stored_item,
 )
-from sitl.px4sim.state import Notice, Severity
+from sitl.px4sim.state import Notice
 
 _RETRY_S: Final = 0.25
 _TIMEOUT_S: Final = 5.0
@@ -93,7 +93,7 @@ class MissionProtocol:
             return [self._request(now_s)]
         if now_s - self._received_s > _TIMEOUT_S:
             self._finish()
-            return [_say("Operation timeout", "mavlink_mission_op_timeout")]
+            return [Notice.of("mavlink_mission_op_timeout")]
         return []
 
     # Downloads
@@ -106,8 +106,7 @@ class MissionProtocol:
             sender,
         )
         if self._state is not _State.IDLE and not again:
-            words = "Mission download request ignored, already active"
-            return [Notice(Severity.INFO, words, "mavlink_mission_req_ignored", Severity.WARNING)]
+            return [Notice.of("mavlink_mission_req_ignored")]
         self._state, self._type, self._partner = _State.SENDING, message.mission_type, sender
         self._sequence, self._count = 0, len(self._plan.items(self._type))
         self._received_s = now_s
@@ -116,10 +115,9 @@ class MissionProtocol:
 
     def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if sender != self._partner:
-            event = "mavlink_mission_partner_id_mismatch2"
-            return [_say("WPM: REJ. CMD: partner id mismatch", event)]
+            return [Notice.of("mavlink_mission_partner_id_mismatch2")]
         if self._state is _State.RECEIVING:
-            return [_say("WPM: REJ. CMD: Busy", "mavlink_mission_mis_req_ignored_busy")]
+            return [Notice.of("mavlink_mission_mis_req_ignored_busy")]
         if self._state is _State.IDLE or message.mission_type != self._type:
             return []
         self._received_s = now_s
@@ -138,12 +136,12 @@ class MissionProtocol:
         self._state = _State.IDLE
         return [
             self._ack(UploadResult.ERROR),
-            _say("WPM: REJ. CMD: Req. WP was unexpected", event),
+            Notice.of(event),
         ]
 
     def _on_ack(self, message: Any, sender: tuple[int, int], _: float) -> list[Reply]:
         if sender != self._partner:
-            return [_say("REJ. WP CMD: partner id mismatch", "mavlink_mission_partner_id_mismatch")]
+            return [Notice.of("mavlink_mission_partner_id_mismatch")]
         if self._state is _State.SENDING and message.mission_type == self._type:
             self._state = _State.IDLE
         elif (self._state, message.type) == (_State.RECEIVING, UploadResult.OPERATION_CANCELLED):
@@ -155,7 +153,7 @@ class MissionProtocol:
     def _on_count(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if self._state is _State.SENDING:
             return [
-                _say("WPM: IGN MISSION_COUNT: Busy", "mavlink_mission_ignore_mis_count"),
+                Notice.of("mavlink_mission_ignore_mis_count"),
                 self._ack(UploadResult.ERROR, sender),
             ]
         self._received_s = now_s
@@ -167,7 +165,7 @@ class MissionProtocol:
             return [self._ack(UploadResult.ERROR, sender)]
         elif self._sequence > 0:
             return [
-                _say("WPM: REJ. CMD: Busy", "mavlink_mission_getlist_busy"),
+                Notice.of("mavlink_mission_getlist_busy"),
                 self._ack(UploadResult.ERROR),
             ]
         return [self._request(now_s)]
@@ -190,8 +188,7 @@ class MissionProtocol:
 
     def _on_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if sender != self._partner:
-            event = "mavlink_mission_item_partner_id_mismatch"
-            return [_say("REJ. MIS ITEM: partner id mismatch", event)]
+            return [Notice.of("mavlink_mission_item_partner_id_mismatch")]
         if message.mission_type != self._type:
             return [self._ack(UploadResult.ERROR)]
         if self._state is not _State.RECEIVING:
@@ -201,18 +198,18 @@ class MissionProtocol:
 
     def _on_stray_item(self, sequence: int) -> list[Reply]:
         if self._state is _State.SENDING:
-            words = _say("IGN MISSION_ITEM: Busy", "mavlink_mission_mis_item_busy")
+            words = Notice.of("mavlink_mission_mis_item_busy")
         elif sequence + 1 == self._sequence:  # our last MISSION_ACK was lost, presumably
             return [self._ack(UploadResult.ACCEPTED, identifier=self._checksum)]
         else:
-            words = _say("IGN MISSION_ITEM: No transfer", "mavlink_mission_no_transfer")
+            words = Notice.of("mavlink_mission_no_transfer")
         return [words, self._ack(UploadResult.ERROR)]
 
     def _take(self, message: Any, now_s: float) -> list[Reply]:
         item = stored_item(message, self._type)
         if isinstance(item, Refusal):
             self._finish()
-            words = _say("IGN MISSION_ITEM: Invalid item", "mavlink_mission_mis_item_invalid")
+            words = Notice.of("mavlink_mission_mis_item_invalid")
             return [words] * item.said + [self._ack(item.result)]
         self._checksum = checksum(message, self._checksum)
         self._items.append(item)
@@ -229,7 +226,7 @@ class MissionProtocol:
 
     def _on_clear_all(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
         if self._state is not _State.IDLE:
-            return [_say("WPM: IGN CLEAR CMD: Busy", "mavlink_mission_ignore_clear")]
+            return [Notice.of("mavlink_mission_ignore_clear")]
         self._received_s = now_s
         self._type = message.mission_type
         for kind in CAPACITY:
@@ -239,10 +236,10 @@ class MissionProtocol:
 
     def _on_set_current(self, message: Any, _: tuple[int, int], now_s: float) -> list[Reply]:
         if self._state is not _State.IDLE:
-            return [_say("WPM: IGN WP CURR CMD: Busy", "mavlink_mission_state_busy")]
+            return [Notice.of("mavlink_mission_state_busy")]
         self._received_s = now_s
         if message.seq >= len(self._plan.items(MissionType.MISSION)):
-            return [_say("WPM: WP CURR CMD: Not in list", "mavlink_mission_seq_out_of_bounds")]
+            return [Notice.of("mavlink_mission_seq_out_of_bounds")]
         self._plan.set_current(message.seq)
         return []
 
@@ -271,7 +268,3 @@ class MissionProtocol:
             "mission_type": self._type,
         }
         return Outgoing(name, target | fields)
-
-
-def _say(text: str, event: str) -> Notice:
-    return Notice(Severity.CRITICAL, text, event, Severity.ERROR)

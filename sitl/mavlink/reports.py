@@ -7,7 +7,6 @@ components' health; it comes at most every two seconds, and when it is asked for
 """
 
 import math
-import struct
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -152,7 +151,6 @@ _EVERY_S: Final = 2.05
 _LOOK_S: Final = 0.1  # PX4 runs its checks ten times a second
 _ATTITUDE_AFTER_S: Final = 2.5
 _POSITION_AFTER_S: Final = 4.2
-_FOR_PROGRAMS: Final = 8  # log level "protocol"
 _ALL_MODES: Final = 0xFFFFFFFF
 _USUAL_MODES: Final = 0x807F3AB0  # that a quadrotor with a position can fly
 _MISSION: Final = 1 << 3
@@ -169,21 +167,20 @@ _MODES: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class _Check:
-    """A check that is not passed: its event, level, modes that it concerns, component's number."""
+    """A check that is not passed: its event, modes that it concerns, component's number."""
 
     event: str
-    severity: Severity
     modes: int
     component: int
 
 
-_NO_ATTITUDE: Final = _Check("check_modes_attitude", Severity.CRITICAL, 0x007ED17E, 16)
-_NO_LOCAL: Final = _Check("check_modes_local_pos", Severity.ERROR, 0x007E007C, 17)
-_NO_GLOBAL: Final = _Check("check_modes_global_pos", Severity.ERROR, 0x00000038, 24)
-_MISSION_UNFIT: Final = _Check("check_modes_mission", Severity.INFO, _MISSION, _MODES)
-_NO_SETPOINTS: Final = _Check("check_modes_offboard_signal", Severity.ERROR, _OFFBOARD, _MODES)
-_NO_STICKS: Final = _Check("check_modes_manual_control", Severity.WARNING, _ALL_MODES, 7)
-_NO_STATION: Final = _Check("check_rc_dl_no_dllink", Severity.INFO, _ALL_MODES, 12)
+_NO_ATTITUDE: Final = _Check("check_modes_attitude", 0x007ED17E, 16)
+_NO_LOCAL: Final = _Check("check_modes_local_pos", 0x007E007C, 17)
+_NO_GLOBAL: Final = _Check("check_modes_global_pos", 0x00000038, 24)
+_MISSION_UNFIT: Final = _Check("check_modes_mission", _MISSION, _MODES)
+_NO_SETPOINTS: Final = _Check("check_modes_offboard_signal", _OFFBOARD, _MODES)
+_NO_STICKS: Final = _Check("check_modes_manual_control", _ALL_MODES, 7)
+_NO_STATION: Final = _Check("check_rc_dl_no_dllink", _ALL_MODES, 12)
 
 
 class HealthReport:
@@ -240,19 +237,14 @@ class HealthReport:
 
 
 def _report(checks: list[_Check], modes: int, can_arm: int) -> list[Notice]:
+    said = [Notice.of(check.event, check.modes, check.component) for check in checks]
     errors = _SYSTEM
-    for check in checks:
-        if check.severity <= Severity.ERROR and check.component != _MODES:
+    for check, notice in zip(checks, said, strict=True):
+        if notice.severity <= Severity.ERROR and check.component != _MODES:
             errors |= 1 << check.component
     warnings = _REMOTE_CONTROL if _NO_STICKS in checks else 0
-    summary = struct.pack("<BIIII", 0, errors, warnings, can_arm, modes)
-    health = struct.pack("<BIII", 0, _PRESENT, 0, 0)
-    said = (
-        ("commander_arming_check_summary", _FOR_PROGRAMS, summary),
-        *(
-            (check.event, check.severity, struct.pack("<IB", check.modes, check.component))
-            for check in checks
-        ),
-        ("commander_health_summary", _FOR_PROGRAMS, health),
-    )
-    return [Notice(Severity.INFO, "", event, level, arguments) for event, level, arguments in said]
+    return [
+        Notice.of("commander_arming_check_summary", 0, errors, warnings, can_arm, modes),
+        *said,
+        Notice.of("commander_health_summary", 0, _PRESENT, 0, 0),
+    ]

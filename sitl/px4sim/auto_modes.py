@@ -1,14 +1,13 @@
 """PX4's Hold, Takeoff, Return and Land modes. Pure; one object per mode."""
 
 import math
-import struct
 from abc import ABC, abstractmethod
 from dataclasses import replace
 from enum import Enum
 from typing import Final
 
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, braking_distance
-from sitl.px4sim.state import Severity, Situation
+from sitl.px4sim.state import Situation
 
 _SLOW_M_S: Final = 0.05
 
@@ -118,19 +117,10 @@ class TakeoffFlight(Flight):
         if altitude_m is None:
             climb_m = situation.parameters.limited("MIS_TAKEOFF_ALT", 0.0, 1000.0)
             altitude_m = situation.altitude_m + climb_m
-            situation.say(
-                f"Using default takeoff altitude: {climb_m:.1f} m",
-                "navigator_takeoff_default_alt",
-                arguments=struct.pack("<f", climb_m),
-            )
+            situation.say("navigator_takeoff_default_alt", climb_m)
         if altitude_m < situation.altitude_m:
             altitude_m = situation.altitude_m
-            situation.say(
-                "Already higher than takeoff altitude",
-                "navigator_takeoff_already_higher",
-                Severity.CRITICAL,
-                Severity.ERROR,
-            )
+            situation.say("navigator_takeoff_already_higher")
         self._target = Setpoint(SetpointKind.TAKEOFF, *situation.here, altitude_m)
         self._wanted_m, self._requested, self.done = None, False, False
 
@@ -177,11 +167,7 @@ class ReturnFlight(Flight):
         self._phase = _ReturnPhase.CLIMB
         self._altitude_m = self._return_altitude(situation)
         above_m = math.ceil(self._altitude_m - situation.home_altitude_m)
-        situation.say(
-            f"RTL: start return at {math.ceil(self._altitude_m)} m ({above_m} m above destination)",
-            "vrtl_return_at",
-            arguments=struct.pack("<ii", math.ceil(self._altitude_m), above_m),
-        )
+        situation.say("vrtl_return_at", math.ceil(self._altitude_m), above_m)
 
     def update(self, situation: Situation) -> Setpoint:
         """See `Flight`."""
@@ -194,7 +180,7 @@ class ReturnFlight(Flight):
             self._phase = _ReturnPhase.RETURN
         if self._phase is _ReturnPhase.RETURN and distance_m <= situation.acceptance_m:
             self._phase = _ReturnPhase.LAND
-            situation.say("RTL: land at destination", "rtl_land_at_destination")
+            situation.say("rtl_land_at_destination")
         if self._phase is _ReturnPhase.CLIMB:
             return go_to(*self._start, self._altitude_m, situation)
         if self._phase is _ReturnPhase.LAND:

@@ -152,12 +152,7 @@ class Autopilot:
         if allowed:
             self.modes.hold.move_to(point, altitude_m, speed_m_s, situation)
         else:
-            situation.say(
-                "Reposition is outside geofence",
-                "navigator_reposition_outside_geofence",
-                Severity.CRITICAL,
-                Severity.ERROR,
-            )
+            situation.say("navigator_reposition_outside_geofence")
         return allowed
 
     def move_sticks(self, sticks: Sticks) -> None:
@@ -173,7 +168,7 @@ class Autopilot:
             return
         acting = self.failsafe.acting
         if self.request_mode(FlightMode.POSCTL) and not acting:
-            situation.say("Pilot took over using sticks", "commander_rc_override")
+            situation.say("commander_rc_override")
 
     def set_home(self, point: tuple[float, float], altitude_m: float) -> None:
         """Move home."""
@@ -188,19 +183,15 @@ class Autopilot:
         alone = self.can_arm and self.watchdog.misses_ground_station(situation)
         if alone:
             text = "Preflight Fail: No connection to the GCS"
-            situation.say(text, severity=Severity.WARNING)
+            situation.notices.append(Notice(Severity.WARNING, text))
         if alone or not self.can_arm:
-            situation.say(
-                "Arming denied: Resolve system health failures first",
-                "commander_arm_denied_resolve_failures",
-                Severity.CRITICAL,
-            )
+            situation.say("commander_arm_denied_resolve_failures")
             return False
         situation.armed, situation.took_off_s = True, None
         self._ground.armed(self.time_s)
         self.watchdog.armed()
         self._set_home_here()
-        situation.say(f"Armed by {reason.words}", "commander_armed_by", arguments=reason.argument)
+        situation.say("commander_armed_by", reason.number, reason=reason.words)
         return True
 
     def disarm(self, reason: ArmingReason = ArmingReason.COMMAND, *, forced: bool = False) -> bool:
@@ -209,20 +200,14 @@ class Autopilot:
         if not self.armed:
             return True
         if not situation.landed and not forced:
-            situation.say(
-                "Disarming denied: not landed",
-                "commander_disarm_denied_not_landed",
-                Severity.CRITICAL,
-            )
+            situation.say("commander_disarm_denied_not_landed")
             return False
         situation.armed = False
         self.intended = self._after_disarming
         self.mission.disarmed()
         self.failsafe.reset()
         self.modes.hold.forget()
-        situation.say(
-            f"Disarmed by {reason.words}", "commander_disarmed_by", arguments=reason.argument
-        )
+        situation.say("commander_disarmed_by", reason.number, reason=reason.words)
         return True
 
     def terminate(self) -> bool:

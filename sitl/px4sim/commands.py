@@ -9,7 +9,7 @@ from typing import Final
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.estimation import ArmingReason
 from sitl.px4sim.plan_store import MissionType, positive
-from sitl.px4sim.state import FlightMode, Severity, UnsupportedAutoModeError, requested_mode
+from sitl.px4sim.state import FlightMode, UnsupportedAutoModeError, requested_mode
 
 _log = logging.getLogger(__name__)
 
@@ -65,11 +65,7 @@ class Commands:
         if self._autopilot.request_mode(mode, forced=forced):
             return CommandResult.ACCEPTED
         if said:
-            self._autopilot.situation.say(
-                f"Switching to {mode.label} is currently not available",
-                "commander_modeswitch_not_avail",
-                Severity.CRITICAL,
-            )
+            self._autopilot.situation.say("commander_modeswitch_not_avail", mode=mode.label)
         return CommandResult.TEMPORARILY_REJECTED
 
     def _set_mode(self, params: Params, *, said: bool) -> CommandResult:
@@ -77,28 +73,23 @@ class Commands:
         try:
             mode = requested_mode(base_mode, main, sub)
         except UnsupportedAutoModeError:
-            self._autopilot.situation.say(
-                "Unsupported auto mode",
-                "commander_unsupported_auto_mode",
-                Severity.CRITICAL,
-                Severity.ERROR,
-            )
+            self._autopilot.situation.say("commander_unsupported_auto_mode")
             return CommandResult.TEMPORARILY_REJECTED
         if mode is None:
             return CommandResult.ACCEPTED
         return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
 
     def _return(self, _: Params) -> CommandResult:
-        return self._told(self._mode(FlightMode.AUTO_RTL), "Returning to launch", "commander_rtl")
+        return self._told(self._mode(FlightMode.AUTO_RTL), "commander_rtl")
 
     def _land(self, _: Params) -> CommandResult:
         result = self._mode(FlightMode.AUTO_LAND, forced=True)
-        return self._told(result, "Landing at current position", "commander_landing_current_pos")
+        return self._told(result, "commander_landing_current_pos")
 
-    def _told(self, result: CommandResult, text: str, event: str) -> CommandResult:
+    def _told(self, result: CommandResult, event: str) -> CommandResult:
         """Say it if it was accepted."""
         if result is CommandResult.ACCEPTED:
-            self._autopilot.situation.say(text, event)
+            self._autopilot.situation.say(event)
         return result
 
     def _take_off(self, params: Params) -> CommandResult:
@@ -144,11 +135,7 @@ class Commands:
     def _start_mission(self, params: Params) -> CommandResult:
         autopilot = self._autopilot
         if not autopilot.mission.valid:
-            autopilot.situation.say(
-                "Mission start denied! No valid mission",
-                "commander_mission_start_denied_no_mission",
-                Severity.CRITICAL,
-            )
+            autopilot.situation.say("commander_mission_start_denied_no_mission")
             return CommandResult.DENIED
         first, count = params[0], len(autopilot.plan.items(MissionType.MISSION))
         if not math.isfinite(first) or not -1 <= first < count:

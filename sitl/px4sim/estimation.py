@@ -67,12 +67,12 @@ class Positioning:
         situation.position_valid = lost_for_s < patience_s
         if self.fused and lost_for_s > _STOPPED_S:
             self.fused = False
-            situation.say("", "check_estimator_gnss_fusion_stopped")
+            situation.say("check_estimator_gnss_fusion_stopped")
 
     def _recover(self, errors: EstimateErrors, situation: Situation) -> None:
         self._lost_s = self._regained_s = None
         if not self.fused:
-            situation.say("", "check_estimator_gnss_fusion_started")
+            situation.say("check_estimator_gnss_fusion_started")
         self.fused = situation.position_valid = True
         errors.recover()
 
@@ -92,8 +92,7 @@ class ArmingReason(Enum):
     NO_TAKEOFF = (7, "auto preflight disarming")
 
     def __init__(self, number: int, words: str) -> None:
-        self.argument = bytes((number,))
-        self.words = words
+        self.number, self.words = number, words
 
 
 class GroundContact:
@@ -135,7 +134,7 @@ class GroundContact:
                 return False
             situation.landed, self._landed_s = False, None
             situation.took_off_s = situation.time_s
-            situation.say("Takeoff detected", "commander_takeoff_detected")
+            situation.say("commander_takeoff_detected")
             return True
         if not airframe.on_ground:
             self._touched_s = None
@@ -144,7 +143,7 @@ class GroundContact:
         elif situation.time_s - self._touched_s > _TOUCHED_S:
             situation.landed, self._ramp_s, self._touched_s = True, None, None
             self._landed_s = situation.time_s
-            situation.say("Landing detected", "commander_landing_detected")
+            situation.say("commander_landing_detected")
         return False
 
     def disarm_due(self, situation: Situation, *, in_mission: bool) -> ArmingReason | None:

@@ -4,11 +4,10 @@ A failsafe acts when its condition appears, not while it lasts; a mode command e
 took over"), and then the same condition does nothing until it appears anew.
 """
 
-import struct
 from enum import IntEnum
 from typing import Final
 
-from sitl.px4sim.state import FlightMode, Severity, Situation
+from sitl.px4sim.state import FlightMode, Situation
 
 GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 COMPANION: Final = 18  # MAV_TYPE_ONBOARD_CONTROLLER
@@ -50,9 +49,9 @@ _MODES: Final = {
     Action.TERMINATE: FlightMode.TERMINATION,
 }
 _WARNINGS: Final = {
-    Cause.BATTERY_LOW: ("commander_failsafe_enter_low_bat", Severity.WARNING),
-    Cause.BATTERY_CRITICAL: ("commander_failsafe_enter_crit_bat_warn", Severity.CRITICAL),
-    Cause.BATTERY_EMERGENCY: ("commander_failsafe_enter_crit_low_bat_warn", Severity.EMERGENCY),
+    Cause.BATTERY_LOW: "commander_failsafe_enter_low_bat",
+    Cause.BATTERY_CRITICAL: "commander_failsafe_enter_crit_bat_warn",
+    Cause.BATTERY_EMERGENCY: "commander_failsafe_enter_crit_low_bat_warn",
 }
 
 
@@ -88,8 +87,7 @@ class Failsafe:
             return
         if action is Action.WARN:
             if cause in _WARNINGS:
-                event, severity = _WARNINGS[cause]
-                situation.say("", event, severity)
+                situation.say(_WARNINGS[cause])
             return
         before, was_acting = self._worst()[0], self.acting
         self._active.append((action, cause))
@@ -98,12 +96,8 @@ class Failsafe:
         delay_s = situation.parameters.limited("COM_FAIL_ACT_T", 0.0, 25.0)
         if action in (Action.RTL, Action.LAND) and not was_acting and delay_s > 0:
             self._delayed_until_s = situation.time_s + delay_s
-            situation.say(
-                f"Failsafe activated: entering Hold for {delay_s:.0f} seconds",
-                "commander_failsafe_enter_hold",
-                Severity.CRITICAL,
-                arguments=struct.pack("<IBHB", intended.custom_mode, action, round(delay_s), cause),
-            )
+            values = intended.custom_mode, action, round(delay_s), cause
+            situation.say("commander_failsafe_enter_hold", *values)
         elif self._delayed_until_s is None:
             self._announce(intended, situation)
 
@@ -125,7 +119,7 @@ class Failsafe:
         """The user commanded a mode: whatever acts ends, except a termination."""
         if self.acting and self._worst()[0] is not Action.TERMINATE:
             self.reset()
-            situation.say("", "failsafe_rc_override")
+            situation.say("failsafe_rc_override")
 
     def reset(self) -> None:
         """Nothing acts any more: the motors stopped, or the pilot took over."""
@@ -139,16 +133,17 @@ class Failsafe:
 
     def _announce(self, intended: FlightMode, situation: Situation) -> None:
         action, cause = self._worst()
-        event = "commander_failsafe_enter"
-        arguments = struct.pack("<IBB", intended.custom_mode, action, cause)
+        mode = intended.custom_mode
         if action is Action.DESCEND:
-            event = "commander_failsafe_enter_autopilot_disengaged"
+            situation.say("commander_failsafe_enter_autopilot_disengaged", mode, action, cause)
         elif cause is Cause.GENERIC:
-            event, arguments = "commander_failsafe_enter_generic", arguments[:-1]
-        situation.say("Failsafe activated", event, Severity.CRITICAL, arguments=arguments)
+            situation.say("commander_failsafe_enter_generic", mode, action)
+        else:
+            situation.say("commander_failsafe_enter", mode, action, cause)
 
 
 _EMPTY_V, _FULL_V = 14.4, 16.2
+_THRESHOLDS: Final = ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR")  # fractions
 
 
 class BatteryWarning(IntEnum):
@@ -172,30 +167,16 @@ class Battery:
         self.remaining = 1.0
         self.warning = BatteryWarning.NONE
 
-    def step(
-        self,
-        step_s: float,
-        *,
-        armed: bool,
-        drain_s: float,
-        least: float,
-        thresholds: tuple[float, float, float],
-    ) -> None:
-        """Drain for `step_s`.
-
-        Args:
-            step_s: Seconds.
-            armed: Whether the motors draw.
-            drain_s: Seconds from full to empty (SIM_BAT_DRAIN).
-            least: Fraction at which the simulated battery stops draining (SIM_BAT_MIN_PCT).
-            thresholds: Fractions of the low, critical and emergency warning.
-        """
-        if not armed:
+    def step(self, step_s: float, situation: Situation) -> None:
+        """Drain for some seconds: in SIM_BAT_DRAIN it is empty, at SIM_BAT_MIN_PCT it stops."""
+        parameters = situation.parameters
+        if not situation.armed:
             self.remaining, self.warning = 1.0, BatteryWarning.NONE
             return
-        drained = self.remaining - step_s / max(drain_s, 1.0)
-        self.remaining = max(drained, min(max(least, 0.0), self.remaining))
-        level = BatteryWarning(sum(self.remaining < threshold for threshold in thresholds))
+        drained = self.remaining - step_s / max(parameters["SIM_BAT_DRAIN"], 1.0)
+        least = max(parameters["SIM_BAT_MIN_PCT"] / 100.0, 0.0)
+        self.remaining = max(drained, min(least, self.remaining))
+        level = BatteryWarning(sum(self.remaining < parameters[name] for name in _THRESHOLDS))
         self.warning = max(self.warning, level)
 
     @property
@@ -204,13 +185,6 @@ class Battery:
         return _EMPTY_V + (_FULL_V - _EMPTY_V) * self.remaining
 
 
-_BATTERY: Final = {
-    Cause.BATTERY_LOW: ("Low battery", "check_battery_low", Severity.CRITICAL),
-    Cause.BATTERY_CRITICAL: ("Critical battery", "check_battery_critical", Severity.CRITICAL),
-    Cause.BATTERY_EMERGENCY: (
-        *("Emergency battery level", "check_battery_emergency", Severity.EMERGENCY),
-    ),
-}
 # By COM_LOW_BAT_ACT: warning only, return, land, return then land; at critical and at emergency.
 _BATTERY_ACTIONS: Final = {
     0: (Action.WARN, Action.WARN),
@@ -259,11 +233,11 @@ class Watchdog:
         """A HEARTBEAT came in; `kind` is its MAV_TYPE."""
         if kind == GROUND_STATION:
             if self.ground_station_lost and self._ground_station_s is not None:
-                situation.say("GCS connection regained", "commander_dl_regained")
+                situation.say("commander_dl_regained")
             self.ground_station_lost, self._ground_station_s = False, situation.time_s
         elif kind == COMPANION:
             if self._companion_lost:
-                situation.say("Onboard controller regained", "commander_onboard_ctrl_regained")
+                situation.say("commander_onboard_ctrl_regained")
             self._companion_lost, self._companion_s = False, situation.time_s
 
     def armed(self) -> None:
@@ -279,18 +253,7 @@ class Watchdog:
         self, step_s: float, intended: FlightMode, situation: Situation, *, sticks: bool
     ) -> list[Alarm]:
         """Look at everything; `sticks`: whether a pilot's are heard."""
-        parameters = situation.parameters
-        self.battery.step(
-            step_s,
-            armed=situation.armed,
-            drain_s=parameters["SIM_BAT_DRAIN"],
-            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
-            thresholds=(
-                parameters["BAT_LOW_THR"],
-                parameters["BAT_CRIT_THR"],
-                parameters["BAT_EMERGEN_THR"],
-            ),
-        )
+        self.battery.step(step_s, situation)
         alarms: list[Alarm] = []
         if sticks != self._sticks:
             self._sticks = sticks
@@ -306,7 +269,7 @@ class Watchdog:
         if self._sticks:
             self._sticks_since_arming = True
             return []
-        situation.say("", "commander_rc_lost")
+        situation.say("commander_rc_lost")
         excepted = int(situation.parameters["COM_RCL_EXCEPT"]) & _STICK_EXCEPTIONS.get(intended, 0)
         if excepted or not self._sticks_since_arming:
             return []
@@ -319,8 +282,7 @@ class Watchdog:
         limit_s = situation.parameters.limited("COM_OBC_LOSS_T", 0.0, 3600.0) + self._heard_for_s
         if situation.time_s - self._companion_s > limit_s:
             self._companion_lost = True
-            text, event = "Connection to mission computer lost", "commander_mission_comp_lost"
-            situation.say(text, event, Severity.CRITICAL)
+            situation.say("commander_mission_comp_lost")
 
     def _watch_ground_station(self, situation: Situation) -> list[Alarm]:
         if self._ground_station_s is None or self.ground_station_lost:
@@ -329,8 +291,7 @@ class Watchdog:
         if situation.time_s - self._ground_station_s <= limit_s:
             return []
         self.ground_station_lost = True
-        text, event = "Connection to ground station lost", "commander_gcs_lost"
-        situation.say(text, event, Severity.INFO, Severity.WARNING)
+        situation.say("commander_gcs_lost")
         action = _LOSS_ACTIONS.get(int(situation.parameters["NAV_DLL_ACT"]), Action.NONE)
         return [(action, Cause.GCS_LOST)]
 
@@ -338,7 +299,7 @@ class Watchdog:
         if warning is BatteryWarning.NONE:
             return []
         cause = Cause[f"BATTERY_{warning.name}"]
-        situation.say(*_BATTERY[cause])
+        situation.say(f"check_{cause.name.lower()}")
         action = Action.WARN
         if warning > self._warning_at_arming and warning is not BatteryWarning.LOW:
             choice = int(situation.parameters["COM_LOW_BAT_ACT"])

@@ -11,7 +11,7 @@ from typing import Final
 
 from sitl.px4sim.failsafe import Action
 from sitl.px4sim.plan_store import Command, MissionItem, MissionType, PlanStore
-from sitl.px4sim.state import MapProjection, Severity, Situation
+from sitl.px4sim.state import MapProjection, Notice, Severity, Situation
 
 _CIRCLES: Final = frozenset({Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION})
 _INCLUSIONS: Final = frozenset({Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_POLYGON_INCLUSION})
@@ -132,7 +132,8 @@ class Fence:
         before, self.violated = self.violated, self._breached(situation)
         if before or not self.violated or not situation.armed:
             return Action.NONE
-        situation.say("Geofence: approaching or outside geofence", severity=Severity.CRITICAL)
+        text = "Geofence: approaching or outside geofence"
+        situation.notices.append(Notice(Severity.CRITICAL, text))
         return action
 
     def _breached(self, situation: Situation) -> bool:
@@ -146,17 +147,9 @@ class Fence:
         fits = True
         if situation.home is not None and not area.allows(*situation.home):
             fits = False
-            situation.say(
-                "Geofence invalid, doesn't contain Home position",
-                "navigator_geofence_invalid_against_home",
-                Severity.CRITICAL,
-            )
+            situation.say("navigator_geofence_invalid_against_home")
         flying = situation.parameters["GF_ACTION"] > 0 and not situation.landed
         if flying and not area.allows(*situation.here):
             fits = False
-            situation.say(
-                "Geofence invalid, doesn't contain current vehicle position",
-                "navigator_geofence_invalid_against_cur_pos",
-                Severity.CRITICAL,
-            )
+            situation.say("navigator_geofence_invalid_against_cur_pos")
         return fits

@@ -6,7 +6,6 @@ from item to item the vehicle follows the connecting line.
 """
 
 import math
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -22,7 +21,7 @@ from sitl.px4sim.plan_store import (
     PlanStore,
     positive,
 )
-from sitl.px4sim.state import FlightMode, Severity, Situation
+from sitl.px4sim.state import FlightMode, Situation
 
 _HOME_MOVED_M: Final = 0.05
 _LEAST_CLIMB_M: Final = 1e-6
@@ -107,13 +106,12 @@ class MissionFlight(Flight):
     def begin(self, situation: Situation) -> None:
         """Fly the current item, also anew after the plan was replaced in flight."""
         if not self._items or not self.valid:
-            words = "refusing takeoff" if situation.landed else "loitering"
-            event = "mission_not_valid_refuse" if situation.landed else "mission_not_valid_loiter"
-            situation.say(f"No valid mission available, {words}", event)
+            grounded = situation.landed
+            situation.say("mission_not_valid_refuse" if grounded else "mission_not_valid_loiter")
             self._end(situation)
             return
         if not self.under_way:
-            situation.say("Executing Mission", "mission_execute")
+            situation.say("mission_execute")
         self.under_way = True
         self.finished, self.reached = False, -1
         self._set_item(situation, previous=None)
@@ -144,7 +142,7 @@ class MissionFlight(Flight):
         self._reached_s = None
         self._moving_to_land = False
         if item.command == Command.NAV_RETURN_TO_LAUNCH:
-            situation.say("Returning to launch", "commander_rtl")
+            situation.say("commander_rtl")
             situation.ask_mode(FlightMode.AUTO_RTL)
         elif item.command == Command.DO_CHANGE_SPEED:
             situation.speed_m_s = positive(item.params[1])
@@ -154,11 +152,7 @@ class MissionFlight(Flight):
             return
         if self._climb is not None:
             above_m = self._climb.altitude_m - situation.home_altitude_m
-            situation.say(
-                f"Climb to {above_m:.1f} meters above home",
-                "mission_climb_before_start",
-                arguments=struct.pack("<f", above_m),
-            )
+            situation.say("mission_climb_before_start", above_m)
             self._target = self._climb
             return
         self._target = self._position_target(item, situation, previous)
@@ -237,9 +231,7 @@ class MissionFlight(Flight):
 
     def _advance(self, situation: Situation) -> None:
         if self.index + 1 >= len(self._items):
-            words = "landed" if situation.landed else "loitering"
-            event = "mission_finished" if situation.landed else "mission_finished_loiter"
-            situation.say(f"Mission finished, {words}", event)
+            situation.say("mission_finished" if situation.landed else "mission_finished_loiter")
             self._end(situation)
             return
         self.index += 1
@@ -310,35 +302,31 @@ class PlanIntake:
         """Check the mission and say what is wrong; a leg across a fence is not looked at."""
         items = self.plan.items(MissionType.MISSION)
         faults = [*_faults(items, situation)] if items else []
-        for event, arguments in faults:
-            situation.say("", event, Severity.ERROR, None, arguments)
+        for fault in faults:
+            situation.say(*fault)
         return bool(items) and not faults and self._fence_kept(items, situation)
 
     def _fence_kept(self, items: tuple[MissionItem, ...], situation: Situation) -> bool:
         to_local = situation.projection.to_local
         for number, item in enumerate(items, 1):
             if item.has_position and not self.fence.encloses(*to_local(*item.degrees)):
-                situation.say(
-                    f"Geofence violation for waypoint {number}",
-                    "navigator_mis_geofence_violation",
-                    Severity.CRITICAL,
-                    Severity.ERROR,
-                    struct.pack("<h", min(number, 32767)),
-                )
+                situation.say("navigator_mis_geofence_violation", number)
                 return False
         return True
 
 
-def _faults(items: tuple[MissionItem, ...], situation: Situation) -> Iterator[tuple[str, bytes]]:
+def _faults(
+    items: tuple[MissionItem, ...], situation: Situation
+) -> Iterator[tuple[str, *tuple[float, ...]]]:
     """Why items cannot be flown: PX4's events, with arguments; PX4 1.17 has no texts for these."""
     if items[0].command == Command.NAV_LAND and situation.landed:
-        yield "navigator_mis_starts_w_landing", b""
+        yield ("navigator_mis_starts_w_landing",)
         return
     for index, item in enumerate(items):
         if item.command != Command.NAV_TAKEOFF:
             continue
         offset_m = 0.0 if item.frame == FRAME_RELATIVE else situation.home_altitude_m
         if item.z - offset_m < _LEAST_CLIMB_M:
-            yield "navigator_mis_takeoff_too_low", struct.pack("<f", offset_m)
+            yield "navigator_mis_takeoff_too_low", offset_m
         elif any(before.command != Command.DO_CHANGE_SPEED for before in items[:index]):
-            yield "navigator_mis_takeoff_not_first", b""
+            yield ("navigator_mis_takeoff_not_first",)

@@ -1,10 +1,12 @@
 """What the parts of the simulated autopilot share: its modes, its notices, what it believes."""
 
 import math
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import Final
+from importlib import resources
+from typing import Final, Self
 
 from sitl.px4sim.motion.guidance import Pace, Setpoint
 from sitl.px4sim.parameters import Parameters
@@ -88,6 +90,11 @@ class Severity(IntEnum):
     INFO = 6
 
 
+EVENTS: Final = {
+    line.partition("\t")[0]: line.split("\t")[1:]
+    for line in resources.files("sitl").joinpath("px4_1_17_events.tsv").read_text().splitlines()
+    if not line.startswith("#")
+}
 _FNV_OFFSET: Final = 0x811C9DC5
 _FNV_PRIME: Final = 0x01000193
 _AUTOPILOT_COMPONENT: Final = 1
@@ -114,6 +121,14 @@ class Notice:
     event: str = ""
     event_severity: int | None = None
     arguments: bytes = b""
+
+    @classmethod
+    def of(cls, event: str, *values: float, **words: str) -> Self:
+        """One of PX4's events; `values` are its arguments, `words` what its text has besides."""
+        severity, level, layout, text = EVENTS[event]
+        said = text.format(*values, **words)
+        packed = struct.pack(f"<{layout}", *values)
+        return cls(Severity(int(severity)), said, event, int(level) if level else None, packed)
 
     @property
     def status_text(self) -> str:
@@ -281,13 +296,6 @@ class Situation:
             limited("MPC_Z_VEL_MAX_DN", 0.5, 4.0),
         )
 
-    def say(
-        self,
-        text: str,
-        event: str = "",
-        severity: Severity = Severity.INFO,
-        event_severity: Severity | None = None,
-        arguments: bytes = b"",
-    ) -> None:
-        """Tell the outside world; see `Notice`."""
-        self.notices.append(Notice(severity, text, event, event_severity, arguments))
+    def say(self, event: str, *values: float, **words: str) -> None:
+        """Tell the outside world; see `Notice.of`."""
+        self.notices.append(Notice.of(event, *values, **words))

@@ -17,7 +17,6 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from sitl.experiment.settings import RunSettings
-from sitl.px4sim.failsafe import Battery
 from sitl.px4sim.motion.disturbances import Wind, WindSettings
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.guidance import (
@@ -31,7 +30,6 @@ from sitl.px4sim.motion.guidance import (
 STEP_S: Final = 0.1
 _AIRFRAME_STEPS: Final = 5  # of the simulated autopilot in one of `STEP_S`
 _PACE: Final = Pace()
-_LEVELS: Final = (0.15, 0.07, 0.05)  # PX4's warnings: below the reserve at which it comes home
 _AT_REST_M: Final = 0.05
 _AT_REST_M_S: Final = 0.2
 
@@ -59,7 +57,7 @@ class Flyer:
         self._plan = plan
         self.altitude_m = 0.0
         self.landed = False
-        self._battery = Battery()  # of the simulated autopilot
+        self._charge = 1.0  # drains evenly while it flies, as the simulated autopilot's
         full = settings.battery
         # until it is empty; None: no word of it
         self._battery_s = None if full == "none" else 60.0 * full
@@ -114,8 +112,8 @@ class Flyer:
             self.altitude_m = round(max(0.0, self.altitude_m + sinks_m_s * step_s), 3)
             self.landed = self.altitude_m == 0.0
         if self._battery_s is not None:
-            armed, full_s = not self.landed, self._battery_s
-            self._battery.step(step_s, armed=armed, drain_s=full_s, least=0.0, thresholds=_LEVELS)
+            drained = self._charge - step_s / max(self._battery_s, 1.0)
+            self._charge = 1.0 if self.landed else max(drained, 0.0)
 
     def telemetry(self) -> Telemetry:
         """What the vehicle says of itself."""
@@ -127,7 +125,7 @@ class Flyer:
             armed=not self.landed,
             in_air=self.altitude_m > 0,
             mode=self._mode,
-            battery=None if self._battery_s is None else self._battery.remaining,
+            battery=None if self._battery_s is None else self._charge,
             item=self._item,
         )
 

@@ -1,6 +1,8 @@
 """What goes over the wire beyond the conversations: answers, silences, streams, two links."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,9 +14,13 @@ from sitl.conformance.expecting import event_id
 from sitl.conformance.session import Link, Session
 from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
+from sitl.px4sim.failsafe import Cause
 from sitl.px4sim.parameters import Parameters, UnknownParameterError
-from sitl.px4sim.state import Notice, Severity
+from sitl.px4sim.state import EVENTS, Notice, Severity
 from tests.sitl.prepared import local_line, ready_for
+
+ROOT = Path(__file__).parents[3]
+ROOMS = ("px4sim", "mavlink")
 
 
 class TestCodec:
@@ -70,6 +76,15 @@ class TestCodec:
     )
     def test_event_ids_are_px4s(self, name, number):
         assert Notice(Severity.INFO, event=name).event_id == number
+
+    def test_every_event_that_is_said_has_its_words_and_no_other(self):
+        files = [file for room in ROOMS for file in (ROOT / "sitl" / room).glob("*.py")]
+        said = re.findall(r'"([a-z]+_\w+)"', "\n".join(f.read_text("utf-8") for f in files))
+        batteries = {f"check_{cause.name.lower()}" for cause in Cause if "BATTERY" in cause.name}
+        fields = {field for of in DEFINITIONS.values() for field in of.defaults}
+        roots = tuple({event.partition("_")[0] for event in EVENTS})
+        named = {word for word in said if word.startswith(roots)} - fields
+        assert named | batteries <= EVENTS.keys() <= {*said} | batteries
 
     def test_the_dialect_has_what_is_streamed(self):
         autopilot = ready_for(Start.AIR, {"EKF2_DRAG_CTRL": 1}).line.vehicle.autopilot
