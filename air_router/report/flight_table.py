@@ -48,7 +48,15 @@ def table(report: dict[str, Any]) -> str:
             f"closest approach: {report['closest_approach_m']:.1f} m to "
             f"{report['closest_approach_to']} (clearance {report['clearance_m']:.1f} m)"
         )
-    return "\n".join(lines) + "\n" + pace_line(report)
+    return "\n".join(lines) + "\n" + goals_line(report) + pace_line(report)
+
+
+def goals_line(report: Mapping[str, Any]) -> str:
+    """How many vehicles simulated robots have found, if they looked for any."""
+    goals = report.get("world", {}).get("goals", {"total": 0})
+    if not goals["total"]:
+        return ""
+    return f"vehicles found by robots that explore: {len(goals['found'])} of {goals['total']}\n"
 
 
 def pace_line(report: Mapping[str, Any]) -> str:
@@ -90,7 +98,8 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
                 f"({pair['across_m']:.1f} m across, {pair['up_m']:.1f} m in height), "
                 f"{pair['contacts']} contacts, {pair['contact_s']:.0f} s\n"
             )
-    return "".join(parts) + ("\n" + "".join(lines) if lines else "") + pace_line(report)
+    apart = "\n" + "".join(lines) if lines else ""
+    return "".join(parts) + apart + goals_line(report) + pace_line(report)
 
 
 def size_words(count: float) -> str:

@@ -16,7 +16,7 @@ from geo.frame import Point
 from geo.grid import Terrain
 from mocha_link.errors import needs_extra
 from mocha_link.team.document import DocumentError
-from sitl.world.terrain import layers
+from sitl.world.towns.terrain import layers
 from sitl.world.towns.town import Town
 
 _EPILOG = """\

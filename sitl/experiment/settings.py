@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy
-from sitl.world.explorers.settings import ExplorerSettings, Positive
+from sitl.world.explorers.settings import ExplorerSettings, PlacedBy, Positive
 
 ChannelKind = Literal["paper", "path_loss"]
 """`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
@@ -41,9 +41,6 @@ the best `tour` over meeting points. `oracle`, a yardstick: a `rendezvous` that 
 MessageWait = Literal["wait", "data_wait", "header_wait", "delay", "data_delay", "header_delay"]
 """Which columns are the paper's message wait: of all messages, robots' data, or header requests;
 until a transmission begins (`wait`), or until it has arrived (`delay`)."""
-
-PlacedBy = Literal["town", "seed"]
-"""Whether places are those of the town's file, or others in every run."""
 
 
 class _Model(BaseModel):

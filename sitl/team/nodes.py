@@ -47,7 +47,8 @@ from mocha_link.ros.typed import Types
 from mocha_link.service.service import ServiceServer
 from mocha_link.store.message import Message
 from mocha_link.team.team import Robot, Team, Topic
-from sitl.world.world import Publication, Reading
+from sitl.world.ground_robots import Publication
+from sitl.world.world import Reading
 
 _log = logging.getLogger(__name__)
 
@@ -130,7 +131,7 @@ class GroundNodes(Closeable):
 
     def __init__(self, team: Team, names: Iterable[str], clock: Clock) -> None:
         self._team = team
-        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()  # maps
+        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()
         self._unsubscribe: list[Callable[[], object]] = []  # from each node
         # When each began, monotonic, by puller, peer and direction; set on the nodes' threads.
         self._exchanges: dict[tuple[str, str, Direction], float] = {}
@@ -150,16 +151,20 @@ class GroundNodes(Closeable):
         for said in publications:
             self.nodes[said.robot].publish(said.topic, said.data)
 
-    def take_maps(self) -> None:
-        """Let each robot look at the maps that have arrived since the last call."""
+    def arrived(self) -> Iterator[tuple[str, Message]]:
+        """What has reached each robot since the last call; maps of those that fly are noted."""
         while True:
             try:
                 name, event = self._arrivals.get_nowait()
             except queue.Empty:
                 return
             message = self.nodes[name].latest(event.robot, event.topic)
-            if message is not None:
+            if message is None:
+                continue
+            topic = self._team.topic(event.robot, event.topic)
+            if topic.type == MAP_TYPE and event.robot not in self.nodes:
                 self.keepers[name].take(message, event.at_s)
+            yield name, message
 
     @property
     def exchanging(self) -> bool:
@@ -176,7 +181,7 @@ class GroundNodes(Closeable):
                 list(pool.map(lambda node: node.close(), self.nodes.values()))
 
     def _note(self, name: str, event: LinkEvent) -> None:
-        """On the node's thread, so quick: maps are looked at later."""
+        """On the node's thread, so quick: messages are looked at later."""
         match event:
             case SyncStarted(peer=peer, direction=direction):
                 self._exchanges[name, peer, direction] = time.monotonic()
@@ -185,9 +190,8 @@ class GroundNodes(Closeable):
                 | SyncTimedOut(peer=peer, direction=direction)
             ):
                 self._exchanges.pop((name, peer, direction), None)
-            case MessageStored(robot=robot, topic=topic) if robot != name:
-                if self._team.topic(robot, topic).type == MAP_TYPE:
-                    self._arrivals.put((name, event))
+            case MessageStored(robot=robot) if robot != name:
+                self._arrivals.put((name, event))
 
 
 class Rovers(Closeable):

@@ -16,7 +16,7 @@ from air_router.sim.ports import PORTS, is_free
 from mocha_link.team.document import Document
 from mocha_link.team.team import Robot, Team
 from sitl.team.nodes import RosMessages
-from sitl.world.terrain import Raster
+from sitl.world.towns.terrain import Raster
 from sitl.world.world import World
 from sitl.world.world_file import WorldPlan
 
@@ -67,7 +67,7 @@ def make_world(
     plan: WorldPlan,
     played: Collection[str] = (),
 ) -> World:
-    """The pure world of a mission: robots at the start of their patrols.
+    """The pure world of a mission: robots where they start.
 
     Those that are `played` by programs stand there, and say nothing by themselves.
     """
@@ -75,10 +75,10 @@ def make_world(
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     raster = Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m)
     speech = RosMessages(team)
-    topics = {name: () if name in played else speech.topics(name) for name in plan.patrols}
+    topics = {name: () if name in played else speech.topics(name) for name in roles.ground}
     world = World(plan, mission.frame, roles.vehicles, raster, topics)
     for name in played:
-        world.robots[name].stand(world.robots[name].position)
+        world.stand(name, world.robots[name].position)
     return world
 
 

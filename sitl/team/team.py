@@ -14,9 +14,10 @@ from typing import Any
 import zmq
 
 from air_router.errors import AirRouterError
+from air_router.messages import MessageError
 from air_router.mission.mission import Mission
 from geo.frame import FrameError
-from geo.grid import GridPatch
+from geo.grid import GridError, GridPatch
 from mocha_link.node.lifetime import Closeable
 from mocha_link.team.team import Team
 from sitl.team.nodes import GroundNodes, RadioReadings, RosMessages, Rovers
@@ -218,7 +219,7 @@ class TeamSimulation(Closeable):
             self._greeted = True
             self._greet(truth)
         for name, place in self._rovers.places(truth.unix_s):
-            self.world.robots[name].stand(place)
+            self.world.stand(name, place)
         self._apply(self.world.step(truths))
 
     def _truth_of(self, state: VehicleState | None, ground_amsl_m: float) -> Truth | None:
@@ -239,7 +240,7 @@ class TeamSimulation(Closeable):
 
     def report(self) -> Mapping[str, Any]:
         """What became of all robots so far."""
-        self._nodes.take_maps()
+        self._hear()
         told = report(self.world, self._nodes, self.clock)
         return {**told, "pace": self._pace.told()}
 
@@ -253,9 +254,17 @@ class TeamSimulation(Closeable):
             _log.info("%s and %s %s", change.a, change.b, "in contact" if change.up else "lost")
         self._radio.tell(step.readings)
         self._nodes.publish(map(self._speech.of, step.publications))
-        self._nodes.take_maps()
+        self._hear()
         for name, patch in step.patches.items():
             self._vehicles[name].show(patch)
+
+    def _hear(self) -> None:
+        """Let robots hear what has reached their nodes."""
+        for name, message in self._nodes.arrived():
+            try:
+                self.world.hear(name, message.robot, message.topic, message.data)
+            except (MessageError, GridError, FrameError) as error:
+                _log.warning("%s of %s: %s", message.topic, message.robot, error)
 
     def _greet(self, truth: Truth) -> None:
         _log.info("the vehicle is there, at %.1f s of its time", truth.time_s)

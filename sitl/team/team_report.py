@@ -47,6 +47,13 @@ def report(world: World, nodes: GroundNodes, clock: SimClock) -> dict[str, Any]:
             for name in world.robots
         },
         "carried": _carried(world, messages),
+        "goals": {
+            "total": world.goals_total,
+            "found": [
+                {"goal": visit.goal, "robot": visit.robot, "at_s": visit.time_s}
+                for visit in world.goals
+            ],
+        },
         "vehicles": [
             {
                 "pair": [a, b],

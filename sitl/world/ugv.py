@@ -92,7 +92,7 @@ class PatrolPlan:
     start_m: float = 0.0
 
 
-class GroundRobot:
+class PatrolRobot:
     """A robot on patrol.
 
     Args:

@@ -13,29 +13,20 @@ from operator import itemgetter
 
 import numpy as np
 
-from air_router.messages import (
-    PATH_TOPIC,
-    POSE_TOPIC,
-    SIGHTINGS_TOPIC,
-    PathMessage,
-    PoseMessage,
-    SeenObject,
-    SightingsMessage,
-)
 from geo.frame import LocalFrame, Point
 from geo.grid import GridPatch
 from sitl.world.air_to_ground import ROOF_M, AirToGround, Numbers
+from sitl.world.explorers.exploration import first_visits
+from sitl.world.explorers.explorer import GroundRobot, Visit
+from sitl.world.ground_robots import Every, ExplorerUgv, PatrolUgv, Publication, Ugv
 from sitl.world.radio import PairPowers
-from sitl.world.terrain import Raster
-from sitl.world.ugv import GroundRobot
+from sitl.world.towns.terrain import Raster
+from sitl.world.ugv import Patrol, PatrolPlan, PatrolRobot
 from sitl.world.world_file import WorldPlan
 
 STEP_S = 0.1
 """The world acts at most this often, in simulated seconds."""
 
-POSE_INTERVAL_S = 1.0
-PATH_INTERVAL_S = 10.0
-SIGHTINGS_INTERVAL_S = 5.0
 GROUND_ANTENNA_M = 0.5
 _ABOVE_M = 15.0  # so near across, one vehicle counts as above the other
 LANDED_BELOW_M = 1.5  # lower than this the vehicle's antenna is as low as a robot's
@@ -76,15 +67,6 @@ class Reading:
     robot: str
     peer: str
     rssi_dbm: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Publication:
-    """A message that a robot publishes."""
-
-    robot: str
-    topic: str
-    data: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,34 +124,6 @@ class Approach:
     level_m: float = math.inf
 
 
-class Every:
-    """Says when something that happens at fixed intervals is due; late ones are not made up."""
-
-    def __init__(self, interval_s: float) -> None:
-        self._interval_s = interval_s
-        self._next_s = -math.inf  # of the caller's clock; the first look is due
-
-    def due(self, now_s: float) -> bool:
-        """Whether it is time; a yes takes the turn."""
-        if now_s < self._next_s:
-            return False
-        late = now_s >= self._next_s + self._interval_s
-        self._next_s = (now_s if late else self._next_s) + self._interval_s
-        return True
-
-
-@dataclass(slots=True)
-class _Ugv:
-    """A ground robot, and when it speaks."""
-
-    robot: GroundRobot
-    topics: Collection[str]
-    pose: Every = field(default_factory=lambda: Every(POSE_INTERVAL_S))
-    path: Every = field(default_factory=lambda: Every(PATH_INTERVAL_S))
-    sightings: Every = field(default_factory=lambda: Every(SIGHTINGS_INTERVAL_S))
-    told_path: tuple[Point, ...] | None = None
-
-
 class World:
     """Ground robots, radios and the camera, moved on by `step`.
 
@@ -185,7 +139,6 @@ class World:
 
     Attributes:
         frame, vehicles, raster: As given.
-        robots: The ground robots, by name.
         approaches: How near vehicles came to each other, by pair.
     """
 
@@ -198,10 +151,12 @@ class World:
         topics: Mapping[str, Collection[str]],
     ) -> None:
         self.frame, self.vehicles, self.raster = frame, vehicles, raster
-        seen = plan.scene.vehicles
-        self.robots = {name: GroundRobot(name, own, seen) for name, own in plan.patrols.items()}
         self._plan = plan
-        self._ugvs = [_Ugv(robot, topics[name]) for name, robot in self.robots.items()]
+        robots = {} if plan.exploration is None else plan.exploration.robots()
+        self._ugvs: dict[str, Ugv] = {n: ExplorerUgv(own, topics[n]) for n, own in robots.items()}
+        for name, own in plan.patrols.items():
+            patrol = PatrolRobot(name, own, plan.scene.vehicles)
+            self._ugvs[name] = PatrolUgv(patrol, frame, topics[name])
         names = (*vehicles, *self.robots)
         self._pairs = {pair: Contact() for pair in itertools.combinations(names, 2)}
         self._ends = np.triu_indices(len(names), 1)  # of these pairs, by the places of names
@@ -214,6 +169,38 @@ class World:
         self._picture = Every(plan.camera.interval_s)
         self._now_s: float | None = None  # of the last step
         self._took_off_s: float | None = None  # the first vehicle; from then on robots drive
+
+    @property
+    def robots(self) -> dict[str, PatrolRobot | GroundRobot]:
+        """The ground robots, by name."""
+        return {name: ugv.robot for name, ugv in self._ugvs.items()}
+
+    @property
+    def goals_total(self) -> int:
+        """How many vehicles exploring robots look for."""
+        return len(self._plan.exploration.town.goals) if self._plan.exploration else 0
+
+    @property
+    def goals(self) -> list[Visit]:
+        """The goals that exploring robots have reached first, in order of Unix time."""
+        return first_visits(r for r in self.robots.values() if isinstance(r, GroundRobot))
+
+    def stand(self, name: str, place: Point) -> None:
+        """A robot is here from now on: its own program drives it, and says what it has to say."""
+        ugv = self._ugvs[name]
+        if not isinstance(ugv, PatrolUgv):
+            here = PatrolPlan(Patrol([place]))
+            ugv = PatrolUgv(PatrolRobot(name, here, self._plan.scene.vehicles), self.frame, ())
+            self._ugvs[name] = ugv
+        ugv.robot.stand(place)
+
+    def hear(self, name: str, robot: str, topic: str, data: bytes) -> None:
+        """A message of a robot has reached the ground robot `name`.
+
+        Raises:
+            MessageError, GridError, FrameError: it is not what its topic promises.
+        """
+        self._ugvs[name].hear(robot, topic, data)
 
     def contact(self, a: str, b: str) -> Contact:
         """What two robots have heard of each other so far."""
@@ -234,14 +221,15 @@ class World:
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
         if self._took_off_s is not None:
-            for robot in self.robots.values():
-                robot.step(dt_s)
+            for ugv in self._ugvs.values():
+                ugv.drive(dt_s, truth.unix_s)
         elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
             self._took_off_s = truth.time_s
         links, readings = self._hear(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
         patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
-        said = [message for ugv in self._ugvs for message in self._speak(ugv, truth)]
+        times = truth.time_s, truth.unix_s
+        said = [message for ugv in self._ugvs.values() for message in ugv.speak(*times)]
         return Step(links, readings, tuple(said), patches)
 
     def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
@@ -314,28 +302,3 @@ class World:
                 below, high = sorted(places[[a[pair], b[pair]]], key=itemgetter(2))
                 rssi_dbm[pair] = plan.radio.tx_power_dbm - self._air.between_db(high, below)
         return rssi_dbm
-
-    def _speak(self, ugv: _Ugv, truth: Truth) -> list[Publication]:
-        robot, frame = ugv.robot, self.frame
-        time_s, stamp_s = truth.time_s, truth.unix_s
-        said: list[Publication] = []
-        if ugv.pose.due(time_s) and POSE_TOPIC in ugv.topics:
-            here = frame.to_geodetic(robot.position)
-            pose = PoseMessage(
-                stamp_s=stamp_s,
-                latitude_deg=here.latitude_deg,
-                longitude_deg=here.longitude_deg,
-                heading_deg=robot.heading_deg,
-            )
-            said.append(Publication(robot.name, POSE_TOPIC, pose.encode()))
-        path_due = ugv.path.due(time_s)
-        if (path_due or robot.path != ugv.told_path) and PATH_TOPIC in ugv.topics:
-            ugv.told_path = robot.path
-            path = PathMessage(stamp_s=stamp_s, points=tuple(map(frame.to_geodetic, robot.path)))
-            said.append(Publication(robot.name, PATH_TOPIC, path.encode()))
-        if ugv.sightings.due(time_s) and SIGHTINGS_TOPIC in ugv.topics:
-            seen = map(frame.to_geodetic, robot.sightings)
-            objects = tuple(SeenObject(kind="vehicle", **place._asdict()) for place in seen)
-            sightings = SightingsMessage(stamp_s=stamp_s, objects=objects)
-            said.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))
-        return said

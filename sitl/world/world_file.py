@@ -18,8 +18,12 @@ from air_router.mission.mission import Mission
 from geo.airspace.zone import Circle, Ring, Zone, ZoneError, checked_ring
 from geo.frame import FrameError, Point
 from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.world.explorers.exploration import Exploration
+from sitl.world.explorers.settings import ExplorerSettings, PlacedBy
 from sitl.world.radio import RadioModel
-from sitl.world.terrain import Camera, Road, Scene
+from sitl.world.towns.terrain import Camera, Road, Scene
+from sitl.world.towns.town_file import load_town
+from sitl.world.towns.town_generator import scatter
 from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan, default_patrols
 
 Keys = tuple[str | int, ...]
@@ -47,12 +51,19 @@ class _Robot(BaseModel):
     start_m: Annotated[float, Field(ge=0)] = 0.0
 
 
+class _Explore(ExplorerSettings):
+    town: Annotated[str, Field(min_length=1, description="the path of a town's file")]
+    goals: PlacedBy = "town"
+    starts: PlacedBy = "town"
+
+
 class _World(BaseModel):
     coordinates: Literal["degrees", "local"] = "degrees"
     radio: RadioModel = RadioModel()
     camera: Camera = Camera()
     terrain: _Terrain = _Terrain()
     robots: dict[str, _Robot] = {}
+    explore: _Explore | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -71,6 +82,8 @@ class WorldPlan:
         patrols: Where each ground robot drives, by name.
         margin_m: How far the terrain reaches beyond the fence.
         seed: Chooses the fading.
+        exploration: The robots that look for the vehicles of a town; None: all are on patrol. Of
+            its robots those that have a patrol keep to it.
     """
 
     radio: RadioModel
@@ -79,6 +92,7 @@ class WorldPlan:
     patrols: Mapping[str, PatrolPlan]
     margin_m: float = MARGIN_M
     seed: int = 0
+    exploration: Exploration | None = None
 
 
 def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed: int) -> WorldPlan:
@@ -87,9 +101,9 @@ def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed:
     Args:
         path: The world file; None: a default world.
         mission: Gives the frame, and the buildings where the file names none.
-        robots: Names of the ground robots; those that the file does not mention get patrols near
-            waypoints, far from each other.
-        seed: Chooses the default patrols and the radio's shadowing.
+        robots: Names of the ground robots; those that the file does not mention explore its town,
+            or get patrols near waypoints, far from each other.
+        seed: Chooses the default patrols, the radio's shadowing, and what exploring robots draw.
 
     Raises:
         DocumentError: every problem of the file, with line and column.
@@ -112,7 +126,8 @@ class _Reader:
 
     def plan(self, robots: Sequence[str], seed: int) -> WorldPlan:
         model = self.model
-        scene = self._scene()
+        exploration = self._exploration(robots, seed)
+        scene = self._scene(exploration)
         patrols = {
             name: plan
             for name, robot in model.robots.items()
@@ -120,11 +135,38 @@ class _Reader:
         }
         if self.problems:
             raise DocumentError(self.problems)
-        missing = [name for name in robots if name not in patrols]
-        patrols |= default_patrols(self.mission, missing, seed, patrols.values())
-        return WorldPlan(model.radio, model.camera, scene, patrols, model.terrain.margin_m, seed)
+        if exploration is None:
+            missing = [name for name in robots if name not in patrols]
+            patrols |= default_patrols(self.mission, missing, seed, patrols.values())
+        world = (model.radio, model.camera, scene, patrols, model.terrain.margin_m)
+        return WorldPlan(*world, seed, exploration)
 
-    def _scene(self) -> Scene:
+    def _exploration(self, robots: Sequence[str], seed: int) -> Exploration | None:
+        explore = self.model.explore
+        if explore is None:
+            return None
+        town = load_town(self.document.path.parent / explore.town)
+        ours, theirs = self.mission.frame.origin, town.frame.origin
+        if ours != theirs:
+            message = (
+                f"the town's frame.origin is {theirs[0]}, {theirs[1]}, and the mission's "
+                f"{ours[0]}, {ours[1]}: robots would take its map for another place; give the "
+                "mission the town's"
+            )
+            self._report(("explore", "town"), message, "other-origin")
+        for key in sorted(self.model.terrain.model_fields_set - {"margin_m"}):
+            message = f"'{key}' stand in the town's file; remove them here, or 'explore'"
+            self._report(("terrain", key), message, "town-has-it")
+        if explore.goals == "seed":
+            town = scatter(town, seed, len(town.goals))
+        settings = ExplorerSettings(**explore.model_dump(exclude={"town", "goals", "starts"}))
+        return Exploration(
+            *(town, tuple(robots), seed, settings), drawn_starts=explore.starts == "seed"
+        )
+
+    def _scene(self, exploration: Exploration | None) -> Scene:
+        if exploration is not None:
+            return exploration.town.scene
         terrain = self.model.terrain
         shapes = (zone.shape for zone in self._standing())
         buildings = tuple(s.corners if isinstance(s, Circle) else s.ring for s in shapes)
@@ -165,7 +207,7 @@ class _Reader:
         return PatrolPlan(patrol, robot.speed_m_s, robot.start_m)
 
     def _building_name(self, index: int) -> str:
-        if self.model.terrain.buildings is not None:
+        if self.model.explore or self.model.terrain.buildings is not None:
             return f"building {index + 1}"
         return f"the no-fly zone '{self._standing()[index].name}', which counts as a building"
 

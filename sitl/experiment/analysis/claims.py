@@ -204,6 +204,7 @@ FLIGHT_MEASURES: Final = {
     "found_after_mean_s": "wait for a robot that is found, s",
     "comm_mean_s": "time in COMM, s",
     "mission_s": "time until it comes home, s",
+    "goals_found": "goals found",
     "pose_age_mean_s": "age of poses at the UAV, s",
     "given_age_mean_s": "age of what robots were given, s",
 }
@@ -311,6 +312,8 @@ def likeness(runs: Runs) -> str:
     lines = [f"| per mission, geometric means | {names} | ratio | within 10 % |"]
     lines += ["|---|---:|---:|---:|---|"]
     for key, name in FLIGHT_MEASURES.items():
+        if not runs.has(key):
+            continue
         means = " | ".join(f"{factor(key, weights).value:.1f}" for weights in (ours, theirs))
         ratio = factor(key, apart)
         value, low, high = (f"{number:.2f}" for number in ratio)

@@ -13,7 +13,6 @@ microsecond, positions to a millimetre) before anything is decided by it.
 from __future__ import annotations
 
 import math
-import random
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -36,11 +35,12 @@ from sitl.experiment.robots.node import Node, base_says, fleet_of
 from sitl.experiment.robots.uav import CAMERA, COMMAND_S, MapPainter, Uav
 from sitl.experiment.settings import RunSettings
 from sitl.world.air_to_ground import HIGHEST_M
+from sitl.world.explorers.exploration import Exploration
 from sitl.world.explorers.explorer import NO_VEHICLE_M, GroundRobot, Visit
 from sitl.world.explorers.messages import CLAIMS_TOPIC
 from sitl.world.explorers.settings import ExplorerSettings
 from sitl.world.towns.town import GRAIN_M, REACHED_M, Town
-from sitl.world.towns.town_generator import drawn_starts, scatter
+from sitl.world.towns.town_generator import scatter
 from sitl.world.towns.ways import PASSABLE, Ways
 
 GROUND_S: Final = 1.0
@@ -102,7 +102,8 @@ class Run:
             original=settings.protocol == "original",
         )
         self._numbers = {name: number for number, name in enumerate(self.fleet.names)}
-        self.robots = self._ground_robots(seed)
+        who, drawn = (self.town, self.fleet.ugvs, seed), settings.starts == "seed"
+        self.robots = Exploration(*who, settings.explorer, drawn_starts=drawn).robots()
         self._starts = [robot.position for robot in self.robots.values()]
         self.uavs = [
             Uav(
@@ -157,26 +158,6 @@ class Run:
         return self.channel_sim.contacts()
 
     # Who takes part.
-
-    def _ground_robots(self, seed: int) -> dict[str, GroundRobot]:
-        town, names = self.town, self.fleet.ugvs
-        if self.settings.starts == "seed":
-            starts: Sequence[Point] = drawn_starts(town, seed, len(names))
-        elif names and not town.starts:
-            raise ValueError(f"{town.name} has no place where a ground robot could start")
-        else:  # over again if there are too few
-            starts = [town.starts[number % len(town.starts)] for number in range(len(names))]
-        own = (random.Random(f"{seed} {name}").getrandbits(62) for name in names)  # noqa: S311
-        robots = {
-            name: GroundRobot(name, town, its_seed, start, self.settings.explorer)
-            for name, its_seed, start in zip(names, own, starts, strict=True)
-        }
-        chance = random.Random(f"{seed} maps")  # noqa: S311 - repeatable on purpose
-        recall = self.settings.explorer.recall
-        unmapped = [goal.position for goal in town.goals if chance.random() >= recall]
-        for robot in robots.values():
-            robot.unmapped = unmapped
-        return robots
 
     def _node(self, number: int, name: str) -> Node:
         make = partial(

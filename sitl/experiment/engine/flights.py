@@ -1,10 +1,10 @@
 """A mission in its own world, flown by what experiments are made of, or by `air-router sim`.
 
-The world is `sitl.world`'s: robots on patrol, radios, camera. `air-router sim` flies the same
-mission, world and seed with an autopilot, simulated or a real PX4, MAVLink, sockets and clocks.
-What the UAV's controller heard and decided is counted by the same code on both sides, from the
-moment when it begins INIT to its decision to come home; `sitl experiment fidelity` and `autopilot`
-compare the two.
+The world is `sitl.world`'s: robots that patrol or explore, radios, camera. `air-router sim` flies
+the same mission, world and seed with an autopilot, simulated or a real PX4, MAVLink, sockets and
+clocks.
+What the UAV's controller heard and decided is counted by the same code on both sides (`meter`);
+`sitl experiment fidelity` and `autopilot` compare the two.
 """
 
 from __future__ import annotations
@@ -16,18 +16,16 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Action, StateChanged
-from air_router.controller.model.events import Event, RobotPose
 from air_router.controller.model.flight_setup import FlightSetup
-from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, UsageError
 from air_router.files.settings import SeekPolicy
 from air_router.gossip.gossip import MAP_INTERVAL_S
@@ -36,12 +34,12 @@ from air_router.mission.loading import load_mission
 from air_router.record.log import Log
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from mocha_link.links.metrics import ContactBegan, ContactEnded, Direction, SyncEnded, SyncStarted
+from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.team.team import Team
-from sitl.experiment.engine.ages import mean_age_s
 from sitl.experiment.engine.channel import Change, Channel, Link, Load, Places
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.exchange import AirtimeStats
+from sitl.experiment.engine.meter import Goals, Measures, Meter
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.node import Node
 from sitl.experiment.robots.uav import MapPainter, Uav
@@ -141,7 +139,8 @@ class WorldRun:
         uav.node = Node(0, uav.name, team, queue, triggered=True, publish=uav.say, hear=uav.hear)
         self.nodes = {uav.name: uav.node}
         for number, name in enumerate(roles.ground, start=1):  # the world says what they say
-            self.nodes[name] = Node(number, name, team, queue, triggered=True)
+            ear = partial(self._hear, name)
+            self.nodes[name] = Node(number, name, team, queue, triggered=True, hear=ear)
         channel = _WorldChannel()
         nodes = list(self.nodes.values())
         channel.sim = self._sim = _WorldSim(queue, channel, nodes, AirtimeStats(lambda _row: None))
@@ -155,6 +154,17 @@ class WorldRun:
         links = [(name, node.gossip.links(node.now)) for name, node in self.nodes.items()]
         ends = [(name, peer, link.bytes_in) for name, of in links for peer, link in of.items()]
         return [size for name, peer, size in ends if uav.name in {name, peer}]
+
+    @property
+    def goals(self) -> Goals:
+        """What exploring robots have found."""
+        return Goals(self._world.goals_total, [visit.time_s for visit in self._world.goals])
+
+    def _hear(self, name: str, event: LinkEvent) -> None:
+        """Something has happened on a ground robot's links."""
+        if isinstance(event, MessageStored) and event.robot != name:
+            data = self.nodes[name].data_of(event)
+            self._world.hear(name, event.robot, event.topic, data)
 
     def _tick(self) -> None:
         uav, now = self.uav, self.uav.node.now
@@ -171,96 +181,13 @@ class WorldRun:
         self._sim.look(_NOWHERE)
 
 
-Measures = dict[str, float | None]
-
-
-class Meter(EventLog):
-    """Counts what a controller hears and decides, as it happens or from a flight's record."""
-
-    def __init__(self, queue: EventQueue) -> None:
-        super().__init__(queue)
-        self._counts = dict.fromkeys(("searches", "found", "uav_contacts", "syncs"), 0)
-        self._contact_s = 0.0
-        self._since: dict[State, float] = {}  # when each state was entered last
-        self._waits_s: list[float] = []  # of searches that ended in COMM
-        self._comms_s: list[float] = []  # of visits
-        self._unix_less_s = 0.0  # Unix time of the node, less the flight's
-        self._news: dict[tuple[str, str], list[tuple[float, float]]] = {}  # when, of when
-
-    def event(self, uav: str, event: Event) -> None:
-        """A controller is told."""
-        super().event(uav, event)
-        self.take(self._queue.now_s, event)
-
-    def action(self, uav: str, action: Action) -> None:
-        """A controller asks for something."""
-        super().action(uav, action)
-        self.take(self._queue.now_s, action)
-
-    def take(self, now_s: float, what: Event | Action) -> None:
-        """Count what happened or was decided at a time."""
-        counts = self._counts
-        match what:
-            case ContactBegan():
-                counts["uav_contacts"] += 1
-            case ContactEnded(duration_s=duration_s):
-                self._contact_s += duration_s
-            case SyncStarted(at_s=at_s):
-                self._unix_less_s = at_s - now_s
-            case SyncEnded(peer=peer, direction=direction, complete=complete):
-                counts["syncs"] += 1
-                if complete and direction is Direction.OUT:
-                    self._news.setdefault(("given", peer), []).append((now_s, now_s))
-            case RobotPose(robot=robot, stamp_s=stamp_s):
-                poses = self._news.setdefault(("pose", robot), [])
-                true_s = stamp_s - self._unix_less_s
-                if not poses or true_s > poses[-1][1]:
-                    poses.append((now_s, true_s))
-            case StateChanged(source=source, target=target):
-                self._changed(now_s, source, target)
-
-    def _changed(self, now_s: float, source: State, target: State) -> None:
-        if source is State.COMM:
-            self._comms_s.append(now_s - self._since[source])
-        if target is State.COMM:
-            self._counts["found"] += 1
-            self._waits_s.append(now_s - self._since[State.SEARCH])
-        self._counts["searches"] += target is State.SEARCH
-        self._since[target] = now_s
-
-    def measures(self, robots: Collection[str], arrived_bytes: Iterable[int]) -> Measures:
-        """What it came to, by columns; of the ground robots, and the bytes of the UAV's links."""
-        ages_s = {
-            what: float(np.mean([self._age_s(what, robot) for robot in robots]))
-            for what in ("pose", "given")
-        }
-        return {
-            **self._counts,
-            "uav_contact_s": self._contact_s,
-            "arrived_kB": sum(arrived_bytes) / 1e3,
-            "found_after_mean_s": float(np.mean(self._waits_s)) if self._waits_s else None,
-            "comm_mean_s": float(np.mean(self._comms_s)) if self._comms_s else None,
-            "mission_s": self._since[State.HOME] - self._since[State.INIT],
-            "pose_age_mean_s": ages_s["pose"],
-            "given_age_mean_s": ages_s["given"],
-            "exchange_age_mean_s": (ages_s["pose"] + ages_s["given"]) / 2,
-        }
-
-    def _age_s(self, what: str, robot: str) -> float:
-        began_s, home_s = self._since[State.INIT], self._since[State.HOME]
-        news = [entry for entry in self._news.get((what, robot), ()) if entry[0] < home_s]
-        held = np.array([(began_s, began_s), *news]) - began_s
-        held[:, 0] = np.maximum(held[:, 0], 0.0)  # what came on the ground is held from the start
-        return mean_age_s(held, home_s - began_s)
-
-
 def flown_here(mission: Path, seed: int, policy: SeekPolicy) -> tuple[Measures, str]:
     """A mission by the experiments' simulation: what it came to, and the digest of its log."""
     began, queue = os.times(), EventQueue()
     meter = Meter(queue)
     run = WorldRun(mission, seed, queue, meter, policy)
     arrived_bytes = run.finish()
-    measures = meter.measures(run.nodes.keys() - {run.uav.name}, arrived_bytes)
+    measures = meter.measures(run.nodes.keys() - {run.uav.name}, arrived_bytes, run.goals)
     return measures | _cost(began, os.times(), queue.now_s), meter.digest
 
 
@@ -289,13 +216,13 @@ def flown_in_processes(
             raise AirRouterError(f"air-router sim, seed {seed}: {done.stderr.strip()[-500:]}")
         ended, report = os.times(), json.loads(done.stdout)
         record = Path(report["record"])
-        measures, simulated_s = _recorded(record, report["world"]["robots"])
+        measures, simulated_s = _recorded(record, report["world"])
         digest = hashlib.sha256(record.read_bytes()).hexdigest()
     return measures | _cost(began, ended, simulated_s), digest
 
 
-def _recorded(record: Path, robots: Mapping[str, Any]) -> tuple[Measures, float]:
-    """What a record and the world's report of its robots came to, and how long the flight was."""
+def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float]:
+    """What a record and the world's report came to, and how long the flight was."""
     meter, arrived_bytes, now_s = Meter(EventQueue()), dict[str, int](), 0.0
     for entry in Log(record):
         now_s = entry.t
@@ -303,9 +230,11 @@ def _recorded(record: Path, robots: Mapping[str, Any]) -> tuple[Measures, float]
             meter.take(now_s, entry.value)
         elif entry.kind == "link":
             arrived_bytes[entry.value.peer] = entry.value.bytes_in
+    robots, goals = world["robots"], world["goals"]
     syncs = [each for robot in robots.values() for each in robot["syncs"].items()]
     there = [link["bytes_in"] for peer, link in syncs if peer not in robots]
-    return meter.measures(robots.keys(), [*arrived_bytes.values(), *there]), now_s
+    found = Goals(goals["total"], [each["at_s"] for each in goals["found"]])
+    return meter.measures(robots.keys(), [*arrived_bytes.values(), *there], found), now_s
 
 
 def _cost(began: os.times_result, ended: os.times_result, simulated_s: float) -> Measures:

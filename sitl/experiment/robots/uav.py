@@ -33,7 +33,7 @@ from sitl.experiment.robots.flyer import AirframeFlyer, Flyer
 from sitl.experiment.robots.node import EPOCH_S, Node
 from sitl.experiment.settings import RunSettings
 from sitl.world.explorers.messages import degrees
-from sitl.world.terrain import Camera, Raster
+from sitl.world.towns.terrain import Camera, Raster
 
 
 class MapPainter:

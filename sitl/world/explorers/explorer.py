@@ -62,6 +62,8 @@ class GroundRobot:
     Attributes:
         position: Where it is.
         heading_deg: Clockwise from north.
+        driven_m: Metres driven so far.
+        sightings: Vehicles that it has recognised itself, in order.
         visited: Goals reached, in order; each id at most once per robot.
         unmapped: Vehicles that it does not recognise on maps.
         knowledge: What it knows of the ground.
@@ -81,6 +83,8 @@ class GroundRobot:
         self.settings = settings
         self.position = start
         self.heading_deg = 0.0
+        self.driven_m = 0.0
+        self.sightings: list[Point] = []
         self.unmapped: Sequence[Point] = ()
         self.visited: list[Visit] = []
         self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
@@ -91,7 +95,6 @@ class GroundRobot:
         self._mean_speed_m_s = settings.speed_m_s * settings.progress  # on roads
         self._cell: Cell = -1  # where it is; -1: before the first step
         self._way: list[Cell] = []  # still to be driven
-        self._objects: list[Point] = []  # vehicles that it recognised itself
         self._deadline_s = math.inf  # simulated time at which the goal is given up
         self._now_s = -math.inf  # of the last step
         self._next_thought_s = self._chance.uniform(0, settings.thinking_s)
@@ -145,6 +148,7 @@ class GroundRobot:
             distance_m = math.dist(self.position, target)
             speed_m_s = self._mean_speed_m_s * float(_PACE[self.knowledge.cells[self._cell]])
             step_m = min(distance_m, speed_m_s * time_s)
+            self.driven_m += step_m
             if step_m > 0:
                 east_m, north_m = target[0] - self.position[0], target[1] - self.position[1]
                 self.heading_deg = math.degrees(math.atan2(east_m, north_m)) % 360
@@ -167,12 +171,12 @@ class GroundRobot:
         seen = [
             goal.position
             for goal in self.town.vehicles_seen_from(cell, self.settings.recognition_m)
-            if goal.position not in self._objects
+            if goal.position not in self.sightings
         ]
         if seen:
-            self._objects += seen
+            self.sightings += seen
             self.book.learn(seen)
-            self._post.objects = self._objects
+            self._post.objects = self.sightings
         if contradicted and not PASSABLE[self.knowledge.cells[self._way]].all():
             self._replan()
 

@@ -10,6 +10,9 @@ Positive = Annotated[float, Field(gt=0, le=1e9)]
 Share = Annotated[float, Field(ge=0, le=1)]
 """What a file may write where these stand."""
 
+PlacedBy = Literal["town", "seed"]
+"""Whether places are those of the town's file, or others in every run."""
+
 
 class ExplorerSettings(BaseModel):
     """How a ground robot drives and decides; the defaults are the paper's and its authors' code.

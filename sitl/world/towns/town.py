@@ -18,7 +18,7 @@ import shapely
 
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells, Terrain
-from sitl.world.terrain import Raster, Road, Scene, layers
+from sitl.world.towns.terrain import Raster, Road, Scene, layers
 
 Ring = tuple[Point, ...]
 

@@ -18,7 +18,7 @@ from air_router.mission.mission import Mission
 from geo.airspace.zone import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
-from sitl.world.terrain import MAX_CELLS, Road
+from sitl.world.towns.terrain import MAX_CELLS, Road
 from sitl.world.towns.town import (
     GRAIN_M,
     REACHED_M,

@@ -15,7 +15,7 @@ import shapely
 
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import MAX_CELLS
-from sitl.world.terrain import Road
+from sitl.world.towns.terrain import Road
 from sitl.world.towns.town import GRAIN_M, RESOLUTION_M, Bounds, Goal, Ring, Town
 from sitl.world.towns.ways import Ways
 

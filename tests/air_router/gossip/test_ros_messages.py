@@ -27,7 +27,7 @@ from mocha_link.errors import MissingExtraError
 from mocha_link.ros.ros import RosCodec
 from mocha_link.team.document import Document
 from sitl.team.nodes import RosMessages
-from sitl.world.world import Publication
+from sitl.world.ground_robots import Publication
 
 DATUM = Geodetic(47.3977, 8.5456)
 CODEC = RosCodec()

@@ -1,11 +1,13 @@
 """The whole world beside the autopilot, as a process; the vehicle is played by the test."""
 
+import itertools
 import json
 import socket
 import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -156,6 +158,25 @@ def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp
         for data in (pose.encode(), b"junk"):
             program.publish("/pose", data, now=True)
             assert follow() == pytest.approx(there, abs=1e-3)
+
+
+def test_exploring_robots_hear_over_their_nodes_what_others_say(tmp_path):
+    mission = load_mission(ROOT / "missions" / "explorers" / "mission.yaml")
+    team = derive_team(Team.load(mission.team), tmp_path)
+    plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
+    home, seconds = mission.frame.to_geodetic(mission.home), itertools.count()
+    with TeamSimulation(mission, team, plan, epoch_s=EPOCH_S) as simulation:
+
+        def knows_what_another_has_seen() -> bool:
+            simulation.follow(VehicleState(next(seconds), *home, 610.0, 0.0))  # 60 m up
+            minds = [robot.knowledge for robot in simulation.world.robots.values()]
+            return any(np.count_nonzero(mind.cells) > mind.first_seen for mind in minds)
+
+        wait_until(knows_what_another_has_seen)
+        content = simulation.report()
+    assert content["goals"] == {"total": 15, "found": []}
+    assert content["robots"]["ugv01"]["map"] is None  # what others have seen is no map of a UAV
+    assert content["robots"]["ugv01"]["maps_refused"] == 0
 
 
 def test_a_moment_is_over_once_its_exchanges_are(tmp_path, mission, monkeypatch):

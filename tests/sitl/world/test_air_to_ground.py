@@ -12,7 +12,7 @@ from sitl.world.air_to_ground import (
     sight_probability,
 )
 from sitl.world.radio import RadioModel, TownRadio
-from sitl.world.terrain import Raster
+from sitl.world.towns.terrain import Raster
 
 GHZ = 2.4
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geo.frame import Point
-from sitl.world.ugv import SIGHT_M, GroundRobot, Patrol, PatrolPlan
+from sitl.world.ugv import SIGHT_M, Patrol, PatrolPlan, PatrolRobot
 
 SQUARE = (Point(0, 0), Point(0, 100), Point(100, 100), Point(100, 0))
 
@@ -14,7 +14,7 @@ points = st.lists(st.builds(Point, coordinates, coordinates), min_size=1, max_si
 
 
 def test_a_robot_drives_its_round_at_its_speed():
-    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE), 1.5))
+    robot = PatrolRobot("io", PatrolPlan(Patrol(SQUARE), 1.5))
     robot.step(60.0)
     assert robot.position == pytest.approx((0, 90))
     assert robot.heading_deg == 0
@@ -37,7 +37,7 @@ def test_a_closed_patrol_returns_straight_and_an_open_one_the_way_it_came():
 
 
 def test_a_robot_with_one_point_stays_there():
-    base = GroundRobot("base", PatrolPlan(Patrol([Point(3, 4)])))
+    base = PatrolRobot("base", PatrolPlan(Patrol([Point(3, 4)])))
     base.step(100.0)
     assert base.position == (3, 4)
     assert base.driven_m == 0
@@ -45,21 +45,21 @@ def test_a_robot_with_one_point_stays_there():
 
 
 def test_the_path_names_the_next_points_and_ends_at_the_destination():
-    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE)))
+    robot = PatrolRobot("io", PatrolPlan(Patrol(SQUARE)))
     assert robot.path == (SQUARE[1], SQUARE[2], SQUARE[3])
     robot.step(150.0)
     assert robot.path == (SQUARE[2], SQUARE[3], SQUARE[0])
 
 
 def test_a_robot_starts_where_it_is_told_to():
-    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE), start_m=110.0))
+    robot = PatrolRobot("io", PatrolPlan(Patrol(SQUARE), start_m=110.0))
     assert robot.position == pytest.approx((10, 100))
     assert robot.driven_m == 0
 
 
 def test_a_robot_remembers_the_vehicles_that_it_passed():
     vehicles = (Point(10, 50), Point(-SIGHT_M - 1, 20), Point(50, 105))
-    robot = GroundRobot("io", PatrolPlan(Patrol(SQUARE)), vehicles)
+    robot = PatrolRobot("io", PatrolPlan(Patrol(SQUARE)), vehicles)
     assert robot.sightings == ()
     for _ in range(160):
         robot.step(1.0)

@@ -1,14 +1,21 @@
 import math
+from pathlib import Path
 
 import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from geo.frame import Geodetic, LocalFrame, Point
+from geo.grid import GridError, SemanticGrid
 from sitl.world.air_to_ground import AirToGround
+from sitl.world.explorers.exploration import Exploration, first_visits
+from sitl.world.explorers.explorer import Visit
+from sitl.world.explorers.settings import ExplorerSettings
+from sitl.world.ground_robots import Every
 from sitl.world.radio import RadioModel
-from sitl.world.terrain import Camera, Raster, Scene
+from sitl.world.towns.terrain import Camera, Raster, Scene
+from sitl.world.towns.town_file import load_town
 from sitl.world.ugv import Patrol, PatrolPlan
-from sitl.world.world import STEP_S, Every, Truth, World
+from sitl.world.world import STEP_S, Truth, World
 from sitl.world.world_file import WorldPlan
 
 FRAME = LocalFrame(Geodetic(40.0, -75.0))
@@ -217,3 +224,64 @@ def test_how_near_two_vehicles_came_counts_from_take_off_on():
     world.step({"titan": truth(3.0, WEST, 40.0), "atlas": truth(3.0, EAST, 39.0)})
     assert (approach.closest_m, approach.across_m, approach.up_m) == (13.0, 5.0, 12.0)
     assert (approach.at_s, approach.level_m) == (2.0, 12.0)
+
+
+URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
+EXPLORER_TOPICS = ("/pose", "/claimed_goals", "/path")
+
+
+def exploring_world() -> World:
+    """Two robots that explore, beside one on patrol."""
+    quick = ExplorerSettings(progress=1.0)
+    exploration = Exploration(URBAN, ("europa", "io", "oi"), 1, quick, drawn_starts=False)
+    patrols = {"oi": PatrolPlan(Patrol([WEST]))}
+    plan = WorldPlan(RadioModel(), Camera(), URBAN.scene, patrols, exploration=exploration)
+    topics = dict.fromkeys(("europa", "io", "oi"), EXPLORER_TOPICS)
+    return World(plan, URBAN.frame, ("titan",), URBAN.raster, topics)
+
+
+def test_exploring_robots_set_off_and_speak_from_the_take_off_on():
+    world = exploring_world()
+    before = [at(world, count * STEP_S, EAST, height_m=0.1) for count in range(20)]
+    said = {(p.robot, p.topic) for step in before for p in step.publications}
+    assert {robot for robot, _ in said} == {"oi"}
+    after = drive(world, 10, EAST, start_s=2.0)
+    poses = [p for step in after for p in step.publications if p.robot == "io"]
+    assert {p.topic for p in poses} == {"/pose"}  # it sees ground, and its kind says nothing of it
+    stamps_s = [PoseMessage.decode(p.data).stamp_s - UNIX_S for p in poses]
+    assert stamps_s == pytest.approx([2.1 + second for second in range(10)])
+
+
+def test_exploring_robots_go_to_goals_that_they_hear_of_and_what_they_find_counts():
+    world = exploring_world()
+    drive(world, 1, EAST)
+    whole = SemanticGrid(
+        URBAN.frame.origin, 0.5, URBAN.bounds.west_m, URBAN.bounds.south_m, URBAN.raster.cells
+    )
+    world.hear("io", "titan", "/map", whole.encode())
+    with pytest.raises(GridError):
+        world.hear("io", "titan", "/map", b"junk")
+    world.hear("oi", "titan", "/map", b"junk")  # on patrol it makes nothing of it
+    steps = drive(world, 120, EAST, start_s=1.1)
+    assert any(p.topic == "/claimed_goals" for step in steps for p in step.publications)
+    (first, *_) = found = world.goals
+    assert (first.robot, world.goals_total) == ("io", 15)
+    assert UNIX_S < first.time_s <= found[-1].time_s < UNIX_S + 121.1
+    assert world.robots["io"].driven_m > 20
+    assert world.robots["io"].sightings
+
+
+def test_a_goal_counts_for_the_robot_that_reached_it_first():
+    robots = exploring_world().robots
+    robots["io"].visited = [Visit("v1", 5.0, "io"), Visit("v2", 9.0, "io")]
+    robots["europa"].visited = [Visit("v2", 8.0, "europa"), Visit("v1", 10.0, "europa")]
+    explorers = [robots["io"], robots["europa"]]
+    assert first_visits(explorers) == [Visit("v1", 5.0, "io"), Visit("v2", 8.0, "europa")]
+
+
+def test_an_exploring_robot_that_a_program_plays_stands_where_it_says_and_is_silent():
+    world = exploring_world()
+    world.stand("io", EAST)
+    steps = drive(world, 5, WEST)
+    assert world.robots["io"].position == EAST
+    assert not [p for step in steps for p in step.publications if p.robot == "io"]

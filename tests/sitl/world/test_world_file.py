@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from air_router.files.settings import Timers
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
 from geo.airspace.zone import Band, Circle, Zone
@@ -13,8 +14,10 @@ from geo.grid import GridPatch, Terrain
 from geo.validity import Validity
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
+from sitl.experiment.engine.engine import Run
+from sitl.experiment.settings import MissionTimers, RunSettings
 from sitl.team.roles import make_world, roles_of
-from sitl.world.ugv import GroundRobot
+from sitl.world.ugv import PatrolRobot
 from sitl.world.world_file import load_world
 
 MISSIONS = Path(__file__).parents[3] / "missions"
@@ -48,7 +51,7 @@ def test_in_an_hour_of_patrol_no_two_robots_hear_each_other_but_the_vehicle_can(
     mission = request.getfixturevalue(name)
     plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
     assert set(plan.patrols) == set(ROBOTS)
-    robots = [GroundRobot(name, patrol) for name, patrol in plan.patrols.items()]
+    robots = [PatrolRobot(name, patrol) for name, patrol in plan.patrols.items()]
     closest_m = math.inf
     for _ in range(3600):
         for robot in robots:
@@ -167,6 +170,48 @@ robots:
     assert plan.patrols["io"].start_m == 10
 
 
+EXPLORE = f"explore: {{town: {MISSIONS}/urban/town.yaml, goals: seed, starts: seed}}\n"
+
+
+def test_a_seed_means_the_same_robots_and_goals_as_in_an_experiment():
+    mission = load_mission(MISSIONS / "explorers" / "mission.yaml")
+    roles = roles_of(mission, Team.load(mission.team))
+    world = load_world(mission.world, mission, roles.ground, seed=7)
+    settings = RunSettings(
+        town=MISSIONS / "urban" / "town.yaml", ugvs=5, goals="seed", starts="seed"
+    )
+    run = Run(settings, 7)
+    assert world.exploration.town.goals == run.town.goals
+    assert world.scene.vehicles == tuple(goal.position for goal in run.town.goals)
+    robots = world.exploration.robots()
+    assert robots.keys() == run.robots.keys()
+    for name, robot in run.robots.items():
+        assert robots[name].position == robot.position
+        assert robots[name]._next_thought_s == robot._next_thought_s  # its own chance
+        assert robots[name].settings == robot.settings
+    assert mission.timers == Timers(**MissionTimers().model_dump())
+
+
+def test_robots_without_a_patrol_explore_the_town_that_the_file_names(tmp_path, urban):
+    patrol = "coordinates: local\nrobots: {io: {patrol: [[0, 0]]}}\n"
+    text = f"{patrol}{EXPLORE[:-2]}, progress: 0.5}}\n"
+    plan = load(tmp_path, urban, text)
+    team = Team.load(urban.team)
+    world = make_world(urban, team, roles_of(urban, team), plan)
+    assert plan.patrols.keys() == {"io"}
+    assert isinstance(world.robots["io"], PatrolRobot)
+    assert {world.robots[name].settings.progress for name in ("callisto", "europa")} == {0.5}
+    assert plan.scene.buildings == plan.exploration.town.buildings
+    assert load(tmp_path, urban, text, seed=2).scene.vehicles != plan.scene.vehicles
+
+
+def test_a_town_elsewhere_or_drawn_twice_is_told(tmp_path, urban, pennovation):
+    (elsewhere,) = problems_of(tmp_path, pennovation, EXPLORE)
+    assert "1:17: the town's frame.origin is 38.5, -98.5, and the mission's 39.94" in elsewhere
+    twice = problems_of(tmp_path, urban, EXPLORE + "terrain: {roads: [], margin_m: 20}\n")
+    assert twice == ["2:18: 'roads' stand in the town's file; remove them here, or 'explore'"]
+
+
 def test_all_problems_of_a_file_are_told_at_once_with_their_places(tmp_path, urban):
     text = """\
 coordinates: local
@@ -197,6 +242,8 @@ robots:
         ("camera: {fov_along_deg: '60'}", "must be a number"),
         ("robots: {io: {patrol: [[-75.2, 139.9]]}}", "latitude comes first"),
         ("terrain: {roads: [{points: [[0, 0]]}]}", "at least 2"),
+        ("explore: {progress: 0.2}", "missing key 'town'"),
+        ("explore: {town: none.yaml}", "cannot read the file"),
     ],
 )
 def test_a_wrong_value_is_named(tmp_path, pennovation, text, message):

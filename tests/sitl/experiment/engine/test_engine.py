@@ -19,9 +19,9 @@ from sitl.experiment.engine.engine import Run, goal_bound_share
 from sitl.experiment.engine.result import measured
 from sitl.experiment.robots import uav
 from sitl.experiment.settings import MissionTimers, PathLossModel, RunSettings
-from sitl.world import terrain
 from sitl.world.explorers import explorer
 from sitl.world.explorers.settings import ExplorerSettings
+from sitl.world.towns import terrain
 from sitl.world.towns.town_file import load_town
 
 ROOT = Path(__file__).parents[4]

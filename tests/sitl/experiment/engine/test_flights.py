@@ -20,16 +20,19 @@ from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
     Direction,
+    MessageStored,
     SyncEnded,
     SyncStarted,
 )
 from sitl.experiment.campaign import running
 from sitl.experiment.engine import flights
-from sitl.experiment.engine.flights import Meter, WorldRun
+from sitl.experiment.engine.flights import WorldRun
+from sitl.experiment.engine.meter import Goals, Meter
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.plan_file import load_experiment
 
 URBAN = Path(__file__).parents[4] / "missions" / "urban"
+EXPLORERS = URBAN.with_name("explorers")
 UNIX_S = 1_000_000.0  # when the flight's time began
 
 
@@ -76,12 +79,20 @@ def test_ages_are_areas_under_saw_teeth_from_init_to_the_way_home():
     assert meter.measures(["io", "europa"], [])["given_age_mean_s"] == pytest.approx((25 + 50) / 2)
 
 
+def test_goals_count_until_the_way_home_and_only_where_robots_look_for_some():
+    meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
+    meter.take(50.0, SyncStarted("io", UNIX_S + 50.0, Direction.IN))
+    found = meter.measures(["io"], [], Goals(15, [UNIX_S + s for s in (20.0, 109.0, 111.0)]))
+    assert (found["goals_found"], found["goals_total"]) == (2, 15)
+    assert "goals_found" not in meter.measures(["io"], [])
+
+
 def test_the_columns_of_a_flight_are_told():
     meter = told((10.0, State.READY, State.INIT), (110.0, State.INIT, State.HOME))
     page = (Path(__file__).parents[4] / "docs" / "experiments.md").read_text(encoding="utf-8")
     _, part, *_ = re.split("### The columns of a flight|## Questions", page)
     heads = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
-    columns = meter.measures(["io"], []).keys() | {"wall_s", "cpu_s", "speed_up"}
+    columns = meter.measures(["io"], [], Goals(1)).keys() | {"wall_s", "cpu_s", "speed_up"}
     assert set(re.findall(r"`(\w+)`", " ".join(heads))) == columns
 
 
@@ -194,6 +205,24 @@ def test_its_nodes_pull_ever_less_often_and_comm_ends_by_its_exchange(short):
     (first_s, first), *_ = log.of(ContactBegan)
     synced_s = [t for t, sync in log.of(SyncEnded) if sync.peer == first.peer and t < first_s + 9.0]
     assert len(synced_s) == pytest.approx(2 * 3, abs=2)  # both directions, after 0, 2 and 6 s
+
+
+def test_robots_explore_with_the_maps_that_gossip_brings_them(tmp_path):
+    """Until they have heard of the UAV's map they know of no goal that they have not seen."""
+    text = (EXPLORERS / "mission.yaml").read_text()
+    for old, new in (("duration_s: 900", "duration_s: 200"), (": team.", f": {EXPLORERS}/team.")):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    text = text.replace("world: world.yaml", f"world: {EXPLORERS}/world.yaml")
+    (tmp_path / "mission.yaml").write_text(text)
+    queue = EventQueue()
+    log = Kept(queue)
+    run = WorldRun(tmp_path / "mission.yaml", 1, queue, log, "tour")
+    run.finish()
+    topics = {stored.topic for _, stored in log.of(MessageStored) if stored.robot == "ugv01"}
+    assert {"/pose", "/claimed_goals", "/path", "/reachability"} <= topics
+    assert run.goals.total == 15
+    assert run.goals.found_s
 
 
 def test_its_map_has_the_cells_of_the_mapper_s(short):

@@ -16,7 +16,7 @@ from geo.grid import SemanticGrid, Terrain
 from mocha_link.team.document import DocumentError
 from sitl.cli import cli
 from sitl.experiment.robots.uav import MapPainter
-from sitl.world.terrain import Camera
+from sitl.world.towns.terrain import Camera
 from sitl.world.towns.town import Bounds, Lattice, coarse
 from sitl.world.towns.town_file import load_town, mission_over, town_text
 from sitl.world.towns.town_generator import APART_M, drawn_starts, generate, scatter

@@ -3,7 +3,7 @@ import pytest
 
 from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
-from sitl.world.terrain import Camera, Raster, Road, Scene, TerrainError
+from sitl.world.towns.terrain import Camera, Raster, Road, Scene, TerrainError
 
 CAMERA = Camera(fov_across_deg=90.0, fov_along_deg=53.13010235)
 TOWN = Scene(
