@@ -129,7 +129,8 @@ def _ours(path: Path, count: int) -> Iterator[None]:
         database.insert(record(key, key * 37), NOW_S)
         if key % 100 == 0:
             yield
-    storage.wait()
+    while not storage.wait(0.01):
+        yield
     yield
     storage.close(60)
 

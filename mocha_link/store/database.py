@@ -237,7 +237,7 @@ class Database:
         del self._by_raw[old.raw], self._by_number[old.number]
         group[old.record.header.topic_id % GROUPS] ^= digest(old.raw)
         if self._storage:
-            self._storage.drop(old.number)
+            self._storage.drop(old.number, old.record.header.key)
 
     def _begin(self, storage: Storage) -> None:
         """Take what the file has; if not all of it could be read, as a database of another name."""
@@ -254,7 +254,8 @@ class Database:
                 own_sequence = min(known.own_sequence, newest)
                 self._knowledge[peer] = replace(known, own_sequence=own_sequence)
             for number in found.records.keys() - self._by_number.keys():
-                storage.drop(number)  # the history is shorter now
+                key = found.records[number].header.key
+                storage.drop(number, key)  # the history is shorter now
         self._storage = storage
         storage.start(self._epoch, self._reconcile)
 
@@ -270,7 +271,7 @@ class Database:
                 if kept and kept.record.header == record.header:
                     same.add(number)
                 else:
-                    storage.drop(number)
+                    storage.drop(number, record.header.key)
             last_s = found.last_s()
             for number, record in found.records.items():
                 if number not in same:

@@ -1,7 +1,8 @@
 """The database's copy on disk: written behind its back, in order, by one thread.
 
 What is given to it is committed together with all that has come meanwhile (group commit), so a
-slow disk makes longer transactions, not a longer queue. See `storage_file` for the file.
+slow disk makes longer transactions, not a longer queue; so long that the journal would grow they
+are not (`changes`). See `storage_file` for the file.
 
 When the file cannot be written (disk full, damaged, locked by another process, directory missing)
 it is said once, in the log and to `on_fault`; the database works on from memory. The writing is
@@ -19,9 +20,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from mocha_link.store import storage_file
+from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage_file import (
-    Changes,
     Contents,
     StorageDamagedError,
     StorageError,
@@ -122,11 +123,11 @@ class Storage:
             self._pending.puts[number] = record
             self._tell()
 
-    def drop(self, number: int) -> None:
-        """For the database: a message that is not kept any longer."""
+    def drop(self, number: int, key: int) -> None:
+        """For the database: a message that is not kept any longer, of the topic of that key."""
         with self._changed:
             if self._pending.puts.pop(number, None) is None:
-                self._pending.drops.add(number)
+                self._pending.drops[number] = key
             self._tell()
 
     def learn(self, peer: str, knowledge: Knowledge) -> None:
@@ -200,7 +201,7 @@ class Storage:
             return not self._closing
 
     def _attempt(self) -> None:
-        """Write everything that is pending, in one transaction."""
+        """Write everything that is pending."""
         changes = Changes()
         try:
             self._check_place()
@@ -211,16 +212,10 @@ class Storage:
             file.write(changes)
         except Exception as error:  # noqa: BLE001 - whatever it is, the node works without a file
             with self._changed:
-                self._put_back(changes)
+                self._pending.put_back(changes)
             self._fail(error)
         else:
             self._succeed(given)
-
-    def _put_back(self, changes: Changes) -> None:
-        for number in changes.puts.keys() - self._pending.drops:
-            self._pending.puts[number] = changes.puts[number]
-        self._pending.drops |= changes.drops
-        self._pending.knowledge = changes.knowledge | self._pending.knowledge
 
     def _reopen(self) -> StorageFile:
         """Open the file after a fault and find out what it lacks."""

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.trust import TeamConfig
 from mocha_link.store.wire import Header, HeaderError
@@ -94,15 +95,6 @@ class Contents:
     def last_s(self) -> float:
         """Unix seconds at which the last message came, looked for in all; 0 if there is none."""
         return self.records[max(self.records)].received_s if self.records else 0.0
-
-
-@dataclass(slots=True)
-class Changes:
-    """What one transaction writes: dropped numbers first, then the rest."""
-
-    drops: set[int] = field(default_factory=set)  # numbers of records
-    puts: dict[int, Record] = field(default_factory=dict)  # by number
-    knowledge: dict[str, Knowledge] = field(default_factory=dict)
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -207,20 +199,25 @@ class StorageFile:
         return len(void)
 
     def write(self, changes: Changes) -> None:
-        """Commit, all or nothing."""
+        """Commit everything, mostly at once; what is on disk is taken out of `changes`."""
+        drops = bool(changes.drops)
         try:
-            self._commit(changes)
+            for piece in changes.pieces():
+                self._commit(piece)
+                changes.settle(piece)
         except sqlite3.OperationalError as error:
             if _code(error) != sqlite3.SQLITE_FULL:
                 raise
-            # The journal may have the room that is missing.
+            # The journal may have the room that is missing, or what is dropped has it.
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             self._commit(changes)
-        spare = self._value("PRAGMA freelist_count") if changes.drops else 0
+            changes.settle(changes)
+        spare = self._value("PRAGMA freelist_count") if drops else 0
         if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
             self._connection.execute(f"PRAGMA incremental_vacuum({spare})").fetchall()
 
     def _commit(self, changes: Changes) -> None:
+        """Commit, all or nothing: dropped numbers first, their room serves for the rest."""
         run, run_many = self._connection.execute, self._connection.executemany
         run("BEGIN IMMEDIATE")
         try:

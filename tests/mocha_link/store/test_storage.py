@@ -371,6 +371,101 @@ def test_the_journal_stays_small(shelter, tmp_path):
     assert (tmp_path / "messages.db-wal").stat().st_size < 1_200_000
 
 
+class Watched(Gate):
+    """Notes how large the journal is after each commit, and fails at one of them."""
+
+    def __init__(self, path, *arguments, **settings):
+        super().__init__(path, *arguments, **settings)
+        self.journal = Path(f"{path}-wal")
+        self.sizes = []
+        self.fails_at = None
+        self.failure = sqlite3.OperationalError("disk I/O error")
+
+    def execute(self, sql, *arguments):
+        if sql == "COMMIT" and self.commits == self.fails_at:
+            self.error = self.failure
+        done = super().execute(sql, *arguments)
+        if sql == "COMMIT":
+            self.sizes.append(self.journal.stat().st_size)
+        return done
+
+
+def backlog(node, gate, *, offset, count=4000, size=1000):
+    """So many messages wait for the disk, on which one commit hangs."""
+    gate.open.clear()
+    gate.waiting.clear()
+    node.database.learn("titan", Knowledge(1, offset, 3))
+    assert gate.waiting.wait(60)
+    for number in range(offset, offset + count):
+        node.database.insert(record(number, body=bytes(size)), NOW_S)
+    node.database.learn("io", Knowledge(1, offset, 3))
+
+
+def test_the_journal_stays_small_however_much_waits_for_the_disk(shelter):
+    gates = []
+    node = shelter(connect=gated(gates, Watched), depth=100)
+    (gate,) = gates
+    for offset in (0, 20_000):  # the second time all are replaced
+        backlog(node, gate, offset=offset)
+        gate.sizes.clear()
+        gate.open.set()
+        assert node.storage.wait(60)
+        assert max(gate.sizes) < 3_000_000
+    node.storage.close(30)
+    assert shelter(depth=100).database.kept() == node.database.kept()
+
+
+@pytest.mark.parametrize("commits", [0, 1, 2, 3, 9])
+def test_what_a_crash_leaves_of_a_backlog_lacks_no_message_that_was_there(
+    shelter, tmp_path, commits
+):
+    """Each topic has its message from before, or the one that has replaced it."""
+    gates = []
+    node = shelter(connect=gated(gates, Watched))
+    node.write(*range(1000))
+    assert node.storage.wait(60)
+    topics = {each.header.key for each in node.database.kept()}
+    gate = gates[0]
+    backlog(node, gate, offset=20_000, count=1000, size=100_000)
+    gate.fails_at = gate.commits + 1 + commits
+    gate.open.set()
+    assert isinstance(node.fault(), StorageUnreachableError)
+    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
+        left = file.execute("SELECT robot_id, topic_id, stamp_ms, number FROM record").fetchall()
+        known = file.execute("SELECT peer FROM knowledge").fetchall()
+    assert {robot_id << 8 | topic_id for robot_id, topic_id, *_ in left} == topics
+    assert len(left) == len(topics)
+    new = sum(stamp_ms >= T_MS + 20_000 for _, _, stamp_ms, _ in left)
+    assert (new > 0) == (commits > 0)
+    assert new < len(topics)
+    assert known == [("titan",)]
+    assert node.retry()
+    node.storage.close(30)
+    again = shelter().database
+    assert again.kept() == node.database.kept()
+    assert again.knowledge("io") == Knowledge(1, 20_000, 3)
+
+
+def test_what_was_written_of_a_backlog_until_the_disk_was_full_can_be_replaced(shelter, tmp_path):
+    gates = []
+    node = shelter(connect=gated(gates, Watched))
+    (gate,) = gates
+    backlog(node, gate, offset=0, count=200, size=100_000)
+    gate.fails_at = gate.commits + 4
+    gate.failure = sqlite3.OperationalError("database or disk is full")
+    gate.failure.sqlite_errorcode = sqlite3.SQLITE_FULL
+    gate.open.set()
+    assert isinstance(node.fault(), StorageFullError)
+    for number in range(20_000, 20_200):
+        node.database.insert(record(number), NOW_S)
+    gate.fails_at = gate.error = None
+    assert node.retry()
+    node.storage.close(30)
+    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
+        left = file.execute("SELECT min(stamp_ms), count(*) FROM record").fetchone()
+    assert left == (T_MS + 20_000, 200)
+
+
 def test_a_new_file_is_for_its_user_alone(shelter, tmp_path):
     node = shelter()
     node.write(0)
