@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import (
@@ -42,7 +43,9 @@ LOG = logging.getLogger("mocha_link")
 class _LinkRecord:
     """What is known of one link."""
 
-    metrics: LinkMetrics  # without the contact that lasts, and without ages
+    metrics: LinkMetrics  # without bytes, ages, and the contact that lasts
+    bytes_in: int = 0
+    bytes_out: int = 0
     # messages and bytes since the contact before, by the names that `Contact` has for them
     exchanged: Counter[str] = field(default_factory=Counter)
     warned_s: float | None = None  # steady time when another team file was logged last
@@ -50,14 +53,14 @@ class _LinkRecord:
     by_radio: bool = False  # the radio has begun it, and will end it
     active_s: float = 0.0  # Unix time of the last event
 
-    def set_state(self, direction: Direction, state: LinkState) -> None:
-        """A sync of one direction stands otherwise."""
-        if direction is Direction.IN:
-            now = replace(self.metrics, state_in=state)
-        else:
-            now = replace(self.metrics, state_out=state)
-        busy = LinkState.STARTED in (now.state_in, now.state_out)
-        self.metrics = replace(now, state=LinkState.STARTED if busy else state)
+    def set_state(self, direction: Direction, state: LinkState, **more: Any) -> None:
+        """A sync of one direction stands otherwise, and `more` of the metrics does."""
+        now = self.metrics
+        state_in = state if direction is Direction.IN else now.state_in
+        state_out = state if direction is Direction.OUT else now.state_out
+        busy = LinkState.STARTED in (state_in, state_out)
+        both = LinkState.STARTED if busy else state
+        self.metrics = replace(now, state=both, state_in=state_in, state_out=state_out, **more)
 
     def begin(self, at_s: float, *, by_radio: bool) -> None:
         """The peer is within reach."""
@@ -133,8 +136,8 @@ class LinkTable:
             case SyncEnded():
                 _ended(link, event)
             case SyncTimedOut():
-                link.metrics = replace(link.metrics, timeouts=link.metrics.timeouts + 1)
-                link.set_state(event.direction, LinkState.TIMED_OUT)
+                timeouts = link.metrics.timeouts + 1
+                link.set_state(event.direction, LinkState.TIMED_OUT, timeouts=timeouts)
                 if link.metrics.state is not LinkState.STARTED and not link.by_radio:
                     link.end(event.at_s, "timed out")
             case RssiChanged():
@@ -175,9 +178,10 @@ class LinkTable:
     def count(self, peer: str, *, bytes_in: int = 0, bytes_out: int = 0) -> None:
         """Add to the counters of a link."""
         link = self._links[peer]
-        link.exchanged.update(bytes_in=bytes_in, bytes_out=bytes_out)
-        bytes_in, bytes_out = link.metrics.bytes_in + bytes_in, link.metrics.bytes_out + bytes_out
-        link.metrics = replace(link.metrics, bytes_in=bytes_in, bytes_out=bytes_out)
+        link.bytes_in += bytes_in
+        link.bytes_out += bytes_out
+        link.exchanged["bytes_in"] += bytes_in
+        link.exchanged["bytes_out"] += bytes_out
 
     def refuse(self, peer: str, reason: str) -> None:
         """Something of a peer was not accepted; the log is told loudly of the first only."""
@@ -205,13 +209,18 @@ class LinkTable:
     ) -> None:
         """Take in what an exchange measured; None: nothing new."""
         link, now = self._links[peer], self._links[peer].metrics
+        smoothed_s = now.rtt_smoothed_s
         if rtt_s is not None:
-            before_s = rtt_s if now.rtt_smoothed_s is None else now.rtt_smoothed_s
+            before_s = rtt_s if smoothed_s is None else smoothed_s
             smoothed_s = before_s + SMOOTHING * (rtt_s - before_s)
-            now = replace(now, rtt_s=rtt_s, rtt_smoothed_s=smoothed_s)
-        if bandwidth_bytes_s is not None:
-            now = replace(now, bandwidth_bytes_s=bandwidth_bytes_s)
-        link.metrics = replace(now, path=path or now.path)
+        rate = now.bandwidth_bytes_s if bandwidth_bytes_s is None else bandwidth_bytes_s
+        link.metrics = replace(
+            now,
+            rtt_s=now.rtt_s if rtt_s is None else rtt_s,
+            rtt_smoothed_s=smoothed_s,
+            bandwidth_bytes_s=rate,
+            path=path or now.path,
+        )
 
     def links(
         self,
@@ -228,7 +237,13 @@ class LinkTable:
             link.close_if_quiet(now_s, self._quiet_s)
             ages = dict(ages_s.get(peer, {}))
             newest_age_s = min(ages.values(), default=None)
-            found[peer] = replace(link.with_contact(), topic_ages_s=ages, newest_age_s=newest_age_s)
+            found[peer] = replace(
+                link.with_contact(),
+                bytes_in=link.bytes_in,
+                bytes_out=link.bytes_out,
+                topic_ages_s=ages,
+                newest_age_s=newest_age_s,
+            )
         return found
 
 
@@ -240,12 +255,17 @@ def _ended(link: _LinkRecord, event: SyncEnded) -> None:
         # From the peer's first word to its last: a round trip of that nothing moved.
         moved_s = event.duration_s - (now.rtt_s or 0.0)
         rate = throughput_bytes_s(event.bytes, moved_s, now.rtt_s) or now.bandwidth_bytes_s
-        link.metrics = replace(
-            now,
+        link.set_state(
+            event.direction,
+            LinkState.ENDED,
             last_sync_out_s=event.at_s,
             syncs_out=now.syncs_out + 1,
             bandwidth_bytes_s=rate,
         )
     else:
-        link.metrics = replace(now, last_sync_in_s=event.at_s, syncs_in=now.syncs_in + 1)
-    link.set_state(event.direction, LinkState.ENDED)
+        link.set_state(
+            event.direction,
+            LinkState.ENDED,
+            last_sync_in_s=event.at_s,
+            syncs_in=now.syncs_in + 1,
+        )

@@ -31,7 +31,7 @@ class _Signal:
 class _Link:
     signals: dict[tuple[str, Unit], _Signal] = field(default_factory=dict)  # the last one is newest
     contact_began_s: float | None = None  # None: out of contact
-    last_sync_s: float | None = None  # None: none in this contact
+    last_sync_s: float = -inf  # -inf: none in this contact
     rest_s: float = 0.0  # until the next pull, while the peer pushes
     asked: bool = False  # by the peer, which is to be asked back
 
@@ -64,8 +64,13 @@ class SyncTrigger:
         self._links = {peer: _Link() for peer in peers}  # by peer
         self._news: list[RssiChanged | ContactBegan | ContactEnded] = []  # to be fetched
         self._followed: frozenset[str] = frozenset()  # peers that push what they store
-        self._looked_s = inf  # when `_next_s` was found out
-        self._next_s = -inf  # before that there is nothing to look for; -inf: not known
+        self._looked_s = inf  # when it was seen last who is due
+        # By peer, and not gone through in every turn of a node: when it is due (-inf: now, inf: not
+        # by time), and when its oldest reading does not stand any more.
+        self._pulls_s: dict[str, float] = {}
+        self._silences_s: dict[str, float] = {}
+        for peer in self._links:
+            self._schedule(peer)
 
     def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
         """Take in a report of the radio; says whether contact begins with it.
@@ -74,7 +79,6 @@ class SyncTrigger:
         cannot be.
         """
         link, before = self._links[peer], self.reading(peer)
-        self._next_s = -inf
         reading = as_reading(reading)
         if reading is None:
             link.signals.clear()
@@ -82,7 +86,9 @@ class SyncTrigger:
             self._note(link, reading, now_s)
         if self.reading(peer) != before:
             self._tell_signal(peer, now_s)
-        return self._judge(peer, link, now_s, NOT_HEARD if reading is None else TOO_WEAK)
+        begins = self._judge(peer, link, now_s, NOT_HEARD if reading is None else TOO_WEAK)
+        self._schedule(peer)
+        return begins
 
     def reading(self, peer: str) -> Reading | None:
         """The newest reading of a peer that still stands."""
@@ -108,60 +114,61 @@ class SyncTrigger:
                 self._tell_signal(peer, now_s)
         for peer, link in heard:
             self._judge(peer, link, now_s, SILENT)
-        self._next_s = -inf
+            self._schedule(peer)
 
     def follow(self, peers: Iterable[str]) -> None:
         """These push what they store, and no others."""
         self._followed = frozenset(peers)
-        self._next_s = -inf
+        for peer in self._links:
+            self._schedule(peer)
 
     def asked(self, peer: str, now_s: float) -> None:
         """A peer pulls from us."""
         link = self._links[peer]
-        last_s = link.last_sync_s
-        if last_s is not None and now_s - last_s >= self._settings.interval_s:
+        if -inf < link.last_sync_s <= now_s - self._settings.interval_s:
             link.asked = True
-            self._next_s = -inf
+            self._schedule(peer)
 
     def due(self, now_s: float) -> list[str]:
         """The peers to pull from now; each counts as pulled from by this answer."""
         if not self._may_be_due(now_s):
             return []
-        due = []
-        for peer, link in self._links.items():
-            if link.contact_began_s is None and not self._by_timer:
-                continue
-            last = link.last_sync_s
-            interval_s = self._interval_s(peer)
-            if last is None or link.asked or not 0 <= now_s - last < interval_s:
-                quiet = peer in self._followed and last is not None
-                link.rest_s = min(2 * interval_s, QUIET_PULL_S) if quiet else 0.0
-                link.last_sync_s, link.asked = now_s, False
-                due.append(peer)
-        self._looked_s, self._next_s = now_s, -inf
+        due = [
+            peer
+            for peer, at_s in self._pulls_s.items()
+            if at_s <= now_s or (at_s < inf and now_s < self._links[peer].last_sync_s)
+        ]
+        for peer in due:
+            link = self._links[peer]
+            quiet = peer in self._followed and link.last_sync_s > -inf
+            link.rest_s = min(2 * self._interval_s(peer), QUIET_PULL_S) if quiet else 0.0
+            link.last_sync_s, link.asked = now_s, False
+            self._schedule(peer)
+        self._looked_s = now_s
         return due
 
     @property
     def due_s(self) -> float:
         """When `due` or `look` has something to say; inf: not by time."""
-        if self._next_s == -inf:
-            self._next_s = self._due_s()
-        return self._next_s
+        pull_s = min(self._pulls_s.values(), default=inf)
+        return min(pull_s, min(self._silences_s.values(), default=inf))
 
     def _may_be_due(self, now_s: float) -> bool:
         """A clock that was set back must not stop the syncs until it comes round again."""
         return not self._looked_s <= now_s < self.due_s
 
-    def _due_s(self) -> float:
-        times = []
-        silent_s = SILENT_INTERVALS * self._settings.interval_s
-        for peer, link in self._links.items():
-            if link.contact_began_s is not None or self._by_timer:
-                if link.last_sync_s is None or link.asked:
-                    return -inf
-                times.append(link.last_sync_s + self._interval_s(peer))
-            times += [signal.reported_s + silent_s for signal in link.signals.values()]
-        return min(times, default=inf)
+    def _schedule(self, peer: str) -> None:
+        """Note when something is due of a peer of which something has changed."""
+        link = self._links[peer]
+        due_s = inf
+        if link.contact_began_s is not None or self._by_timer:
+            due_s = -inf if link.asked else link.last_sync_s + self._interval_s(peer)
+        self._pulls_s[peer] = due_s
+        if link.signals:
+            oldest_s = min(signal.reported_s for signal in link.signals.values())
+            self._silences_s[peer] = oldest_s + SILENT_INTERVALS * self._settings.interval_s
+        else:
+            self._silences_s.pop(peer, None)
 
     def _interval_s(self, peer: str) -> float:
         interval_s = self._settings.interval_s
@@ -194,7 +201,7 @@ class SyncTrigger:
         """Begin or end the contact, as the signals say; True if it begins."""
         in_contact = any(signal.in_contact for signal in link.signals.values())
         if in_contact and link.contact_began_s is None:
-            link.contact_began_s, link.last_sync_s = now_s, None
+            link.contact_began_s, link.last_sync_s = now_s, -inf
             self._news.append(ContactBegan(peer, now_s, self.reading(peer)))
             return True
         if not in_contact and link.contact_began_s is not None:

@@ -75,14 +75,14 @@ class TcpConnection:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
 
-    def watch(self, poller: Poller) -> None:
-        """Have the poller wait for what this waits for."""
+    def watch(self, poller: Poller, owner: str = "") -> None:
+        """Have the poller wait for what this waits for, and say whose it is."""
         if self._watched is not self._socket:
             self.forget(poller)  # the first connection
             self._watched = self._socket
         writing = self._connected_s is None or self._out
         flags = zmq.POLLIN | (zmq.POLLOUT if writing else 0)
-        poller.register(self._socket.fileno(), flags)
+        poller.register(self._socket.fileno(), flags, owner)
 
     def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
@@ -97,6 +97,11 @@ class TcpConnection:
         """Whether there is something to do."""
         late = bool(self._waiting) and self._may_ask(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
+
+    @property
+    def is_restless(self) -> bool:
+        """Whether something may be to be done of which the poller does not tell."""
+        return bool(self._waiting) or self.failure is not None
 
     @property
     def wake_s(self) -> float | None:
@@ -255,16 +260,18 @@ class CurveConnection:
         self._full = False  # libzmq takes no more
         self._socket.connect(f"tcp://{address}:{port}")
 
-    def watch(self, poller: Poller) -> None:
-        """Have the poller wait for what this waits for."""
-        poller.register(self._socket, zmq.POLLIN)
-        poller.register(self._monitor, zmq.POLLIN)
+    def watch(self, poller: Poller, owner: str = "") -> None:
+        """Have the poller wait for what this waits for, and say whose it is."""
+        poller.register(self._socket, zmq.POLLIN, owner)
+        poller.register(self._monitor, zmq.POLLIN, owner)
 
     def forget(self, poller: Poller) -> None:
         """Take it out of the poller."""
         for each in (self._socket, self._monitor):
             with contextlib.suppress(KeyError):
                 poller.unregister(each)
+
+    is_restless = True  # libzmq does not tell of bytes
 
     @property
     def wake_s(self) -> float | None:

@@ -8,7 +8,7 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 
 import zmq
 
@@ -21,6 +21,7 @@ from mocha_link.team.team import Robot, Team
 
 FRESH_S = 60.0
 RETRY_S = 5.0
+OBSERVE_S = 0.25  # whether anything has come on connections of which libzmq does not tell it
 LOOK_AGAIN_S = 0.02  # whether the address of a peer is known by now
 PATIENT_S = 300.0
 
@@ -116,6 +117,8 @@ class Dialer:
         self._connections: dict[
             str, Connection | list[bytes]
         ] = {}  # frames: the address is not known yet
+        # Those of which the poller does not tell everything; all others wait until it does.
+        self._restless: set[str] = set()
         self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._datagrams: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}  # by address and port
@@ -146,6 +149,7 @@ class Dialer:
         """Replace the connection to a peer by a fresh one; it opens when something is sent."""
         self.hang_up(peer, void=True)
         self._connections[peer] = []
+        self._restless.add(peer)
 
     def send(self, peer: str, frame: bytes) -> None:
         """Send a request on the connection to a peer."""
@@ -155,11 +159,12 @@ class Dialer:
             self._open(peer, connection)
         elif connection:
             connection.send(frame)
-            connection.watch(self._poller)
+            self._watch(peer, connection)
 
     def hang_up(self, peer: str, *, void: bool) -> None:
         """Close the connection to a peer: when what was sent is out, or at once if it is `void`."""
         connection = self._connections.pop(peer, None)
+        self._restless.discard(peer)
         if connection and not isinstance(connection, list):
             now_s = time.monotonic()
             if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
@@ -171,13 +176,14 @@ class Dialer:
                 connection.close()
 
     def ready(
-        self, ready: Container[Polled], now_s: float, *, observe: bool
+        self, ready: Mapping[Polled, Hashable], now_s: float, *, observe: bool
     ) -> Iterator[tuple[str, Connection]]:
         """The connections to look after; opens those of known address.
 
         To `observe` is to look at all of those of which the poller does not tell everything.
         """
-        for peer in list(self._connections):
+        looked_at = self._restless.union(ready.values())
+        for peer in [each for each in self._connections if each in looked_at]:
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
@@ -193,16 +199,26 @@ class Dialer:
         if connection.failure:
             self.hang_up(peer, void=True)
         else:
-            connection.watch(self._poller)
+            self._watch(peer, connection)
+
+    def _watch(self, peer: str, connection: Connection) -> None:
+        connection.watch(self._poller, peer)
+        if connection.is_restless:
+            self._restless.add(peer)
+        else:
+            self._restless.discard(peer)
 
     def wait_s(self, now_s: float) -> float:
         """How long nothing is to be done if nothing comes."""
         waits_s = [math.inf]
-        for connection in self._connections.values():
+        for peer in self._restless:
+            connection = self._connections[peer]
             if isinstance(connection, list):
                 waits_s.append(LOOK_AGAIN_S)
             elif connection.failure is not None:
                 waits_s.append(0.0)
+            elif peer in self._keys:
+                waits_s.append(OBSERVE_S)
             elif connection.wake_s is not None:
                 waits_s.append(connection.wake_s - now_s)
         return min(waits_s)
@@ -222,10 +238,11 @@ class Dialer:
                 self._connections[peer] = connection
                 for frame in frames:
                     connection.send(frame)
-                connection.watch(self._poller)
+                self._watch(peer, connection)
                 return
         if why:
             self._connections.pop(peer, None)
+            self._restless.discard(peer)
             self._lost(peer, why)
 
     def _new_connection(self, peer: str, address: str, port: int) -> Connection:

@@ -153,6 +153,7 @@ class OpenPort(Port):
         callers: shared by the open ports of a node.
     """
 
+    TOGETHER_BYTES = 16 * 1024  # of frames that leave in one system call
     DESCRIPTORS = 2  # a listener and datagrams
 
     def __init__(self, poller: Poller, callers: Callers, me: Robot, peer: str) -> None:
@@ -272,7 +273,7 @@ class OpenPort(Port):
         return 0 if any(self._has_turn(each, ()) for each in self._inside.values()) else IDLE_MS
 
     def look(self, now_s: float) -> list[str]:
-        """Who was sent away since the last call; call it a few times a second."""
+        """Who was sent away since the last call; call it now and then."""
         for caller in list(self._inside.values()):
             if not caller.ready and now_s - caller.began_s > HANDSHAKE_S:
                 self._drop(caller)
@@ -288,11 +289,10 @@ class OpenPort(Port):
                 self._settle(caller)
 
     def push(self, route: Route, parts: list[Part]) -> None:
-        """Send a frame of a sync, or keep it until `flush` gets it out."""
+        """Have a frame of a sync sent with the next `flush`."""
         caller = self._inside.get(route[0])
         if caller:
             caller.push([*route[1:], *parts])
-            self._settle(caller)
 
     def flush(self, route: Route | None) -> bool:
         """Try to send what waits for a connection; whether it takes more."""

@@ -28,7 +28,7 @@ from mocha_link.team.team import Robot
 MAX_REQUEST_BYTES = 65_536 + 1024
 BURST = 64  # requests of one connection in a row, so that none starves the others
 DEAD_PEER_S = 60
-IDLE_MS = 250  # a clock may be set, and a radio has its own thread
+IDLE_MS = 1000  # a clock may be set; all else that happens wakes the node
 
 QUEUE_REPLIES = 16  # to one connection of a protected port that does not read
 QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
@@ -62,7 +62,7 @@ class Port:
             poller.register(self._datagrams.fileno(), zmq.POLLIN, self)
 
     def look(self, _now_s: float) -> list[str]:
-        """Who was sent away since the last call, and why; call it a few times a second."""
+        """Who was sent away since the last call, and why; call it now and then."""
         return []
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
@@ -93,6 +93,7 @@ class _Late:
 class ProtectedPort(Port):
     """A port that only the holder of the peer's key can open: no other fills our memory there."""
 
+    TOGETHER_BYTES = 0  # it may be full after any frame
     DESCRIPTORS = 5  # a listener, datagrams, and three of libzmq
 
     def __init__(

@@ -16,7 +16,7 @@ from mocha_link.links.metrics import LinkEvent
 from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
 from mocha_link.node.curve import MAX_STRANGERS, ZapHandler
-from mocha_link.node.dialer import Dialer
+from mocha_link.node.dialer import OBSERVE_S, Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.open_port import Callers, OpenPort
@@ -25,8 +25,10 @@ from mocha_link.sync.protocol import (
     Action,
     Connect,
     Disconnect,
+    Frame,
     Reply,
     ReplyDatagram,
+    Route,
     Send,
     SendDatagram,
 )
@@ -34,7 +36,7 @@ from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
-OBSERVE_S = 0.25
+LOOK_S = 1.0  # who was sent away
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
@@ -91,7 +93,7 @@ class Transport:
             lost=self._lose,
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
-        self._observed_s = 0.0  # steady clock
+        self._observed_s = self._looked_s = 0.0  # steady clock
         # Of what comes from one peer nothing may end what is done for the others.
         self._guard = Guard(f"{self._me.name}: an error in the node")
         self._stopping = False  # set by `close`
@@ -198,10 +200,12 @@ class Transport:
                 self._gossip.packet_back(peer, packet, self._now())
             self._act()
         now = self._now()
+        if now.steady_s - self._looked_s > LOOK_S:
+            self._looked_s = now.steady_s
+            self._look(now)
         observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
         if observe:
             self._observed_s = now.steady_s
-            self._look(now)
         for peer, connection in self._dialer.ready(ready, now.steady_s, observe=observe):
             with self._guard:
                 self._attend(connection, peer, now)
@@ -258,12 +262,28 @@ class Transport:
                     route = self._gossip.route(port.peer)
                 if not port.flush(route):
                     return port.wait_ms
-                with self._lock:
-                    supplied = self._gossip.supply(port.peer)
-                if supplied is None:
+                frames = self._next_frames(port)
+                for frame in filter(None, frames):
+                    port.push(*frame)
+                if frames[-1] is None:
+                    port.flush(route)
                     return port.wait_ms
-                port.push(*supplied)
         return 0
+
+    def _next_frames(
+        self, port: OpenPort | ProtectedPort
+    ) -> list[tuple[Route, list[Frame]] | None]:
+        """As many as go out together, since each packet wakes the peer; None behind the last."""
+        frames: list[tuple[Route, list[Frame]] | None] = []
+        size = 0
+        with self._lock:
+            while not frames or size < port.TOGETHER_BYTES:
+                supplied = self._gossip.supply(port.peer)
+                frames.append(supplied)
+                if supplied is None:
+                    break
+                size += sum(map(len, supplied[1]))
+        return frames
 
     def _admit(self, gate: ZapHandler) -> None:
         refusals = gate.serve(self._now().steady_s)

@@ -2,20 +2,25 @@
 
 import contextlib
 import gc
+import math
 import os
 import socket
 import threading
 import time
+from collections.abc import Hashable
 from pathlib import Path
 
 import pytest
 
-from mocha_link.clock import Instant
+from mocha_link.clock import Instant, SystemClock
 from mocha_link.errors import GUARD_LOG_S, Guard
 from mocha_link.links.metrics import Direction, MessageStored, SyncStarted, SyncTimedOut
 from mocha_link.node import transport
+from mocha_link.node.connection import TcpConnection
 from mocha_link.node.gossip import Gossip
+from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.node import Node
+from mocha_link.node.open_port import Caller
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.pull import LOOK_S
 from mocha_link.sync.puller import Puller
@@ -185,3 +190,45 @@ def test_robots_with_several_addresses(field):
         assert io.latest("titan", "/map").data == b"grid %d" % number
         assert io.links()["titan"].path == "zmq"
     assert io.links()["titan"].refused == titan.links()["io"].refused == 0
+
+
+def test_a_node_at_rest_sleeps_and_looks_at_no_connection(field, monkeypatch):
+    sleeps = threading.Event()
+    poll = Poller.poll
+
+    def noted(poller: Poller, wait_ms: int) -> dict[Polled, Hashable]:
+        if wait_ms > 500:
+            sleeps.set()
+        return poll(poller, wait_ms)
+
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    io, _, saw = field.node("io", clock=SystemClock())
+    assert saw.pull("titan").messages == 1
+    monkeypatch.setattr(Poller, "poll", noted)
+    assert sleeps.wait(WAIT_S)
+    looks: list[float] = []
+    monkeypatch.setattr(TcpConnection, "is_ready", lambda _, __, now_s: looks.append(now_s))
+    dialer = io._transport._dialer
+    assert dialer._connections["titan"]
+    assert not list(dialer.ready({}, time.monotonic(), observe=True))
+    assert dialer.wait_s(time.monotonic()) == math.inf
+    assert not looks
+
+
+def test_what_is_said_at_once_leaves_in_one_packet(field, monkeypatch):
+    """Each packet wakes the peer, and the radios of both."""
+    sent: list[int] = []
+    flush = Caller.flush
+
+    def noted(caller: Caller) -> bool:
+        sent.append(caller.waiting_bytes)
+        return flush(caller)
+
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    _, _, saw = field.node("io")
+    saw.pull("titan")
+    monkeypatch.setattr(Caller, "flush", noted)
+    assert saw.pull("titan").messages == 0
+    assert len([size for size in sent if size]) == 1  # that it is welcome, and that all is said
