@@ -8,23 +8,17 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
-from air_router.controller.model.requests import (
-    AnyRequest,
-    ChangeAltitude,
-    GoOn,
-    GoTo,
-    HoldNow,
-    LandNow,
-    Reload,
-)
+from air_router.control.command_request import parse_command
+from air_router.controller.model.requests import GoTo
 from geo.frame import Point
 from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.mission_file import SIDES, FlyableSpace
-from sitl.rehearsal.requests import request_of, words_of
+from sitl.rehearsal.requests import goto, request_of
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
@@ -93,34 +87,30 @@ class Operator:
 
     # Requests
 
-    def ask(self, request: AnyRequest) -> None:
-        """Ask the companion for something, if there is one."""
+    def do_ask(self, text: str, hold_s: float | None = None, *, waits: bool = False) -> None:
+        """Type something to the companion, if there is one.
+
+        Args:
+            text: As an operator does.
+            hold_s: Of points: how long to hover at the last, as programs may say.
+            waits: Of points: it waits for its time instead of being refused.
+        """
         companion = self._flight.companion
-        if companion is not None:
-            words = words_of(request, self._flight.mission)
-            self._flight.happened(SceneEventKind.REQUEST, words)
-            self._flight.call(lambda: companion.flight.commands.ask(request))
+        request = parse_command(text).asked(self._flight.mission.frame)
+        if companion is None or request is None:
+            return
+        if isinstance(request, GoTo):
+            request = replace(request, hold_s=hold_s, waits=waits)
+        words = text if hold_s is None else f"{text} hold_s={hold_s}"
+        self._flight.happened(SceneEventKind.REQUEST, words)
+        self._flight.call(lambda: companion.flight.commands.ask(request))
 
     def do_request(self, choice: float) -> None:
         """An operator asks for something, but never for the pilot's vehicle."""
         if not self.pilot:
-            self.ask(request_of(choice, self._dice, self._flight.mission, self._flight.place))
-
-    def do_hold(self, _: None) -> None:
-        """Have it hold."""
-        self.ask(HoldNow())
-
-    def do_resume(self, _: None) -> None:
-        """Have it go on with what it held for."""
-        self.ask(GoOn())
-
-    def do_altitude(self, altitude_m: float) -> None:
-        """Have it hold at another altitude, above home."""
-        self.ask(ChangeAltitude(altitude_m))
-
-    def do_land(self, _: None) -> None:
-        """Have it land where it is."""
-        self.ask(LandNow())
+            mission, here = self._flight.mission, self._flight.place
+            text, hold_s, waits = request_of(choice, self._dice, mission, here)
+            self.do_ask(text, hold_s, waits=waits)
 
     def do_tour(self, tour: tuple[int, float | None]) -> None:
         """Send it to so many points, each in sight of the one before; how long to hover there."""
@@ -129,11 +119,11 @@ class Operator:
             place = self.space.in_sight(places[-1], self._haste)
             places += [] if place is None else [place]
         if len(places) > 1:
-            self.ask(GoTo(tuple(map(self._point, places[1:])), hold_s))
+            self.do_ask(goto(self._flight.mission, map(self._point, places[1:])), hold_s)
 
     def do_send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after it was told to stop."""
-        self.ask(HoldNow())
+        self.do_ask("hold")
         self._at(seconds, self._send)
 
     def do_send_again(self, _: None) -> None:
@@ -142,7 +132,7 @@ class Operator:
 
     def do_corner(self, brakes_s: float | None) -> None:
         """Send it somewhere, and on its way around a corner; so long after it began to brake."""
-        self.ask(HoldNow())
+        self.do_ask("hold")
         self._at(_STANDS_S, lambda: self._set_out(brakes_s))
 
     def do_deaf(self, on: bool) -> None:
@@ -168,7 +158,7 @@ class Operator:
             self._resumes_s = math.inf  # it cannot be: the pilot keeps it
         else:
             self._resumes_s = now_s + _RESUME_S
-            self.ask(GoOn(upload=self._upload))
+            self.do_ask("resume upload" if self._upload else "resume")
 
     def _send(self) -> bool:
         place = self.space.in_sight(self.here, self._haste)
@@ -189,7 +179,7 @@ class Operator:
             if math.dist(self.here, turn.at) > _AT_M or speed_m_s < _FAST_M_S or not self._ours:
                 return False
             if brakes_s is not None:
-                self.ask(HoldNow())
+                self.do_ask("hold")
             if brakes_s:
                 self._at(brakes_s, self._around)
             else:
@@ -268,7 +258,7 @@ class Operator:
             return
         if draw():
             self._reading = (self._flight.now_s + _READ_S, zones)
-            self.ask(Reload())
+            self.do_ask("reload")
 
     @property
     def _zones_flown_by(self) -> int | None:
@@ -319,7 +309,7 @@ class Operator:
         return self._flight.mission.frame.to_local(*self.space.mission.frame.degrees(*place))
 
     def _go_to(self, place: Pair) -> None:
-        self.ask(GoTo((self._point(place),)))
+        self.do_ask(goto(self._flight.mission, [self._point(place)]))
 
     def _at(self, seconds: float, what: Moment) -> None:
         at_s = self._flight.now_s + seconds

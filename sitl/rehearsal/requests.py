@@ -1,73 +1,42 @@
-"""What operators ask for: requests drawn with dice, and flights in which nothing else happens."""
+"""What operators type: requests drawn with dice, and flights in which nothing else happens."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
-from air_router.controller.model.requests import (
-    AnyRequest,
-    ChangeAltitude,
-    ComeHome,
-    ExploreNow,
-    GoOn,
-    GoTo,
-    HoldNow,
-    LandNow,
-    Reload,
-    SeekNow,
-)
 from air_router.mission.mission import Mission
 from geo.frame import Point
 from sitl.rehearsal.courses import BATTERY, ITEM, SATELLITES, SURE, Row, choice, often, uniform
 from sitl.rehearsal.stand_ins.link import StreamFault
 
-_VERBS: Final = {
-    GoOn: "resume",
-    HoldNow: "hold",
-    ComeHome: "home",
-    SeekNow: "seek",
-    ExploreNow: "explore",
-    GoTo: "goto",
-    LandNow: "land",
-    ChangeAltitude: "altitude",
-    Reload: "reload",
-}
 _ROBOTS: Final = ("callisto", "europa", "io", "phantom")
-_HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
+_VERBS: Final = ((0.2, "hold"), (0.4, "resume"), (0.55, "seek"), (0.65, "explore"), (0.69, "home"))
+"""Up to which number each is chosen."""
+
 _BESIDE_M: Final = 40.0
 
 
-def words_of(request: AnyRequest, mission: Mission) -> str:
-    """A request as it is typed; of points also `hold_s=SECONDS`."""
-    words = [_VERBS.get(type(request), "another")]
-    if isinstance(request, ChangeAltitude):
-        words.append(f"{request.altitude_m}")
-    if isinstance(request, SeekNow):
-        words.append(request.robot)
-    if isinstance(request, GoTo):
-        degrees = (mission.frame.to_geodetic(point) for point in request.points)
-        words += [f"{latitude:.8f},{longitude:.8f}" for latitude, longitude in degrees]
-        words += [] if request.hold_s is None else [f"hold_s={request.hold_s}"]
-    return " ".join(words)
+def goto(mission: Mission, points: Iterable[Point]) -> str:
+    """The request to fly to points of the mission's frame."""
+    degrees = map(mission.frame.to_geodetic, points)
+    return " ".join(["goto", *(f"{place[0]:.8f},{place[1]:.8f}" for place in degrees)])
 
 
-def request_of(choice: float, dice: random.Random, mission: Mission, here: Point) -> AnyRequest:
-    """A request by a number from 0 to 1: all verbs, points near waypoints and the vehicle."""
-    if choice < _HOLD:
-        return HoldNow()
-    if choice < _GO_ON:
-        return GoOn()
-    if choice < _SEEK:
-        return SeekNow(dice.choice(_ROBOTS))
-    if choice < _EXPLORE:
-        return ExploreNow()
-    if choice < _HOME:
-        return ComeHome()
+def request_of(
+    choice: float, dice: random.Random, mission: Mission, here: Point
+) -> tuple[str, float | None, bool]:
+    """A request by a number from 0 to 1: all verbs, points near waypoints and the vehicle.
+
+    With how long to hover at the last point, and whether it waits for its time.
+    """
+    verb = next((verb for limit, verb in _VERBS if choice < limit), "goto")
+    if verb != "goto":
+        return f"seek {dice.choice(_ROBOTS)}" if verb == "seek" else verb, None, False
     count, waits = dice.choice((1, 1, 2, 5)), dice.random() < 0.2
-    points = tuple(_place(dice, mission, here) for _ in range(count))
-    return GoTo(points, dice.choice((None, 0.0, 5.0)), waits)
+    points = [_place(dice, mission, here) for _ in range(count)]
+    return goto(mission, points), dice.choice((None, 0.0, 5.0)), waits
 
 
 def _place(dice: random.Random, mission: Mission, here: Point) -> Point:
@@ -89,7 +58,7 @@ def taken_in_haste(dice: random.Random) -> Iterator[Row]:
     at_s = dice.uniform(2.0, 5.0)
     yield 0.0, "send", at_s - 1.5
     yield at_s - 1.6, "deaf", True
-    yield at_s - 0.8, "send again" if dice.randrange(2) else "hold"
+    yield at_s - 0.8, *(("send again",) if dice.randrange(2) else ("ask", "hold"))
     yield at_s, "pilot", dice.choice(SURE)
     yield at_s + dice.choice((0.05, 0.5)), "deaf", False
 
@@ -98,7 +67,7 @@ def diverted(dice: random.Random) -> Iterator[Row]:
     """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)
     later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    yield at_s, "hold", None, "armed"
+    yield at_s, "ask", "hold", "armed"
     if dice.randrange(2):
         yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
     else:
@@ -113,11 +82,11 @@ def sent(dice: random.Random) -> Iterator[Row]:
     yield 0.0, "carry"
     yield 0.0, "tour", (dice.choice((2, 3, 4)), dice.choice((None, 5.0, 12.0)))
     held_s = dice.choice((6.0, 20.0, 50.0, 500.0))
-    yield held_s, "hold"
-    yield held_s + dice.uniform(3.0, 8.0), "resume"
+    yield held_s, "ask", "hold"
+    yield held_s + dice.uniform(3.0, 8.0), "ask", "resume"
     yield 100.0, "request", dice.choice((0.5, 0.6))
-    yield 104.0, "hold"
-    yield 110.0, "resume"
+    yield 104.0, "ask", "hold"
+    yield 110.0, "ask", "resume"
 
 
 def explored(dice: random.Random) -> Iterator[Row]:
@@ -132,18 +101,19 @@ def explored(dice: random.Random) -> Iterator[Row]:
 def landed_here(dice: random.Random) -> Iterator[Row]:
     """Told to hold, and to land: at first while it still moves, then while it hovers."""
     at_s = dice.uniform(4.0, 60.0)
-    yield at_s, "hold"
-    yield from ((at_s + later_s, "land") for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0))
+    yield at_s, "ask", "hold"
+    for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0):
+        yield at_s + later_s, "ask", "land"
 
 
 def altitudes(dice: random.Random) -> Iterator[Row]:
     """Held, and sent up and down: as it may be, out of that, again before it is there, and on."""
     at_s = dice.uniform(4.0, 60.0)
-    yield at_s, "hold"
+    yield at_s, "ask", "hold"
     for altitude_m in (dice.uniform(30.0, 60.0), 70.0, dice.uniform(30.0, 60.0), 25.0, 58.0):
         at_s += dice.uniform(6.0, 30.0)
-        yield at_s, "altitude", altitude_m
-    yield at_s + 40.0, "resume"
+        yield at_s, "ask", f"altitude {altitude_m}"
+    yield at_s + 40.0, "ask", "resume"
 
 
 def home_for_good(dice: random.Random) -> Iterator[Row]:

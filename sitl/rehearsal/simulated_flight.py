@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode
@@ -243,7 +242,7 @@ class SimulatedFlight(Scenario):
         """The operator asks for the vehicle while the pilot still flies it in another mode."""
         free = self.autopilot.mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
         if self._operator.pilot and self._operator.flies and not free:
-            self._operator.ask(self._fault_dice.choice((GoOn(), ComeHome(), ExploreNow())))
+            self._operator.do_ask(self._fault_dice.choice(("resume", "home", "explore")))
 
     def do_take_back(self, _: None) -> None:
         """The operator has our plan put on board again, and the flight resumed."""
