@@ -1,6 +1,6 @@
 """What can be drawn of a flight over time, each in two widths."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from air_router.controller.model.states import State
@@ -25,7 +25,7 @@ _QUARTERS: Final = (0, 25, 50, 75, 100)  # of a hundred
 _LEAST_PX: Final = 1.0
 """Syncs that are nearer to each other than this are one mark."""
 
-Legend = list[tuple[str, str]]
+Legend = Sequence[tuple[str, str]]
 """What stands for what: the class of the style sheet, and words."""
 
 
@@ -48,28 +48,11 @@ class Line(NamedTuple):
     steps: bool = False
 
 
-class Graph(NamedTuple):
-    """A figure of lines over time."""
-
-    name: str  # id on the page
-    heading: str
-    words: str  # below the heading
-    label: str  # for those who do not see it
-    height: int  # pixels
-    top: float  # the largest value
-    lines: list[Line]
-    legend: Legend
-    ticks: Iterable[float] | None = None
-    limit: tuple[float, str] | None = None  # a value that is drawn across, with words
-
-
 def figures(summary: FlightSummary) -> list[Figure]:
     """Everything that can be drawn of a flight over time."""
-    drawn = [_timeline(summary)]
-    if summary.exchanges.links.syncs:
-        drawn.append(_bandwidth(summary))
-    graphs = (_ages(summary), _map(summary), _distance(summary), _battery(summary))
-    return drawn + [_figure(summary, graph) for graph in graphs if graph is not None]
+    graphs = (_bandwidth, _ages, _map, _distance, _battery)
+    drawn = [_timeline(summary), *(graph(summary) for graph in graphs)]
+    return [figure for figure in drawn if figure is not None]
 
 
 def robot_css(summary: FlightSummary, robot: str) -> str:
@@ -77,39 +60,51 @@ def robot_css(summary: FlightSummary, robot: str) -> str:
     return f"r{summary.exchanges.names.index(robot) % COLOURS}"
 
 
-def _figure(summary: FlightSummary, graph: Graph) -> Figure:
+def _graph(  # noqa: PLR0913 - what a figure of lines has
+    summary: FlightSummary,
+    name: str,
+    heading: str,
+    words: str,
+    lines: Sequence[Line],
+    *,
+    height: int = 220,
+    top: float = 100.0,
+    legend: Legend = (),
+    limit: tuple[float, str] | None = None,
+) -> Figure:
+    """A figure of lines up to the value `top`; the limit is drawn across it, with words."""
+
     def draw(width: int) -> str:
-        plot = Plot(width, graph.height, summary.from_s, summary.to_s, graph.top)
-        plot.axes(graph.ticks)
-        for line in graph.lines:
+        plot = Plot(width, height, summary.from_s, summary.to_s, top)
+        plot.axes(_QUARTERS if heading.endswith("%") else None)
+        for line in lines:
             plot.line(line.series, line.css, line.title, steps=line.steps)
-        if graph.limit is not None:
-            plot.level(*graph.limit)
-        return plot.svg(f"{graph.label} over time")
+        if limit is not None:
+            plot.level(*limit)
+        return plot.svg(f"{heading.partition(',')[0].lower()} over time")
 
-    return Figure(graph.name, graph.heading, graph.words, in_both_widths(draw), graph.legend)
+    return Figure(name, heading, words, in_both_widths(draw), legend)
 
 
-def _ages(summary: FlightSummary) -> Graph | None:
+def _ages(summary: FlightSummary) -> Figure | None:
     ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names}
     highest_s = max((age for series in ages.values() for _, age in series), default=0.0)
     if highest_s <= 0:
         return None
     lines = [Line(series, robot_css(summary, name), name) for name, series in ages.items()]
-    return Graph(
+    return _graph(
+        summary,
         "ages",
         "Age of information, s",
         "How old the newest message was that we held of each robot's own, from it or through "
         "others. It grows by a second each second until something newer comes.",
-        "age of information",
-        220,
-        highest_s * 1.05,
         lines,
-        [(line.css, line.title) for line in lines if line.series],
+        top=highest_s * 1.05,
+        legend=[(line.css, line.title) for line in lines if line.series],
     )
 
 
-def _map(summary: FlightSummary) -> Graph | None:
+def _map(summary: FlightSummary) -> Figure | None:
     if not summary.painted:
         return None
     most = max(cells for _, cells in summary.painted)
@@ -122,57 +117,43 @@ def _map(summary: FlightSummary) -> Graph | None:
             part = [(t, 100 * share * cells / most) for (t, share), (_, cells) in held]
             lines.append(Line(part, robot_css(summary, name), f"{name} has", steps=True))
             legend.append((robot_css(summary, name), name))
-    return Graph(
+    return _graph(
+        summary,
         "map",
         "Map coverage, %",
         f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
         "how many are in the map that each robot is known to hold: reported by the robot, or "
         "fetched by it. What robots hand to each other is seen when the UAV meets them again.",
-        "map coverage",
-        220,
-        100.0,
         lines,
-        legend,
-        _QUARTERS,
+        legend=legend,
     )
 
 
-def _distance(summary: FlightSummary) -> Graph | None:
+def _distance(summary: FlightSummary) -> Figure | None:
     if not summary.distances:
         return None
     clearance_m = summary.setup.mission.planner.clearance_m
-    label = "distance to the nearest zone or fence"
-    return Graph(
+    return _graph(
+        summary,
         "distance",
         "Distance to the nearest zone or fence, m",
         "From the vehicle's own positions, while it was ours to fly.",
-        label,
-        180,
-        max(3 * clearance_m, min(60.0, max(away_m for _, away_m in summary.distances))),
-        [Line(summary.distances, "own", label)],
-        [],
+        [Line(summary.distances, "own", "distance to the nearest zone or fence")],
+        height=180,
+        top=max(3 * clearance_m, min(60.0, max(away_m for _, away_m in summary.distances))),
         limit=(clearance_m, f"clearance {clearance_m:g} m"),
     )
 
 
-def _battery(summary: FlightSummary) -> Graph | None:
+def _battery(summary: FlightSummary) -> Figure | None:
     if not summary.battery:
         return None
     end = (summary.to_s, summary.battery[-1][1])
     charges = [(t, 100 * charge) for t, charge in (*summary.battery, end)]
     reserve = 100 * summary.setup.mission.battery_reserve
-    return Graph(
-        "battery",
-        "Battery, %",
-        "",
-        "battery",
-        160,
-        100.0,
-        [Line(charges, "own", "battery", steps=True)],
-        [],
-        _QUARTERS,
-        (reserve, f"reserve {reserve:g}%"),
-    )
+    lines = [Line(charges, "own", "battery", steps=True)]
+    limit = reserve, f"reserve {reserve:g}%"
+    return _graph(summary, "battery", "Battery, %", "", lines, height=160, limit=limit)
 
 
 def _timeline(summary: FlightSummary) -> Figure:
@@ -237,7 +218,9 @@ def _lane(summary: FlightSummary, plot: Plot, name: str, top: float) -> None:
         plot.bar(sync.from_s, sync.to_s, place, css, title)
 
 
-def _bandwidth(summary: FlightSummary) -> Figure:
+def _bandwidth(summary: FlightSummary) -> Figure | None:
+    if not summary.exchanges.links.syncs:
+        return None
     span_s, coming, going = summary.exchanges.bandwidth(summary.from_s, summary.to_s)
     highest, lowest = 1.08 * max(coming) / 1e3, 1.08 * max(going) / 1e3
     least = max(0.2 * (highest + lowest), 1e-3)

@@ -29,17 +29,20 @@ with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.transforms import blended_transform_factory
 
 _NAMES: Final = ("fence", "zone", "graph", "route", "leg", "wrong", "around", "good")
-FENCE, ZONE, EDGE, ROUTE, TRACK, WRONG, ROBOT, HOME = (colours()[name] for name in _NAMES)
-RALLY = AROUND = ROBOT
-IDLE: Final = "#9aa1a8"
-ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"
-"""Those of zones on white paper: paler and darker."""
-
-GROUND, BEYOND, INK, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
 _WIDTH_INCH: Final = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8  # of a sheet: height by width
 _DPI: Final = 130
 _SMALL, _LETTER = 6.5, 0.6  # of words: their size in points, a letter's width by it
+
+
+class Ink:
+    """The colours of a sheet; what pages draw too has that of the light ones."""
+
+    FENCE, ZONE, EDGE, ROUTE, TRACK, WRONG, ROBOT, HOME = (colours()[name] for name in _NAMES)
+    RALLY = AROUND = ROBOT
+    IDLE = "#9aa1a8"
+    ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"  # on white paper
+    GROUND, BEYOND, TEXT, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
 
 
 class MapSheet:
@@ -71,11 +74,11 @@ class MapSheet:
         self._points_per_m = 72 * _WIDTH_INCH / (east - west)
         self.axes = self._figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=ground)
-        self.axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
-        self.axes.set_xlabel("metres east", color=FAINT, fontsize=7, labelpad=2)
-        self.axes.set_ylabel("metres north", color=FAINT, fontsize=7, labelpad=1)
+        self.axes.tick_params(colors=Ink.FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
+        self.axes.set_xlabel("metres east", color=Ink.FAINT, fontsize=7, labelpad=2)
+        self.axes.set_ylabel("metres north", color=Ink.FAINT, fontsize=7, labelpad=1)
         for spine in self.axes.spines.values():
-            spine.set(color=FAINT, linewidth=0.5)
+            spine.set(color=Ink.FAINT, linewidth=0.5)
 
     def shape(self, shape: BaseGeometry, label: str = "_", **style: Any) -> None:
         """A polygon, or several, with holes; without borders unless the style has them."""
@@ -131,7 +134,7 @@ class MapSheet:
 
     def home(self, home: Point) -> None:
         """Where the vehicle takes off and lands."""
-        self.marks([home], "^", 85, HOME, "home", zorder=8)
+        self.marks([home], "^", 85, Ink.HOME, "home", zorder=8)
 
     def name(
         self, text: str, place: Point, colours: tuple[str, str], *, below: bool = False, z: float
@@ -149,7 +152,7 @@ class MapSheet:
         turns = (math.radians(turn) for turn in (0, 45, -45, 90, -90, 135, -135, 180))
         offs = [(7.5 * math.cos(angle + turn), 6.5 * math.sin(angle + turn)) for turn in turns]
         look = {"fontsize": 8, "fontweight": "bold", "zorder": 9.5} if wrong else {"zorder": 9}
-        self._write(text, place, offs, WRONG if wrong else INK, "white", **look)
+        self._write(text, place, offs, Ink.WRONG if wrong else Ink.TEXT, "white", **look)
 
     def save(self, path: Path, title: str, subtitle: str, warning: str = "") -> None:
         """Write what the picture shows around it, and the whole into a file.
@@ -165,8 +168,8 @@ class MapSheet:
         """
         for text, rise, size, weight, colour in (
             (warning, 36, 9.5, "bold", "#e00010"),
-            (title, 18, 13, "bold", INK),
-            (subtitle, 6, 8.5, "normal", FAINT),
+            (title, 18, 13, "bold", Ink.TEXT),
+            (subtitle, 6, 8.5, "normal", Ink.FAINT),
         ):
             self.axes.annotate(
                 text,
@@ -184,7 +187,7 @@ class MapSheet:
             ncols=4,
             frameon=False,
             fontsize=8,
-            labelcolor=INK,
+            labelcolor=Ink.TEXT,
             handlelength=1.6,
             columnspacing=1.8,
         )
@@ -238,10 +241,10 @@ class MapSheet:
         place = blended_transform_factory(self.axes.transData, self.axes.transAxes)
         low, high, foot, top = (1 + pt / 72 / self._height_inch for pt in (8, 12, 5, 30))
         corners = ((east - bar_m, high), (east - bar_m, low), (east, low), (east, high))
-        bar = Line2D(*zip(*corners, strict=True), transform=place, color=INK, linewidth=1.0)
+        bar = Line2D(*zip(*corners, strict=True), transform=place, color=Ink.TEXT, linewidth=1.0)
         bar.set_clip_on(False)
         self.axes.add_line(bar)
-        look: dict[str, Any] = {"ha": "center", "color": INK}
+        look: dict[str, Any] = {"ha": "center", "color": Ink.TEXT}
         middle_m, arrow_m = east - bar_m / 2, east - bar_m - 0.03 * width_m
         self.axes.text(middle_m, high, f"{bar_m:g} m", transform=place, fontsize=7.5, **look)
         self.axes.annotate(
@@ -251,7 +254,7 @@ class MapSheet:
             xycoords=place,
             textcoords=place,
             fontsize=8,
-            arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.1},
+            arrowprops={"arrowstyle": "-|>", "color": Ink.TEXT, "linewidth": 1.1},
             annotation_clip=False,
             **look,
         )

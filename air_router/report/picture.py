@@ -15,27 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from air_router.coverage.cover_area import Field
 from air_router.mission.mission import Mission
 from air_router.mission.validation import Faults, far
-from air_router.report.map_sheet import (
-    AROUND,
-    BEYOND,
-    EDGE,
-    FENCE,
-    GROUND,
-    IDLE,
-    INK,
-    RALLY,
-    ROBOT,
-    ROUTE,
-    TRACK,
-    WRONG,
-    ZONE,
-    ZONE_FILL,
-    ZONE_HATCH,
-    ZONE_NAME,
-    MapSheet,
-    drawn,
-    roomiest,
-)
+from air_router.report.map_sheet import Ink, MapSheet, drawn, roomiest
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route
 from air_router.words import counted
@@ -49,7 +29,12 @@ _MOST_NUMBERS: Final = 150
 
 _MOST_NAMES: Final = 60
 _MANY_EDGES: Final = 2_000
-_BORDER: Final[dict[str, Any]] = {"fill": False, "edgecolor": FENCE, "linewidth": 1.4, "zorder": 4}
+_BORDER: Final[dict[str, Any]] = {
+    "fill": False,
+    "edgecolor": Ink.FENCE,
+    "linewidth": 1.4,
+    "zorder": 4,
+}
 _DASHED, _DOTTED = (0, (3, 2)), (0, (1, 2))
 
 
@@ -86,26 +71,26 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     shapes = mission.fences or [zone.shape for zone in mission.zones]
     points += [*mission.rally_points, *(corner for shape in shapes for corner in shape.corners)]
     near = [point for point in points if not far(point, mission)]
-    sheet = MapSheet(near, GROUND if not mission.fences else BEYOND)
+    sheet = MapSheet(near, Ink.GROUND if not mission.fences else Ink.BEYOND)
     _draw_airspace(sheet, mission)
     if graph is not None:
         lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.edges]
         width, label = 0.6 if len(lines) < _MANY_EDGES else 0.25, "clear connections"
-        sheet.lines(lines, EDGE, width, counted(len(lines), label), alpha=0.5, zorder=2.5)
+        sheet.lines(lines, Ink.EDGE, width, counted(len(lines), label), alpha=0.5, zorder=2.5)
     if 0 < len(around) <= _MOST_NUMBERS:
         dashed: dict[str, Any] = {"linestyles": (0, (4, 2)), "zorder": 4.5}
-        sheet.lines(around, AROUND, 1.1, "leg flown around an obstacle", **dashed)
+        sheet.lines(around, Ink.AROUND, 1.1, "leg flown around an obstacle", **dashed)
     if track:
-        sheet.way(track, TRACK, 1.6, "flown", 5)
+        sheet.way(track, Ink.TRACK, 1.6, "flown", 5)
     if route is not None:
         _draw_route(sheet, *route)
     if faults is not None:
         _draw_faults(sheet, faults)
     places = [place for _, place in meetings]
-    sheet.marks(places, "s", 34, ROBOT, "robot found", zorder=8.2)
+    sheet.marks(places, "s", 34, Ink.ROBOT, "robot found", zorder=8.2)
     _draw_places(sheet, mission, graph, faults)
     for name, place in meetings:
-        sheet.name(name, place, (ROBOT, "white"), below=True, z=8.3)
+        sheet.name(name, place, (Ink.ROBOT, "white"), below=True, z=8.3)
     sheet.save(path, mission.name, _subtitle(mission), _verdict(faults))
 
 
@@ -117,27 +102,27 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
     """
     corners = [Point(*corner) for corner in shapely.get_coordinates(field.area).tolist()]
     home = [] if field.home is None else [field.home]
-    sheet = MapSheet([*corners, *plan.track, *home], GROUND)
+    sheet = MapSheet([*corners, *plan.track, *home], Ink.GROUND)
     for fence in field.airspace.fences:
         sheet.shape(drawn(fence), "fence", **_BORDER)
-    sheet.shape(field.area, "area", **(_BORDER | {"edgecolor": INK, "linewidth": 1.2}))
+    sheet.shape(field.area, "area", **(_BORDER | {"edgecolor": Ink.TEXT, "linewidth": 1.2}))
     sheet.shape(plan.seen, "covered", facecolor="#cfe3f7", zorder=1.2)
     missed = [part for missed in plan.missed for part in missed.parts]
     if missed:
-        sheet.shape(shapely.union_all(missed), "not covered", facecolor=WRONG, zorder=2.9)
+        sheet.shape(shapely.union_all(missed), "not covered", facecolor=Ink.WRONG, zorder=2.9)
     _draw_zones(sheet, field.airspace.zones, field.airspace.inflated(), "distance kept")
     sheet.lines([plan.track], "white", 2.6, zorder=5)
     rows = [(row.start, row.end) for row in plan.rows]
     for lines, width, colour, label in (
-        ([plan.way_out, plan.way_back], 1.0, TRACK, "from home and back"),
-        ([plan.track], 1.0, AROUND, "on to the next row"),
-        (rows, 1.6, ROUTE, f"{len(rows)} rows"),
+        ([plan.way_out, plan.way_back], 1.0, Ink.TRACK, "from home and back"),
+        ([plan.track], 1.0, Ink.AROUND, "on to the next row"),
+        (rows, 1.6, Ink.ROUTE, f"{len(rows)} rows"),
     ):
         if shown := [line for line in lines if len(line) > 1]:
             sheet.lines(shown, colour, width, label, zorder=5.2)
     for place in home:
         sheet.home(place)
-    sheet.marks([plan.rows[0].start], "o", 36, ROUTE, "first row")
+    sheet.marks([plan.rows[0].start], "o", 36, Ink.ROUTE, "first row")
     told = told.replace(" m2", " m²").replace(" deg", "°")
     sheet.save(path, sanitize(field.draft.name), told)
 
@@ -168,7 +153,7 @@ def _draw_airspace(sheet: MapSheet, mission: Mission) -> None:
     """Fences and zones, with what is kept from the zones that apply."""
     if mission.fences:
         inside = shapely.intersection_all([drawn(fence) for fence in mission.fences])
-        sheet.shape(inside, facecolor=GROUND, zorder=1)
+        sheet.shape(inside, facecolor=Ink.GROUND, zorder=1)
     for fence in mission.fences:
         sheet.shape(drawn(fence), "fence", **(_BORDER | {"linewidth": 1.6}))
     _draw_idle(sheet, mission)
@@ -184,34 +169,34 @@ def _draw_zones(
     if not zones:
         return
     buffers = shapely.union_all(grown)
-    sheet.shape(buffers, facecolor=ZONE, alpha=0.08, zorder=2)
+    sheet.shape(buffers, facecolor=Ink.ZONE, alpha=0.08, zorder=2)
     dashed: dict[str, Any] = {"fill": False, "linewidth": 0.8, "linestyle": _DASHED}
-    sheet.shape(buffers, kept, edgecolor=ZONE, zorder=3, **dashed)
-    hatched = {"facecolor": ZONE_FILL, "hatch": "////", "hatchcolor": ZONE_HATCH}
+    sheet.shape(buffers, kept, edgecolor=Ink.ZONE, zorder=3, **dashed)
+    hatched = {"facecolor": Ink.ZONE_FILL, "hatch": "////", "hatchcolor": Ink.ZONE_HATCH}
     areas = shapely.union_all([drawn(zone.shape) for zone in zones])
-    sheet.shape(areas, "no-fly zone", edgecolor=ZONE, linewidth=1.0, zorder=3, **hatched)
+    sheet.shape(areas, "no-fly zone", edgecolor=Ink.ZONE, linewidth=1.0, zorder=3, **hatched)
     if len(zones) <= _MOST_NAMES:
         for zone in zones:
-            sheet.name(zone.name, roomiest(zone.polygon), (ZONE_NAME, ZONE_FILL), z=3.5)
+            sheet.name(zone.name, roomiest(zone.polygon), (Ink.ZONE_NAME, Ink.ZONE_FILL), z=3.5)
 
 
 def _draw_idle(sheet: MapSheet, mission: Mission) -> None:
-    dotted: dict[str, Any] = {"linewidth": 0.8, "linestyle": _DOTTED, "edgecolor": IDLE}
+    dotted: dict[str, Any] = {"linewidth": 0.8, "linestyle": _DOTTED, "edgecolor": Ink.IDLE}
     for idle in mission.idle_zones:
         shape = drawn(idle.zone.shape)
-        sheet.shape(shape, facecolor=IDLE, alpha=0.13, zorder=1.5)
+        sheet.shape(shape, facecolor=Ink.IDLE, alpha=0.13, zorder=1.5)
         sheet.shape(shape, "zone that does not apply", fill=False, zorder=1.6, **dotted)
         if len(mission.idle_zones) <= _MOST_NAMES:
             place = roomiest(idle.zone.polygon)
             reach_m = math.sqrt(idle.zone.polygon.area) / 4
             below = any(math.dist(w.position, place) < reach_m for w in mission.waypoints)
-            sheet.name(idle.zone.name, place, ("#7a8188", GROUND), below=below, z=3.5)
+            sheet.name(idle.zone.name, place, ("#7a8188", Ink.GROUND), below=below, z=3.5)
 
 
 def _draw_route(sheet: MapSheet, start: Point, route: Route) -> None:
     points = [start, *(leg.to for leg in route.legs)]
-    sheet.way(points, ROUTE, 2.6, f"route, {route.length_m:.0f} m", 6)
-    arrow = {"arrowstyle": "-|>", "color": ROUTE, "mutation_scale": 13}
+    sheet.way(points, Ink.ROUTE, 2.6, f"route, {route.length_m:.0f} m", 6)
+    arrow = {"arrowstyle": "-|>", "color": Ink.ROUTE, "mutation_scale": 13}
     for before, after in pairwise(points):
         if math.dist(before, after) > 1:
             way = after[0] - before[0], after[1] - before[1]
@@ -219,22 +204,22 @@ def _draw_route(sheet: MapSheet, start: Point, route: Route) -> None:
                 (before[0] + share * way[0], before[1] + share * way[1]) for share in (0.5, 0.51)
             )
             sheet.axes.annotate("", xy=ahead, xytext=middle, arrowprops=arrow, zorder=6.2)
-    sheet.marks([points[0], points[-1]], "o", 60, ROUTE, linewidth=1.2, zorder=6.9)
+    sheet.marks([points[0], points[-1]], "o", 60, Ink.ROUTE, linewidth=1.2, zorder=6.9)
 
 
 def _draw_faults(sheet: MapSheet, faults: Faults) -> None:
     for shape in faults.shapes:
-        red = _BORDER | {"edgecolor": WRONG, "linewidth": 2, "zorder": 4.6}
+        red = _BORDER | {"edgecolor": Ink.WRONG, "linewidth": 2, "zorder": 4.6}
         sheet.shape(drawn(shape), "wrong area", **red)
     for refused in faults.refused:
         ring = [Point(*corner) for corner in (*refused.ring, refused.ring[0])]
-        sheet.lines([ring], WRONG, 1.6, "no area", zorder=4.7)
+        sheet.lines([ring], Ink.WRONG, 1.6, "no area", zorder=4.7)
         if refused.place is not None:
             crossing = [Point(*refused.place)]
-            sheet.marks(crossing, "x", 90, WRONG, edgecolor=None, linewidth=2.2, zorder=9.2)
+            sheet.marks(crossing, "x", 90, Ink.WRONG, edgecolor=None, linewidth=2.2, zorder=9.2)
         sheet.number(refused.name, ring[0], math.pi / 2, wrong=True)
     if faults.legs:
-        sheet.lines(faults.legs, WRONG, 1.8, "illegal leg", zorder=4.8)
+        sheet.lines(faults.legs, Ink.WRONG, 1.8, "illegal leg", zorder=4.8)
 
 
 def _draw_places(
@@ -245,11 +230,11 @@ def _draw_places(
     numbered = len(seen) <= _MOST_NUMBERS
     good = [w.position for w in seen if w.position not in wrong]
     rally = [place for place in mission.rally_points if place not in wrong]
-    edge: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.8}
+    edge: dict[str, Any] = {"edgecolor": Ink.TEXT, "linewidth": 0.8}
     sheet.marks(good, "o", 15 if numbered else 5, "white", "waypoint", **edge)
-    sheet.marks(rally, "D", 17, RALLY, "rally point", **edge)
+    sheet.marks(rally, "D", 17, Ink.RALLY, "rally point", **edge)
     bad = [place for place in wrong if not far(place, mission)]
-    sheet.marks(bad, "o", 46, WRONG, "wrong place", **edge)
+    sheet.marks(bad, "o", 46, Ink.WRONG, "wrong place", **edge)
     sheet.home(mission.home)
     for waypoint in seen:
         is_wrong = waypoint.position in wrong

@@ -133,7 +133,7 @@ def _draw(town: Town, path: Path) -> None:
         PictureError: the file cannot be written, or its ending is not a picture's.
     """
     with needs_extra("a picture", "plot", "air-router"):
-        from air_router.report.map_sheet import INK, MapSheet  # noqa: PLC0415 - needs matplotlib
+        from air_router.report.map_sheet import Ink, MapSheet  # noqa: PLC0415 - needs matplotlib
 
     bounds = town.bounds
     corners = [Point(bounds.west_m, bounds.south_m), Point(bounds.east_m, bounds.north_m)]
@@ -160,7 +160,7 @@ def _draw(town: Town, path: Path) -> None:
         markeredgewidth=0,
         label="start of a ground robot",
     )
-    sheet.axes.plot(*town.home, "^", color=INK, markersize=6, label="home")
+    sheet.axes.plot(*town.home, "^", color=Ink.TEXT, markersize=6, label="home")
     if town.goals:
         sheet.axes.plot(
             *zip(*(goal.position for goal in town.goals), strict=True),

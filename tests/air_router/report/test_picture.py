@@ -77,7 +77,7 @@ def test_where_robots_were_found_is_in_the_picture_of_the_track(draw_mission, tm
 def test_pictures_and_reports_have_the_pages_colours(map_sheet):
     light, dark = colours(), colours(dark=True)
     assert light.keys() == dark.keys() >= {"fence", "zone", "route", "leg", "r7"}
-    assert map_sheet.FENCE == light["fence"] != dark["fence"]
+    assert map_sheet.Ink.FENCE == light["fence"] != dark["fence"]
     assert f"--zone: {light['zone']};" in style_sheet()
     report = resources.files("air_router.report").joinpath("flight_page.css").read_text("utf-8")
     known = set(re.findall(r"--([\w-]+):", report)) | light.keys()
