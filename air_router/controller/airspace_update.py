@@ -276,6 +276,8 @@ class AirspaceUpdate:
     def _widen(self) -> bool:
         """Hold, and have ways planned, where they are not clear there yet; whether that is so."""
         context, router, off_m = self._context, self._context.router, self._off_m
+        if not context.spec.cruises:  # a pilot has it, or it lands; it is looked at in cruise again
+            return False
         self._looked, kept = router, _names(router.graph.mission.planning_airspace)
         doubted = off_m != 0.0 and not context.trusts_altitude
         if not doubted or _names(_at_both(context.mission, off_m)) <= kept:

@@ -330,6 +330,38 @@ def test_zones_that_change_while_its_altitude_is_in_doubt_count_at_both_too(off_
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
 
 
+@pytest.mark.parametrize("taken", [True, False])
+def test_zones_that_come_on_board_in_doubt_hold_no_vehicle_of_a_pilot_and_no_landing(off_by, taken):
+    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
+    flight.give(RoutesWidened(widens(flight)[-1].off_m))
+    if not taken:
+        flight.fly_to_state(State.LAND)
+    mission = flight.mission
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    fly(flight, 1.0)
+    if taken:
+        flight.pilot_chooses(FlightMode.POSITION)
+    before = len(flight.motions)
+    flight.give(PlanRenewed())
+    assert flight.motions[before:] == []
+    assert flight.controller.state is (State.PASSIVE if taken else State.LAND)
+
+
+def test_zones_that_came_on_board_with_a_pilot_count_at_both_altitudes_once_it_is_resumed(off_by):
+    flight, zone = in_doubt(off_by, 8.0, beside(ABOVE))
+    mission = flight.mission
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    fly(flight, 1.0)
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.give(PlanRenewed())
+    flight.pilot_chooses(FlightMode.HOLD)
+    before = len(widens(flight))
+    assert flight.operator_asks(GoOn()).accepted
+    fly(flight, 1.0)
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert len(widens(flight)) == before + 1
+
+
 def test_a_doubt_that_turns_round_is_heeded_though_as_many_zones_count(off_by):
     flight, high = in_doubt(off_by, 8.0, beside(ABOVE))
     mission = flight.mission
