@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion
 from air_router.controller.model.mission_context import MissionContext, OnBoard
+from air_router.controller.model.states import State
 from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
@@ -336,8 +337,9 @@ class SafetyMonitor:
         everywhere = (mission.climb_airspace, mission.above_airspace)
         clear_m = min(airspace.distance_m(here) for airspace in everywhere)
         self._clear = (here, clear_m, mission)
-        inside = mission.airspace_at(telemetry.altitude_m).holders(here)
-        holders = [name for name in inside if name not in leaving]
+        lands = self._context.state is State.LAND  # into what is below, too
+        airspace = mission.climb_airspace if lands else mission.airspace_at(telemetry.altitude_m)
+        holders = [name for name in airspace.holders(here) if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
 

@@ -111,6 +111,17 @@ def test_a_mission_that_goes_on_lands_at_home_again(holding):
     assert holding.finished.why == "landed at home"
 
 
+def test_a_zone_that_is_drawn_below_its_landing_is_not_landed_into(holding):
+    holding.operator_asks(LandNow())
+    holding.fly_for(5.0)
+    high_m, mission = holding.altitude_m, holding.mission
+    zone = Zone("new", Circle(holding.position, 10.0), band=Band(-math.inf, 15.0))
+    holding.give(AirspaceChanged(mission.fences, (*mission.zones, zone)))
+    holding.fly_for(30.0)
+    assert high_m - holding.altitude_m < 1.0
+    assert holding.controller.state is State.PASSIVE
+
+
 def test_where_a_zone_is_drawn_over_its_landing_it_lands_nowhere_else(holding):
     """What is below was looked at for its place alone: the pilot has it."""
     holding.operator_asks(LandNow())
