@@ -18,6 +18,7 @@ from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
+from air_router.vehicle.input_limits import MODE_S
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
@@ -92,6 +93,7 @@ class ControlAuthority:
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
     _breaches: Reminder = field(default_factory=Reminder)  # while another flies
     _silence_told_s: float = -math.inf  # how long it was when it was told last
+    _mode_s: float | None = None  # age of its mode after a silence; None: nothing came since
 
     # Away.
 
@@ -170,6 +172,23 @@ class ControlAuthority:
             self._silence_told_s = silent_s
             context.say(f"nothing heard from the vehicle for {silent_s:.0f} s")
 
+    def heard_again(self, event: object) -> bool:
+        """Whether an event after a silence counts: a telemetry once its mode was told since.
+
+        Other messages may come first, and a pilot may have chosen another mode meanwhile. One that
+        is missing for long enough counts as that.
+        """
+        if not isinstance(event, Telemetry):
+            return True
+        self._context.telemetry = event
+        mode_s, before_s = event.ages.mode_s, self._mode_s
+        told = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
+        if not told and mode_s < MODE_S:
+            self._mode_s = mode_s
+            return False
+        self._mode_s, self._context.silent_s = None, 0.0
+        return True
+
     def take_over(self, who: ControlHolder, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""
         if self._context.knows(Signal.TAKEN_OVER):
@@ -218,6 +237,10 @@ class ControlAuthority:
             context.say(again)
             return
         context.compares = None
+        if context.held is not None:  # no leg may begin there, whatever plan is on board
+            context.stopped_why = None
+            context.say(f"{again}; holding: {context.held}")
+            return
         context.say(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
         context.climbs_first = True  # it may have sunk, or have been stopped in its climb
         if not context.in_air:

@@ -155,6 +155,8 @@ class Controller:
         context = self.context
         context.actions = []
         context.now_s = max(context.now_s, now_s)
+        if context.silent_s > 0.0 and not self._authority.heard_again(event):
+            return context.actions
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
@@ -169,7 +171,6 @@ class Controller:
     def _vehicle_heard(self, telemetry: Telemetry) -> None:
         context, authority, phase = self.context, self._authority, self._phase
         context.telemetry = telemetry
-        context.silent_s = 0.0
         phase.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         ours = context.handed_over if context.state is State.READY else context.spec.ours
@@ -231,14 +232,14 @@ class Controller:
             self._deviations.home_moved(moved, cruises=cruises)
         if not cruises:
             self._envelope.forget()
-        elif found := self._envelope.look(telemetry):
+        elif not context.doubts and (found := self._envelope.look(telemetry)):
             self._deviations.follow(found)
         here = exploration.here = telemetry.position
         if math.dist(here, exploration.looked_from) >= exploration.alike_m:
             exploration.look_around(here, context.now_s)
         self.returns.check(telemetry)
         held_up = context.zones is not None or self._climb.climb is not None or context.jumped
-        if held_up and self._waits(telemetry):
+        if (held_up or context.doubts) and self._waits(telemetry):
             return
         ends_s = math.inf if context.ends_s is None else context.ends_s
         if context.now_s >= ends_s or self._commands.later is not None:
@@ -252,6 +253,8 @@ class Controller:
     def _waits(self, telemetry: Telemetry) -> bool:
         """Whether the mission waits: zones change, it climbs first, or its altitude has jumped."""
         climb = self._climb
+        if self.context.doubts:
+            return True  # a hold would end the order of a pilot before it is known as such
         if self.context.zones is not None:
             self.airspace_update.go_on(telemetry)
             return True
@@ -270,7 +273,7 @@ class Controller:
     def _item_reached(self, event: ItemReached) -> None:
         """The vehicle says that it is at a plan item: perhaps at the end of its leg."""
         context = self.context
-        waits = context.zones is not None or context.jumped
+        waits = context.zones is not None or context.jumped or context.doubts
         if context.telemetry is None or not context.in_charge or waits:
             return
         if isinstance(self.gate.pending, FlyToNode):

@@ -20,6 +20,9 @@ BACK_S: Final = 3.0
 IN_AIR_S: Final = 5.0
 """A landed state older than this is not believed: see `Px4Telemetry.snapshot`."""
 
+MODE_S: Final = 5.0
+"""A flight mode older than this may not be so any more: see `LIMITS`."""
+
 NO_FIX: Final = "GPS has no fix"
 
 
@@ -94,9 +97,9 @@ LIMITS: Final = (
         "flight mode",
         "HEARTBEAT, CURRENT_MODE",
         "mode_s",
-        told_s=5.0,
+        told_s=MODE_S,
         stop=Stop.SILENT,
-        stop_s=5.0,
+        stop_s=MODE_S,
         home_s=None,
         why="a pilot may have taken the vehicle",
     ),

@@ -1,12 +1,14 @@
 """The one way to command the vehicle: past all that may stand against a motion, or to hold.
 
-A hold always leaves (while the flight mode is not heard: only one that the operator asks for). What
-keeps a leg, or a landing, from leaving, in the order in which it is looked at:
+A hold always leaves (while the flight mode is not heard: only one that the operator asks for). None
+is asked for while an order shows that is not ours, unless inputs or zones demand it. What keeps a
+leg, or a landing, from leaving, in the order in which it is looked at:
 
 | what stands against it | what lifts that, and what follows |
 |---|---|
 | no fix, or another input is missing | all have come for 3 s: on; some too long missing: home |
 | the altitude has jumped | it is back for 2 s: on; it is not within 30 s: home |
+| nothing is heard, or not yet its flight mode | they are: what was put off goes on |
 | an order shows that is not ours | ours shows: what was put off goes on; after 1.5 s: hands off |
 | hands will be off | it holds, or was told to six times: hands off |
 | what was replaced on board is compared | it flies the same: planned anew; or not: hands off |
@@ -221,9 +223,10 @@ class CommandGate:
         if isinstance(motion, HoldHere):
             self.send(motion)
             return
-        context.put_off |= context.doubts
+        unsure = context.doubts or context.silent_s > 0.0
+        context.put_off |= unsure
         lost_fix = context.telemetry is not None and not context.telemetry.fix
-        if lost_fix or context.inputs.stopped or context.jumped or context.doubts:
+        if lost_fix or context.inputs.stopped or context.jumped or unsure:
             if isinstance(motion, LandHere):
                 context.retry_in(RETRY_S)  # in LAND nothing else has it land
             return
@@ -252,7 +255,8 @@ class CommandGate:
         """
         pending, context = self.pending, self._context
         asked = context.state is State.HOLD
-        if isinstance(motion, HoldHere) and context.inputs.silent and not asked:
+        unheard = context.inputs.silent or context.silent_s > 0.0
+        if isinstance(motion, HoldHere) and unheard and not asked:
             return  # a pilot may have the vehicle
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way

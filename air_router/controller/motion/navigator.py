@@ -82,7 +82,11 @@ class Navigator:
 
     def advance(self, motion: Motion | None) -> None:
         """Command the next motion, if any, and tell the state's handler where it stands."""
-        if motion is not None:
+        context = self._context
+        if isinstance(motion, HoldHere) and context.doubts:
+            # It may follow a pilot, whose order a hold would end; planned anew if it does not.
+            context.put_off, context.way.braking = True, False
+        elif motion is not None:
             self._gate.command(motion)
             if not isinstance(motion, HoldHere):
                 self._gate.waits_why = None  # a way was found: the next reason to wait is news

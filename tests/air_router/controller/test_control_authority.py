@@ -1,6 +1,7 @@
 """Whose the vehicle is: a pilot takes it, the plan on board changes, a flight is resumed."""
 
 import dataclasses
+import itertools
 import math
 
 import pytest
@@ -19,6 +20,7 @@ from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import Ages, FlightMode, ItemReached, PlanCompared, PlanReplaced
+from geo.airspace.airspace import Airspace
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS, MISSIONS
 
@@ -88,6 +90,28 @@ def test_what_is_held_where_no_leg_may_begin_stays_there(pretend, altitude_m, as
         assert isinstance(flight.motions[-1], FlyToPoint)  # up first
     flight.ends()
     assert math.dist(flight.position, flight.mission.home) < 3.0
+
+
+@pytest.mark.parametrize(("altitude_m", "aside_m"), [(70.0, 0.0), (8.0, 60.0)])
+def test_the_same_plan_uploaded_again_begins_no_mission_where_no_leg_may_begin(
+    pretend, altitude_m, aside_m
+):
+    flight = pretend(load_mission(MISSIONS / "pair" / "mission.yaml", uav="atlas"))
+    east_m, north_m = flight.mission.home
+    by_hand_to(flight, Point(east_m + aside_m, north_m), altitude_m)
+    flight.fly_for(6.0)
+    flight.plan_compared()
+    flight.fly_for(6.0)
+    assert flight.controller.state is State.READY
+    assert [type(motion) for motion in flight.motions] == [HoldHere]
+    assert "the plan on board flies as this mission's does; holding: Mission was chosen" in (
+        "".join(flight.said)
+    )
+    flight.altitude_m = 48.0
+    flight.step()
+    assert flight.operator_asks(ComeHome()).accepted
+    flight.ends()
+    assert flight.finished.landed_by_us
 
 
 def test_armed_and_disarmed_again_without_a_take_off(pretend):
@@ -508,6 +532,74 @@ def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(
     flight.mode = FlightMode.LAND
     flight.ends()
     assert flight.finished.taken_by is ControlHolder.FAILSAFE
+
+
+def astray(flight):
+    """Where the leg under way may not be flown on from."""
+    legs, clear = flight.mission.airspace, flight.mission.planning_airspace.point_clear
+    end = flight.controller.context.way.leg.to
+    places = (Point(*place) for place in itertools.product(range(-150, 100, 5), repeat=2))
+    return next(place for place in places if clear(place) and not legs.leg_clear(place, end))
+
+
+def too_near(flight):
+    """Within the clearance of a zone."""
+    (east_m, north_m), *_ = flight.mission.zones[0].polygon.exterior.coords
+    zones = Airspace(None, flight.mission.zones, 0.0)
+    places = (Point(east_m + e, north_m + n) for e, n in itertools.product((-3.0, 3.0), repeat=2))
+    return next(place for place in places if 1.0 < zones.distance_m(place) < 4.5)
+
+
+@pytest.mark.parametrize("order", ["item", "target"])
+@pytest.mark.parametrize("place", [astray, too_near])
+def test_no_hold_of_ours_ends_an_order_of_a_pilot_before_it_is_known_as_such(away, order, place):
+    """It leads the vehicle from its leg, and perhaps near to zones, at once."""
+    flight = away()
+    if order == "target":
+        flight.operator_asks(GoTo((flight.position._replace(east_m=flight.position[0] + 20.0),)))
+        flight.fly_for(1.0)
+        assert isinstance(flight.motions[-1], FlyToPoint)
+    commanded, elsewhere = len(flight.motions), {"item": 20, "target": Point(0.0, 80.0)}
+    flight.shown = {order: elsewhere[order]}
+    flight.position = place(flight)
+    flight.fly_for(1.4)
+    robot = flight.controller.context.robot or "io"
+    flight.give(RobotPose(robot, CORNERS["io"], 1e9, robot))
+    flight.fly_for(0.6)
+    assert flight.controller.state is State.PASSIVE
+    assert flight.motions[commanded:] == []
+
+
+def test_what_looked_like_a_pilot_s_order_for_a_moment_is_held_for_after_it(away):
+    flight = away()
+    commanded = len(flight.motions)
+    flight.shown = {"item": 20}
+    flight.position = astray(flight)
+    flight.fly_for(1.0)
+    assert flight.motions[commanded:] == []
+    flight.shown = {}
+    flight.step()
+    assert len(flight.motions) > commanded
+
+
+def test_what_robots_say_ends_no_order_that_may_be_a_pilot_s(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    flight.robots = {}
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD)
+    flight.fly_for(3.0)
+    robot, commanded = flight.controller.context.robot, len(flight.motions)
+    flight.shown = {"target": Point(0.0, 80.0), "velocity_m_s": (5.0, 5.0)}
+    flight.step()
+    for place in itertools.product(range(-150, 100, 25), repeat=2):
+        flight.give(RobotPose(robot, Point(*place), 1e9 + len(flight.events), robot))
+    assert flight.motions[commanded:] == []
+    flight.shown = {}
+    flight.fly_for(1.0)
+    assert isinstance(flight.motions[-1], FlyToPoint | FlyToNode | HoldHere)
+    assert len(flight.motions) > commanded
 
 
 def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend):

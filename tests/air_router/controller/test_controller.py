@@ -11,14 +11,16 @@ from air_router.controller.model.actions import (
     FlyToPoint,
     HoldHere,
     PublishMap,
+    Refusal,
 )
-from air_router.controller.model.events import PeerFault, RobotPose
+from air_router.controller.model.events import AirspaceChanged, PeerFault, RobotPose
+from air_router.controller.model.requests import GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
-from air_router.vehicle.vehicle import FlightMode, ItemReached, LinkSilent
+from air_router.vehicle.vehicle import Ages, FlightMode, ItemReached, LinkSilent
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Zone
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 from tests.air_router.conftest import CORNERS
@@ -265,6 +267,61 @@ def test_a_long_silence_is_told_now_and_then(airborne):
     flight.give(LinkSilent(flight.now_s, 5.0))
     told = [text for text in flight.said if "nothing heard" in text]
     assert [text.split()[-2] for text in told] == ["4", "14", "24", "4", "5"]
+
+
+def tells(flight, mode_s):
+    """What comes after a silence: positions first, then the flight mode."""
+    flight.shown = {"ages": Ages(mode_s=mode_s)}
+    flight.step()
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_after_a_silence_nothing_is_commanded_before_the_flight_mode_is_heard(hovering, taken):
+    """A pilot may have taken it meanwhile; what is told of its mode is from before."""
+    flight = hovering()
+    assert flight.operator_asks(GoOn()).accepted
+    flight.fly_for(3.0)
+    commanded = len(flight.motions)
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    flight.position = flight.controller.context.way.leg.to  # it has ended its leg: on, at once
+    for mode_s in (1.2, 1.3, 1.4, 1.4):
+        tells(flight, mode_s)
+        flight.give(RobotPose("io", CORNERS["io"], flight.now_s, "io"))
+    assert flight.motions[commanded:] == []
+    assert flight.operator_asks(GoTo((flight.position,))).code is Refusal.NOT_HEARD
+    if taken:
+        flight.pilot_chooses(FlightMode.POSITION)  # as told with a position
+        assert flight.controller.state is not State.PASSIVE
+        tells(flight, 0.1)
+        assert flight.controller.state is State.PASSIVE
+        assert flight.motions[commanded:] == []
+    else:
+        tells(flight, 0.1)
+        flight.step()
+        assert len(flight.motions) > commanded
+
+
+def test_a_flight_mode_that_is_not_heard_after_a_silence_counts_as_missing(away):
+    flight = away()
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    for mode_s in (4.8, 4.9, 5.0):
+        assert not any("flight mode not heard" in text for text in flight.said)
+        tells(flight, mode_s)
+    assert any("flight mode not heard for 5 s" in text for text in flight.said)
+
+
+def test_a_hold_that_was_not_asked_for_does_not_leave_while_nothing_is_heard(away):
+    flight = away()
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    commanded, mission = len(flight.motions), flight.mission
+    over = Zone("new", Circle(flight.controller.context.way.leg.to, 6.0))
+    flight.give(AirspaceChanged(mission.fences, (*mission.zones, over)))
+    assert flight.motions[commanded:] == []
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    flight.operator_asks(HoldNow())
+    assert flight.controller.state is State.HOLD
 
 
 @pytest.mark.parametrize("seed", range(4))
