@@ -44,6 +44,7 @@ class Interactions:
     syncs: list[Sync] = field(default_factory=list)  # likewise
     begun: Counter[str] = field(default_factory=Counter)  # syncs, by robot; some never ended
     synced_s: dict[str, float] = field(default_factory=dict)  # when each last sync ended well
+    moved: Counter[str] = field(default_factory=Counter)  # bytes in syncs, by robot
     _near: dict[str, float] = field(default_factory=dict)  # when each contact began
     _parted: dict[str, float] = field(default_factory=dict)  # when each ended last
     _open: dict[tuple[str, Direction], float] = field(default_factory=dict)  # when each sync began
@@ -64,6 +65,7 @@ class Interactions:
                 ended = Sync(peer, direction.value, began_s, t, size, event.messages, outcome)
                 self.syncs.append(ended)
                 self.synced_s[peer] = t
+                self.moved[peer] += event.bytes
             case SyncTimedOut(peer=peer, direction=direction):
                 began_s = self._open.pop((peer, direction), t)
                 parted_s = self._parted.get(peer, t)

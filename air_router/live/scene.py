@@ -83,7 +83,7 @@ class LiveScene:
         interactions: Contacts and syncs.
         rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
             metres to the nearest border, and of each peer its signal, whether data crossed,
-            bytes in all, and the signal's unit.
+            bytes in syncs, and the signal's unit.
     """
 
     def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
@@ -213,7 +213,7 @@ class LiveScene:
                     "lit": lit,
                     "syncs": syncs.begun[peer],
                     "synced_ago_s": None if synced_s is None else round(self._now_s - synced_s, 1),
-                    "bytes": link.bytes_in + link.bytes_out,
+                    "bytes": syncs.moved[peer],
                     "newest_age_s": _shown(link.newest_age_s),
                 }
             )

@@ -141,7 +141,8 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
 
 def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene = LiveScene(flight.mission, flight.controller, "titan")
-    scene.links({"io": LinkMetrics("io", signal=Reading(47.0, Unit.DEVICE, "rajant"))})
+    heard = Reading(47.0, Unit.DEVICE, "rajant")
+    scene.links({"io": LinkMetrics("io", signal=heard, bytes_out=900)})  # to whoever was there
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 50.0)
     assert scene.link_lines()[0]["lit"]
     scene.step(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), (), 50.5)
@@ -156,7 +157,7 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene.step(flight.telemetry(), (), 53.1)
     rows = scene.rows.since()
     assert [row[0] for row in rows] == [52.0, 53.1]
-    assert [row[-1] for row in rows] == [{"io": [47.0, lit, 0, "device"]} for lit in (0, 1)]
+    assert [row[-1] for row in rows] == [{"io": [47.0, lit, 1, "device"]} for lit in (0, 1)]
     away_m = flight.mission.airspace.nearest(flight.telemetry().position)[0]
     assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
     assert scene.rows.since(1) == rows[1:]
