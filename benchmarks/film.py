@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import io
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from PIL import Image
 from air_router.live.playback import Playback, RecordedFlight
 from air_router.record.log import Log
 from air_router.web.serving import Web
+from benchmarks.browser import chromium
 
 LASTS_S = 20
 FRAMES_PER_S = 6
@@ -33,8 +33,8 @@ async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list
     film = RecordedFlight(Log(record))
     count = LASTS_S * FRAMES_PER_S
     async with Playback(film, Web()).serving(print) as address, async_playwright() as playwright:
-        chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-        browser = await playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        path, options = chromium(), ["--no-sandbox"]
+        browser = await playwright.chromium.launch(executable_path=path, args=options)
         page: Any = await browser.new_page(viewport=SIZE)
         await page.goto(address)
         await page.locator("#pause").click()
@@ -60,7 +60,7 @@ def main() -> None:
     parser.add_argument("record", type=Path)
     parser.add_argument("folder", type=Path, help="where flight.webp and the stills go")
     parser.add_argument("--from-s", type=float, default=0.0, help="since the record's beginning")
-    parser.add_argument("--to-s", type=float, default=500.0)
+    parser.add_argument("--to-s", type=float, default=600.0)
     told = parser.parse_args()
     first, *others = asyncio.run(frames(told.record, told.folder, told.from_s, told.to_s))
     picture = told.folder / "flight.webp"

@@ -17,7 +17,6 @@ import json
 import math
 import multiprocessing
 import os
-import shutil
 import sys
 import time
 from contextlib import AsyncExitStack
@@ -38,6 +37,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from air_router.web.serving import PageAddress
+from benchmarks.browser import chromium
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from mocha_link.links.reading import Reading, Unit
@@ -144,8 +144,7 @@ def measure(robots: int, uavs: int, seconds: float) -> dict[str, Any]:
 
     try:
         with sync_playwright() as playwright:
-            path = shutil.which("chromium") or shutil.which("chromium-browser")
-            browser = playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
+            browser = playwright.chromium.launch(executable_path=chromium(), args=list(OPTIONS))
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.goto(ours.recv())
             page.locator(".vehicle").nth(uavs - 1).wait_for(state="attached")

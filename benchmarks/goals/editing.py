@@ -6,7 +6,6 @@ over in which the page has drawn what the program answered: places, graph, legs 
 
 import contextlib
 import importlib.util
-import shutil
 import statistics
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.browser import chromium
 from benchmarks.fleet.processes import HERE
 from benchmarks.goals.figure import Conditions, Figure, UnmeasuredError
 from benchmarks.route.maps import made
@@ -24,7 +24,6 @@ from mocha_link.team.document import Document
 
 WAYPOINTS, ZONES, KEYS = 500, 100, 12
 GOAL_MS, LIMIT_MS, PAUSE_MS = 150, 120_000, 1000
-CHROMIUMS = ("chromium-headless-shell", "chromium", "chromium-browser")
 OPTIONS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 # `took`: for each key, until the frame after the page has taken the new state. A bare page takes
 # what any page takes: a key, a line of text, a frame.
@@ -58,8 +57,8 @@ addEventListener("keydown", () => {
 
 def measure(conditions: Conditions) -> Iterator[Figure]:
     """The median and the slowest of a dozen keys."""
-    chromium = next(filter(None, map(shutil.which, CHROMIUMS)), None)
-    if chromium is None or importlib.util.find_spec("playwright") is None:
+    path = chromium()
+    if path is None or importlib.util.find_spec("playwright") is None:
         raise UnmeasuredError("no Chromium, or no playwright")
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where installed
 
@@ -72,7 +71,7 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
         tempfile.TemporaryDirectory() as folder,
         sync_playwright() as playwright,
         contextlib.closing(
-            playwright.chromium.launch(executable_path=chromium, args=list(OPTIONS))
+            playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
         ) as browser,
     ):
         bare = browser.new_page()
