@@ -110,7 +110,7 @@ def _marks(summary: FlightSummary, canvas: _Canvas) -> list[str]:
     """Home, the closest approach, and how long some metres are."""
     x, y = canvas.at(summary.mission.home)
     parts = [canvas.circle("home", summary.mission.home, 6.0, "home")]
-    parts.append(text(x + 8, y - 6, "home"))
+    parts.append(text(x + 8, y - 6, "home", css="name"))
     if summary.closest_at is not None:
         away_m, *place = summary.closest_at
         parts.append(

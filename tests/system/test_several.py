@@ -186,6 +186,7 @@ def take_pictures(looker):
     page = looker.page
     page.set_viewport_size({"width": 1280, "height": 800})
     page.locator("#fit").click()
+    page.mouse.move(40, 400)
     looker.shows("#news li:has(b.uav2)", ": found")
     looker.shows("#news li:has(b.uav1)", ": found")
     page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / "live-several.png")

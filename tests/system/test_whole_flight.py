@@ -71,6 +71,8 @@ COUNTS_DOWN = """() => titles.some(({ state, left }, index) => {
   return left && before?.state === state && left < before.left;
 })"""
 HAS_ROUTE = "() => document.querySelector('path.route').getAttribute('d') !== 'M0 0'"
+IS_TYPICAL = """() => document.querySelector("path.link.lit")
+  && document.querySelector("path.route").getAttribute("d").split("L").length > 3"""
 OTHER = """() => {
   const sought = titles.findLast(({ state }) => state === "SEARCH")?.what ?? "";
   const heard = [...document.querySelectorAll(".robot")].map((robot) => robot.dataset.robot);
@@ -237,7 +239,9 @@ def take_pictures(page):
     for name, size in (("live", (1280, 800)), ("live-phone", (390, 844))):
         page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
         page.locator("#fit").click()
-        page.locator("path.link.lit").first.wait_for(state="attached")
+        page.mouse.move(40, 400)
+        page.locator("#hint").wait_for(state="hidden")
+        page.wait_for_function(IS_TYPICAL)
         page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / f"{name}.png")
         page.locator("#theme").click()
 
