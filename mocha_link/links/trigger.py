@@ -11,6 +11,8 @@ from mocha_link.links.reading import Reading, Unit, as_reading
 from mocha_link.team.team import Trigger
 
 QUIET_PULL_S = 15.0  # at most so often a peer is asked whose messages come unasked
+TURN_S = 5.0  # so much longer it is left to the peer to ask, which then spares us that,
+FIRST_S = 2.0  # less so much for that one of the two whose name is the first
 FOLLOWED_PULLS_S = 5  # of all peers whose messages come unasked, together
 SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
 MAX_SOURCES = 4  # that are remembered of a peer
@@ -34,6 +36,7 @@ class _Link:
     last_sync_s: float = -inf  # -inf: none in this contact
     rest_s: float = 0.0  # until the next pull, while the peer pushes
     asked: bool = False  # by the peer, which is to be asked back
+    well_s: float = -inf  # when the peer, asking, last showed that it has nothing for us
 
 
 def threshold(settings: Trigger, unit: Unit) -> float:
@@ -50,15 +53,20 @@ class SyncTrigger:
 
     Peers that push what they store are asked ever less often, and less where there are many of
     them: nodes must not spend their time on asking whether there is anything new. One that asks
-    after a while is asked, too: it may have been away.
+    after a while is asked, too: it may have been away. Two at rest, of which none has been away or
+    has anything for the other, take turns instead.
 
     A contact begins when any source of readings hears the peer at the threshold of its unit, and
     ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
     Readings of different sources are never compared. With `by_timer` every peer is due every
-    interval (a robot without a radio that reports). All times are seconds of one clock.
+    interval (a robot without a radio that reports). `name` is whose trigger it is. All times are
+    seconds of one clock.
     """
 
-    def __init__(self, peers: Iterable[str], settings: Trigger, *, by_timer: bool) -> None:
+    def __init__(
+        self, peers: Iterable[str], settings: Trigger, *, by_timer: bool, name: str = ""
+    ) -> None:
+        self._name = name
         self._settings = settings
         self._by_timer = by_timer
         self._links = {peer: _Link() for peer in peers}  # by peer
@@ -122,12 +130,16 @@ class SyncTrigger:
         for peer in self._links:
             self._schedule(peer)
 
-    def asked(self, peer: str, now_s: float) -> None:
-        """A peer pulls from us."""
+    def asked(self, peer: str, now_s: float, *, well: bool = False) -> None:
+        """A peer pulls from us; `well`: it has not been away and has nothing for us."""
         link = self._links[peer]
-        if -inf < link.last_sync_s <= now_s - self._settings.interval_s:
+        if not -inf < link.last_sync_s <= now_s - self._settings.interval_s:
+            return
+        if well and self._is_at_rest(peer):
+            link.well_s = now_s
+        else:
             link.asked = True
-            self._schedule(peer)
+        self._schedule(peer)
 
     def due(self, now_s: float) -> list[str]:
         """The peers to pull from now; each counts as pulled from by this answer."""
@@ -162,13 +174,26 @@ class SyncTrigger:
         link = self._links[peer]
         due_s = inf
         if link.contact_began_s is not None or self._by_timer:
-            due_s = -inf if link.asked else link.last_sync_s + self._interval_s(peer)
+            due_s = -inf if link.asked else self._next_s(peer, link)
         self._pulls_s[peer] = due_s
         if link.signals:
             oldest_s = min(signal.reported_s for signal in link.signals.values())
             self._silences_s[peer] = oldest_s + SILENT_INTERVALS * self._settings.interval_s
         else:
             self._silences_s.pop(peer, None)
+
+    def _next_s(self, peer: str, link: _Link) -> float:
+        """When a peer is to be asked that is not to be asked back."""
+        next_s = link.last_sync_s + self._interval_s(peer)
+        if not self._is_at_rest(peer):
+            return next_s
+        if link.well_s > link.last_sync_s:  # the peer has had its turn
+            return min(link.well_s, next_s) + QUIET_PULL_S
+        return next_s + TURN_S - (FIRST_S if self._name < peer else 0.0)
+
+    def _is_at_rest(self, peer: str) -> bool:
+        """Whether a peer is asked as rarely as any, and there is no crowd in which that is more."""
+        return self._links[peer].rest_s == self._interval_s(peer) == QUIET_PULL_S
 
     def _interval_s(self, peer: str) -> float:
         interval_s = self._settings.interval_s

@@ -83,7 +83,7 @@ class Gossip:
         self._by_timer = by_timer
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s, protected=protected)
-        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
+        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer, name=name)
         self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)
         self._context = NodeContext(
             name=name,
@@ -316,7 +316,7 @@ class Gossip:
         for event in peer.events:
             self.tell(event)
             if isinstance(event, SyncStarted) and event.direction is Direction.OUT:
-                self._trigger.asked(peer.name, now.timer_s)
+                self._trigger.asked(peer.name, now.timer_s, well=link.server.is_well(now))
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 topic = self._team.topic(event.robot, event.topic)
                 self._tell_own(self._publisher.recovered(topic, now.unix_s), now)

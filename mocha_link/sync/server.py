@@ -14,7 +14,8 @@ from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import Direction
 from mocha_link.store.trust import difference
-from mocha_link.sync.frames import HELLO, message_frame
+from mocha_link.store.wire import STAMP_MASK
+from mocha_link.sync.frames import HELLO, header_of, message_frame
 from mocha_link.sync.original import ServerSession
 from mocha_link.sync.peer import GRANT, Peer
 from mocha_link.sync.protocol import (
@@ -32,7 +33,7 @@ from mocha_link.sync.protocol import (
     Frame,
     Route,
 )
-from mocha_link.sync.sync_messages import Hello, Reception
+from mocha_link.sync.sync_messages import MAX_NEWS, Hello, Reception
 from mocha_link.sync.sync_sender import SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
@@ -65,6 +66,7 @@ class Server:
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
         self._deaf_until_s = 0.0  # datagrams open nothing
+        self._standing = False  # the sync began on the connection of the one before, which followed
         self._rate_bytes_s: float | None = None  # of the last flow, for the next
         self._rtt_s: float | None = None  # likewise
 
@@ -120,6 +122,14 @@ class Server:
         """Have a peer that follows pull again."""
         if self._sync and self._sync.ended:
             self._sync.invite()
+
+    def is_well(self, now: Instant) -> bool:
+        """Whether the peer that pulls has not been away, and has nothing that we lack."""
+        named = self._sync.named if self._sync and self._standing else None
+        if named is None or len(named) > MAX_NEWS:
+            return False
+        wants = self._peer.node.database.wants
+        return not any(wants(header_of(m), now.unix_s, m & STAMP_MASK) for m in named)
 
     def heeds(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether the peer is to hear of new messages of these robots."""
@@ -200,6 +210,8 @@ class Server:
                 return self._rejection(request_id)
             sync.route = route
             sync.grant(grant)
+            before = self._sync
+            self._standing = before is not None and before.follows and before.route == route
             self._begin(sync, now)
             return self._rejection(request_id)
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
@@ -251,6 +263,7 @@ class Server:
         if reached and not flow.proven:
             return False  # nor ever what the peer gets; it may always begin anew by a connection
         sync.by_datagram = sync.all_cast = True
+        self._standing = False
         self._begin(sync, now)
         self._close_flow()
         self._flow = flow

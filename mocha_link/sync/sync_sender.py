@@ -6,7 +6,7 @@ No sockets here.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
@@ -51,6 +51,8 @@ class SyncSender:
         rejection: why the peer gets nothing, once it has opened.
         admitted: the peer has shown an address token of ours.
         bytes: of all frames.
+        named: ids of the messages that the peer has stored since it told us last; None: it has not
+            said which, or what it told is not known any more.
     """
 
     def __init__(self, peer: Peer, request_id: bytes = b"", began_s: float = 0.0) -> None:
@@ -69,6 +71,7 @@ class SyncSender:
         self.rejection: Reception | None = None
         self.admitted = False
         self.bytes = 0
+        self.named: Sequence[int] | None = None
         self._peer = peer
         self._database = peer.node.database
         self._assembler = sync.MessageAssembler(
@@ -245,6 +248,7 @@ class SyncSender:
             case Since(epoch, sequence, message_ids):
                 self._note(message_ids)
                 if self._database.remembers(epoch, sequence):
+                    self.named = message_ids
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True

@@ -83,7 +83,7 @@ def test_a_large_message_is_announced_and_pulled(net):
     net.pull("io", "titan")
     assert net.held("io")["titan", "/map"] == large
     contact(net)
-    net.wait(35)
+    net.wait(25)
     larger = random.Random(2).randbytes(PUSH_BYTES + 1)
     publish(net, "titan", "/map", larger)
     net.wait(1)
@@ -117,6 +117,63 @@ def test_an_idle_contact_is_quiet(net):
     assert len(net.told("io", SyncStarted)) - pulls <= 10  # in and out
     size = sum(len(piece.data) + HEADERS_BYTES for piece in net.carried[before:])
     assert size / 60 < (100 if net.nodes["io"].links(net.now)["titan"].path == "zmq" else 250)
+
+
+def at_rest(team):
+    """io and titan have been in contact for a while, over connections."""
+    net = NetworkSim(team, delay_s=FAR_S)
+    contact(net)
+    net.wait(60)
+    return net
+
+
+def pulls(net, name):
+    return [each.at_s for each in net.told(name, SyncStarted) if each.direction is Direction.IN]
+
+
+def until_the_next_pull(net, name):
+    before = len(pulls(net, name))
+    while len(pulls(net, name)) == before:
+        net.wait(0.5)
+    net.wait(1)
+
+
+def test_two_at_rest_take_turns_in_asking(team):
+    net = at_rest(team)
+    for each in net.events.values():
+        each.clear()
+    net.wait(120)
+    io, titan = pulls(net, "io"), pulls(net, "titan")
+    assert 4 <= len(io) <= 5
+    assert 4 <= len(titan) <= 5
+    turns = sorted(io + titan)
+    assert all(14 < b - a < 16 for a, b in itertools.pairwise(turns))
+    assert net.told("io", SyncTimedOut) == net.told("titan", SyncTimedOut) == []
+
+
+def test_a_peer_that_has_something_for_us_in_its_turn_is_asked_back(team):
+    """What it pushed was lost, and our own turn is half a minute away."""
+    net = at_rest(team)
+    until_the_next_pull(net, "io")
+    net.silent = {"titan"}
+    publish(net, "titan", "/map", b"lost")
+    net.wait(1)
+    net.silent = set()
+    until_the_next_pull(net, "titan")
+    assert pulls(net, "io")[-1] == pulls(net, "titan")[-1] + FAR_S
+    net.wait(STANDS_S)
+    assert net.held("io")["titan", "/map"] == b"lost"
+
+
+def test_a_peer_that_has_been_away_in_its_turn_is_asked_back(team):
+    """Its connection has broken, so ours may have, too."""
+    net = at_rest(team)
+    until_the_next_pull(net, "io")
+    net.wait(3)
+    before = len(pulls(net, "io"))
+    net.nodes["titan"].lost("io", "a test", net.now)
+    until_the_next_pull(net, "titan")
+    assert len(pulls(net, "io")) == before + 1
 
 
 def test_both_pull_when_a_program_wants_to_exchange(net):
