@@ -88,7 +88,8 @@ class YamlText:
     def __init__(self, text: str, root: yaml.Node) -> None:
         self.source = text
         self.newline = "\r\n" if "\r\n" in text else "\n"
-        self._shared = _shared(root)  # ids of nodes that are used more than once, through aliases
+        # ids of nodes that are used more than once, through aliases, which need an anchor
+        self._shared = _shared(root) if "&" in text else set()
         self.root = YamlValue(root, int(root.start_mark.index))
         self._pieces: list[tuple[int, int, str]] = []  # from, up to, what is there then
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -27,82 +26,16 @@ from mocha_link.team.problem import (
     line_column,
     text_in,
 )
+from mocha_link.team.yaml_nodes import MAX_DEPTH, TAG, Loader, TooDeepError, compose
 
 __all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
 
-MAX_DEPTH = 60
-_LARGE = 50_000
-"""Characters from which on an error is told in the words of the quick parser: the other one takes
-a second for so many."""
-
 M = TypeVar("M", bound=pydantic.BaseModel)
 
-_TAG = "tag:yaml.org,2002:"
-_MAPPING, _SEQUENCE = _TAG + "map", _TAG + "seq"
-
-
-class _Loader(yaml.SafeLoader):
-    """Composes nodes with marks; reads plain scalars by the YAML 1.2 core schema."""
-
-    yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML reads and fills this very attribute
-
-
-for _name, _pattern, _first in (
-    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
-    (
-        "float",
-        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
-        "-+.0123456789",
-    ),
-    ("merge", r"<<", "<"),
-):
-    _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"^(?:{_pattern})$"), list(_first))
-
-if yaml.__with_libyaml__:
-
-    class _QuickLoader(yaml.CSafeLoader):
-        """The same in C: ten times as quick, but it overflows the stack where nesting is deep."""
-
-        yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
-
-
-def _compose(text: str) -> yaml.Node | None:
-    """The document as nodes. Raises YAMLError: it is none; _TooDeepError."""
-    if not yaml.__with_libyaml__:
-        _check_depth(text, _Loader)
-        return _Loader(text).get_single_node()
-    try:
-        _check_depth(text, _QuickLoader)
-        return _QuickLoader(text).get_single_node()
-    except yaml.YAMLError:
-        if len(text) > _LARGE:
-            raise
-    return _Loader(text).get_single_node()  # its words do not depend on what is installed
-
-
-class _TooDeepError(Exception):
-    """Nested deeper than any file in use; both parsers take very long for it, or crash."""
-
-    def __init__(self, line: int, column: int) -> None:
-        super().__init__()
-        self.place = (line + 1, column + 1)  # from 1
-
-
-def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
-    depth = 0
-    for event in yaml.parse(text, Loader=loader):
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-            if depth > MAX_DEPTH:
-                mark = event.start_mark
-                raise _TooDeepError(*((mark.line, mark.column) if mark else (0, 0)))
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
+_MAPPING, _SEQUENCE = TAG + "map", TAG + "seq"
 
 
 class Document:
@@ -132,7 +65,7 @@ class Document:
     def from_text(cls, text: str, path: Path) -> Document:
         """Read YAML from `text`; `path` only names it in messages. Raises DocumentError."""
         try:
-            root = _compose(text)
+            root = compose(text)
             plain = _Plain(path)
             data = None if root is None else plain.value(root)
         except yaml.MarkedYAMLError as error:
@@ -145,7 +78,7 @@ class Document:
             message = "control character in the text; remove it"
             place = line_column(text[: error.position].encode())
             raise DocumentError.at(path, message, "not-yaml", *place) from None
-        except _TooDeepError as error:
+        except TooDeepError as error:
             message = f"nested more than {MAX_DEPTH} deep; flatten it"
             raise DocumentError.at(path, message, "too-deep", *error.place) from None
         if plain.problems:
@@ -220,6 +153,8 @@ class _Plain:
 
     def value(self, node: yaml.Node) -> Any:
         self._count += 1
+        if isinstance(node, yaml.ScalarNode) and self._count <= MAX_VALUES:
+            return self._scalar(node)
         if id(node) in self._open:
             message = "an alias inside its own anchor; remove it"
             raise DocumentError([self._problem(node, message, "yaml-feature")])
@@ -243,7 +178,7 @@ class _Plain:
         result: dict[Any, Any] = {}
         first_line: dict[str, int] = {}
         for key_node, value_node in node.value:
-            if key_node.tag == _TAG + "merge":
+            if key_node.tag == TAG + "merge":
                 message = "merge keys (<<) are not read; write the keys out"
                 self._add(key_node, message, "yaml-feature")
                 continue
@@ -299,7 +234,7 @@ _READERS: dict[str, Callable[[str], Any]] = {
 
 def _scalar(node: yaml.Node) -> Any:
     """The plain value of a scalar node. Raises ValueError with words for the user."""
-    kind = node.tag.removeprefix(_TAG)
+    kind = node.tag.removeprefix(TAG)
     if kind not in _READERS:
         raise ValueError(_strange(node))
     try:
@@ -318,9 +253,9 @@ def _mark(node: yaml.Node | None) -> tuple[int, int]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes exactly what `_Loader` would not read as text."""
+    """Quotes exactly what `Loader` would not read as text."""
 
-    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
 
 
 def as_yaml(data: Any, *, short_in_line: bool = False) -> str:

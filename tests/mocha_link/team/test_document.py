@@ -166,12 +166,21 @@ def test_every_problem_is_reported_in_file_order():
         ("a: 1\n---\nb: 2", "2:1: not valid YAML", "not-yaml"),
         ("a: *missing", "1:4: not valid YAML", "not-yaml"),
         ("[" * 5000, "1:61: nested more than 60 deep; flatten it", "too-deep"),
+        ("[" * 61 + "]" * 61, "1:61: nested more than 60 deep; flatten it", "too-deep"),
+        ("[" * 60 + "x" + "]" * 59, "1:", "not-yaml"),
     ],
 )
 def test_broken_documents_name_the_place(text, problem, code):
     (found,) = problems_of(text)
     assert found.startswith(problem)
     assert found.endswith(f" [{code}]")
+
+
+def test_words_may_lie_in_the_deepest_list_there_may_be():
+    data = Document.from_text("[" * 60 + "x" + "]" * 60, Path("deep.yaml")).data
+    for _ in range(60):
+        (data,) = data
+    assert data == "x"
 
 
 def test_aliases_cannot_blow_up():
