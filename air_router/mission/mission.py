@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timedelta
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -150,17 +150,26 @@ def _areas(  # noqa: PLR0913, PLR0917 - all that counts
         elif id(zone) not in active_ids and zone.band is not None:
             reason = _out_of_height(zone.band, cruise)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
+    kept = partial(_airspace, fences, planner.clearance_m)
     return MissionAreas(
         fences=fences,
         zones=zones,
         climb_corridors=climb_corridors,
         cruise=cruise,
-        airspace=airspace,
-        planning_airspace=airspace.with_margin(planner.tracking_margin_m),
-        climb_airspace=climb,
-        above_airspace=active.at(cruise.lower_m, math.inf),
+        airspace=kept(airspace.zones),
+        planning_airspace=kept(airspace.zones, planner.tracking_margin_m),
+        climb_airspace=kept(climb.zones),
+        above_airspace=kept(active.at(cruise.lower_m, math.inf).zones),
         idle_zones=tuple(idle),
     )
+
+
+@lru_cache(maxsize=16)
+def _airspace(
+    fences: tuple[Shape, ...], clearance_m: float, zones: tuple[Zone, ...], margin_m: float = 0.0
+) -> Airspace:
+    """One of the same zones is the same: other altitudes leave what was found in it, the paths."""
+    return Airspace(fences, zones, clearance_m, margin_m)
 
 
 def _zone(area: Area, draft: MissionDocument) -> Zone:
@@ -336,10 +345,6 @@ class Mission(MissionAreas):
 def _between(airspace: Airspace, low_m: float, high_m: float) -> Airspace:
     """The airspace with only the zones that apply somewhere between."""
     zones = tuple(z for z in airspace.zones if z.band is None or z.band.meets(low_m, high_m))
-    return airspace if len(zones) == len(airspace.zones) else _among(airspace, zones)
-
-
-@lru_cache(maxsize=8)
-def _among(airspace: Airspace, zones: tuple[Zone, ...]) -> Airspace:
-    """Of a vehicle off its altitudes in one telemetry after the other: mostly the same zones."""
-    return Airspace(airspace.fences, zones, airspace.clearance_m)
+    if len(zones) == len(airspace.zones):
+        return airspace
+    return _airspace(airspace.fences, airspace.clearance_m, zones)  # mostly the same, off altitude

@@ -137,8 +137,10 @@ def _check_fence_crossings(draft: MissionDocument) -> None:
     if not draft.fences:
         return
     inside = shapely.intersection_all([area.shape.polygon for area in draft.fences])
-    for area in draft.zones:
-        zone = _within(area.shape)
+    shapely.prepare(inside)
+    zones = np.array([_within(area.shape) for area in draft.zones], dtype=object)
+    across = np.flatnonzero(~shapely.covers(inside, zones) & shapely.intersects(inside, zones))
+    for area, zone in zip(map(draft.zones.__getitem__, across), zones[across], strict=True):
         beyond = zone.difference(inside).area > _SLIVER_M2
         within = zone.intersection(inside).area > _SLIVER_M2
         if beyond and within and not area.crosses_fence:
@@ -174,7 +176,9 @@ def _check_same_places(draft: MissionDocument) -> None:
 def _check_spots(draft: MissionDocument, areas: MissionAreas, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
     cruise = areas.planning_airspace
-    climb = areas.climb_airspace.with_margin(draft.planner.tracking_margin_m)
+    climb = cruise
+    if areas.climb_airspace is not areas.airspace:
+        climb = areas.climb_airspace.with_margin(draft.planner.tracking_margin_m)
     if "planner" in draft.unread:
         cruise, climb = areas.airspace.as_drawn(), areas.climb_airspace.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
@@ -229,8 +233,8 @@ def _check_ways(draft: MissionDocument, areas: MissionAreas) -> None:
     paths = shortest_paths(airspace)
     answers: dict[int | None, str] = {}
     around_home = paths.part_of(home)
-    for spot in draft.waypoints:
-        part = paths.part_of(spot.position)
+    parts = paths.parts_of([spot.position for spot in draft.waypoints])
+    for spot, part in zip(draft.waypoints, parts, strict=True):
         if part == around_home is not None or paths.connected(home, spot.position):
             continue
         if part not in answers:

@@ -137,7 +137,7 @@ class WaypointGraph:
     @cached_property
     def _regions(self) -> _Integers:
         """In which part of the clear area each node is."""
-        parts = (self.paths.part_of(position) for position in self._positions.values())
+        parts = self.paths.parts_of([*self._positions.values()])
         regions = np.array([-1 if part is None else part for part in parts], dtype=np.intp)
         home = regions[HOME_NODE]
         for region in set(regions.tolist()) - {int(home)}:

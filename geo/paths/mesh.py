@@ -109,6 +109,18 @@ class Mesh:
         held = self.holding(point)
         return int(self.part[held[0]]) if held else None
 
+    def parts_of(self, points: Sequence[Point]) -> list[int | None]:
+        """`part_of` of many points, in bulk."""
+        places = np.array(points, dtype=float).reshape(-1, 2)
+        finite = np.flatnonzero(np.isfinite(places).all(axis=1))
+        which, held = self._tree.query(
+            shapely.points(places[finite]), predicate="dwithin", distance=ON_M
+        )
+        first = np.full(len(places), len(self))
+        np.minimum.at(first, finite[which], held)
+        numbers = [*self.part.tolist(), None]
+        return [numbers[triangle] for triangle in first.tolist()]
+
     def nearest(self, point: Point, part: int | None = None) -> tuple[Point, int]:
         """The place on the border (of one part) nearest to a point, and in which part it is.
 

@@ -58,8 +58,7 @@ class ShortestPaths:
         self.airspace = airspace
         self.space = FreeSpace(airspace)
         self.mesh = Mesh(self.space.lean)
-        # the greatest distance
-        self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
+        self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)  # the greatest
 
     def path(
         self,
@@ -96,6 +95,11 @@ class ShortestPaths:
         """
         landing = self._landing(self.mesh, point)
         return None if landing is None else landing[1]
+
+    def parts_of(self, points: Sequence[Point]) -> list[int | None]:
+        """`part_of` of many places, in bulk."""
+        found = zip(points, self.mesh.parts_of(points), strict=True)
+        return [self.part_of(point) if part is None else part for point, part in found]
 
     def connected(self, a: Point, b: Point) -> bool:
         """Whether a clear path from one place to the other exists."""
