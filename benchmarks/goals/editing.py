@@ -1,7 +1,7 @@
 """The edit page with a large mission: from a key to the screen, in a browser.
 
-Another key each second moves a waypoint by a metre. The time runs from the key until the frame is
-over in which the page has drawn what the program answered: places, graph, legs and problems.
+Another key (or click) each second makes an edit. The time runs from the key until the frame is over
+in which the page has drawn what the program answered: places, graph, legs and problems.
 """
 
 import contextlib
@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,8 @@ OPTIONS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 WATCH = """
 globalThis.took = [];
 let pressed = null;
-addEventListener("keydown", (event) => (pressed = event.timeStamp), { capture: true });
+for (const kind of ["keydown", "click"])
+  addEventListener(kind, (event) => (pressed = event.timeStamp), { capture: true });
 globalThis.drawn = () => {
   const from = pressed;
   if (from === null) return;
@@ -56,9 +57,9 @@ addEventListener("keydown", () => {
 
 
 def measure(conditions: Conditions) -> Iterator[Figure]:
-    """The median and the slowest of a dozen keys."""
-    path = chromium()
-    if path is None or importlib.util.find_spec("playwright") is None:
+    """The median of a dozen keys for each kind of edit, and the slowest of all."""
+    browser_path = chromium()
+    if browser_path is None or importlib.util.find_spec("playwright") is None:
         raise UnmeasuredError("no Chromium, or no playwright")
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where installed
 
@@ -71,7 +72,7 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
         tempfile.TemporaryDirectory() as folder,
         sync_playwright() as playwright,
         contextlib.closing(
-            playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
+            playwright.chromium.launch(executable_path=browser_path, args=list(OPTIONS))
         ) as browser,
     ):
         bare = browser.new_page()
@@ -79,7 +80,7 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
         page_file = Path(folder, "bare.html")
         page_file.write_text(BARE, encoding="utf-8")
         bare.goto(page_file.as_uri())
-        bare_ms = statistics.median(_keys(bare))
+        bare_ms = statistics.median(_timed(bare, _arrow(bare))[0])
         path = Path(folder, "mission.yaml")
         path.write_text(text, encoding="utf-8")
         page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -88,24 +89,66 @@ def measure(conditions: Conditions) -> Iterator[Figure]:
         with _edited(path) as address:
             page.goto(address)
             page.wait_for_selector(".place.waypoint")
-            page.keyboard.press("n")
-            took_ms = _keys(page)
+            took_ms = _edits(page)
     where = f"{waypoints} waypoints x {zones} zones"
     anchors = {"a key on a bare page": bare_ms, "reading its YAML": read_ms}
-    yield Figure(
-        f"{where}: key to screen", statistics.median(took_ms), "ms", GOAL_MS, anchors=anchors
-    )
-    yield Figure(f"{where}: slowest key", max(took_ms), "ms", GOAL_MS, anchors=anchors)
+    for kind, times_ms in took_ms.items():
+        median_ms = statistics.median(times_ms)
+        yield Figure(f"{where}: {kind}", median_ms, "ms", GOAL_MS, anchors=anchors)
+    slowest_ms = max(map(max, took_ms.values()))
+    yield Figure(f"{where}: slowest key", slowest_ms, "ms", GOAL_MS, anchors=anchors)
 
 
-def _keys(page: Any) -> list[float]:
-    """How long each key took; the first one, when much is new, is not counted."""
+def _edits(page: Any) -> dict[str, list[float]]:
+    """How long each key took, by the kind of edit that it made."""
+    press = page.keyboard.press
+
+    def altitude(number: int) -> None:
+        page.locator("#inspector input").fill(str(30 + number))
+        press("Enter")
+
+    def add(_: int) -> None:
+        page.locator("#map").dispatch_event("click", {"clientX": 500, "clientY": 400})
+
+    def remove(_: int) -> None:
+        press("n")
+        press("Delete")
+
+    def undo(_: int) -> None:
+        press("Control+z")
+
+    took_ms: dict[str, list[float]] = {}
+    press("n")
+    (took_ms["key to screen"],) = _timed(page, _arrow(page))
+    (took_ms["an altitude"],) = _timed(page, altitude)
+    press("Escape")
+    page.locator("path.area.zone").first.dispatch_event("click")
+    page.locator(".corner").first.dispatch_event("click")
+    (took_ms["a corner of a zone"],) = _timed(page, _arrow(page, "ArrowRight"))
+    press("w")
+    took_ms["a waypoint added"], undone_ms = _timed(page, add, undo)
+    press("Escape")
+    took_ms["a waypoint removed"], more_ms = _timed(page, remove, undo)
+    took_ms["undone"] = undone_ms + more_ms
+    return took_ms
+
+
+def _arrow(page: Any, other: str = "ArrowDown") -> Callable[[int], None]:
+    """There and back; with another arrow, never back to where areas and paths are known."""
+    return lambda number: page.keyboard.press(("ArrowUp", other)[number % 2])
+
+
+def _timed(page: Any, *edits: Callable[[int], None]) -> list[list[float]]:
+    """How long each edit took, several times in turn; not counted the first, when much is new."""
+    done = page.evaluate("took.length")
     for number in range(KEYS + 1):
-        page.keyboard.press(("ArrowUp", "ArrowDown")[number % 2])
-        page.wait_for_function("(count) => took.length > count", arg=number, polling=100)
-        page.wait_for_timeout(PAUSE_MS)
-    took_ms: list[float] = page.evaluate("took")
-    return took_ms[1:]
+        for edit in edits:
+            edit(number)
+            done += 1
+            page.wait_for_function("(count) => took.length >= count", arg=done, polling=100)
+            page.wait_for_timeout(PAUSE_MS)
+    took_ms = page.evaluate("(count) => took.slice(-count)", KEYS * len(edits))
+    return [took_ms[index :: len(edits)] for index in range(len(edits))]
 
 
 @contextlib.contextmanager
