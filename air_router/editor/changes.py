@@ -147,7 +147,7 @@ class Changes(ABC):
     def copied(self) -> Self:
         """The same data to be changed by an edit, which means what can be moved as it is here."""
         copied = copy.copy(self)
-        copied.data = copy.deepcopy(self.data)
+        copied.data = copy.copy(self.data)  # of what is in there, `_at` copies what is changed
         return copied
 
     @abstractmethod
@@ -266,11 +266,17 @@ class Changes(ABC):
     # Parts of the data
 
     def _at(self, keys: Sequence[str | int]) -> Any:
-        """The value at a path, which may name the long form of what has the short one."""
+        """The value at a path, to be changed: it and all on the way there are this one's own.
+
+        The path may name the long form of what has the short one.
+        """
         value = self.data
         for key in keys:
-            if not (isinstance(value, list) and isinstance(key, str)):
-                value = value[key]
+            if isinstance(value, list) and isinstance(key, str):
+                continue
+            if isinstance(value[key], list | dict):
+                value[key] = copy.copy(value[key])
+            value = value[key]
         return value
 
     def _take_out(self, keys: Keys) -> None:

@@ -107,7 +107,9 @@ class YamlChanges(Changes):
         if section is not None:
             if section in values and not isinstance(values[section], dict):
                 raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
-            values = values.get(section, {}) if value is None else values.setdefault(section, {})
+            if value is not None:
+                values.setdefault(section, {})
+            values = self._at((section,)) if section in values else {}
         if value is None:
             values.pop(name, None)
         elif isinstance(value, str):
@@ -153,7 +155,7 @@ class YamlChanges(Changes):
         """A list of the file, begun if there is none."""
         if self.data.get(name) is None:
             self.data[name] = []
-        values: list[Any] = self.data[name]
+        values: list[Any] = self._at((name,))
         return values
 
     def _long_form(self, keys: Keys, key: str) -> dict[str, Any]:
@@ -161,7 +163,7 @@ class YamlChanges(Changes):
         parent, index = self._at(keys[:-1]), keys[-1]
         if not isinstance(parent[index], dict):
             parent[index] = {key: parent[index]}
-        entry: dict[str, Any] = parent[index]
+        entry: dict[str, Any] = self._at(keys)
         return entry
 
     def _unused_name(self) -> str:
@@ -243,26 +245,25 @@ class PlanChanges(Changes):
         used = [item.get("doJumpId") for item in items if isinstance(item, dict)]
         number = max((n for n in used if isinstance(n, int)), default=0) + 1
         params = [0, 0, 0, None, *self.digits(edit.at), metres(altitude_m)]
-        items.insert(position, simple_item(MavCommand.WAYPOINT, params, number=number))
+        self._at(ITEMS).insert(position, simple_item(MavCommand.WAYPOINT, params, number=number))
 
     def add_rally_point(self, edit: edits.AddRallyPoint) -> None:
         """Add a point at home's altitude, which is what they count from."""
-        points = value_at(self.data, RALLY_POINTS)
-        if not isinstance(points, list):
+        if not isinstance(value_at(self.data, RALLY_POINTS), list):
             raise EditError("the plan has no list of rally points; save it with QGroundControl")
-        points.append([*self.digits(edit.at), metres(0)])
+        self._at(RALLY_POINTS).append([*self.digits(edit.at), metres(0)])
 
     def add_area(self, edit: edits.AddArea) -> None:
         """Add an inclusion or exclusion polygon or circle."""
-        areas = value_at(self.data, POLYGONS if edit.radius_m is None else CIRCLES)
-        if not isinstance(areas, list):
+        path = POLYGONS if edit.radius_m is None else CIRCLES
+        if not isinstance(value_at(self.data, path), list):
             raise EditError("the plan has no list of fences; save it with QGroundControl")
         corners = [self.digits(corner) for corner in edit.corners]
         area: dict[str, Any] = {"inclusion": edit.fence, "polygon": corners, "version": 1}
         if edit.radius_m is not None:
             circle = {"center": corners[0], "radius": metres(edit.radius_m, 1)}
             area = {"circle": circle, "inclusion": edit.fence, "version": 1}
-        areas.append(area)
+        self._at(path).append(area)
 
     def redraw(self, edit: edits.Redraw) -> None:
         """Polygons stand in a list of their own."""
@@ -282,8 +283,9 @@ class PlanChanges(Changes):
             raise EditError("in a plan every waypoint has its own altitude")
         if self._relative_altitude_m(handle) is None:
             raise EditError("its altitude does not count from home; edit it in QGroundControl")
-        item, altitude_m = self._item(handle), metres(edit.altitude_m)
-        self._put(item["params"], 6, altitude_m)
+        altitude_m, keys = metres(edit.altitude_m), handle.keys[: len(ITEMS) + 1]
+        self._put(self._at((*keys, "params")), 6, altitude_m)
+        item = self._at(keys)
         if as_number(item.get("Altitude")) is not None:
             self._put(item, "Altitude", altitude_m)
 

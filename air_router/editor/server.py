@@ -44,7 +44,7 @@ class EditorServer:
         # page, its request
         self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False  # as the pages were told
-        self._state = self._shown()  # JSON that every new page gets
+        self._state = session.view()  # as the pages have it
         self._browsers = Browsers(self._receive, self._welcome)  # all pages
         self._site = Site(web, "air_router.editor", "edit")
         self._site.add_socket("/socket", self._browsers.converse)
@@ -69,7 +69,7 @@ class EditorServer:
     def _welcome(self, outbox: PageOutbox) -> None:
         setting = {"type": "setting", "backdrop": self._web.backdrop}
         outbox.post("setting", as_json(setting))
-        outbox.post("state", self._state)
+        outbox.post("state", as_json({"type": "state", **self._state}))
         outbox.post("disk", as_json({"type": "disk", "changed": self._changed_on_disk}))
 
     def _receive(self, outbox: PageOutbox, text: str) -> None:
@@ -85,8 +85,10 @@ class EditorServer:
             outbox, text = await self._requests.get()
             answer, state = await loop.run_in_executor(worker, self._answered, text)
             if state is not None:
+                news = {"type": "state", "since": self._state["revision"]}
+                news |= changes_of(self._state, state)
                 self._state = state
-                self._browsers.broadcast("state", state)
+                self._browsers.broadcast("state", as_json(news))
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
@@ -99,17 +101,14 @@ class EditorServer:
                 self._changed_on_disk = changed
                 self._browsers.broadcast("disk", as_json({"type": "disk", "changed": changed}))
 
-    def _shown(self) -> str:
-        return as_json({"type": "state", **self._session.view()})
-
-    def _answered(self, text: str) -> tuple[dict[str, Any], str | None]:
+    def _answered(self, text: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """The answer to a request, and the mission's state if it has changed."""
         before = self._session.revision, self._session.dirty
         start_s = time.perf_counter()
         answer = self._answer(text)
         _LOG.debug("%.1f ms for %s", (time.perf_counter() - start_s) * 1000, text[:200])
         changed = before != (self._session.revision, self._session.dirty)
-        return answer, self._shown() if changed else None
+        return answer, self._session.view() if changed else None
 
     def _answer(self, text: str) -> dict[str, Any]:
         """The answer to one request, whatever it is."""
@@ -153,6 +152,8 @@ class EditorServer:
                 _LOG.info("saved")
             case "reload":
                 session.reload()
+            case "state":  # of a page that news have passed by
+                return {"state": {"type": "state", **session.view()}}
             case "route":
                 start, end = request.get("start"), request.get("end")
                 if not (isinstance(start, int) and isinstance(end, int)):
@@ -161,6 +162,20 @@ class EditorServer:
             case _:
                 raise EditError("the page asks for something that is not known; load it again")
         return {}
+
+
+def changes_of(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
+    """What of a state is not as before; of a list its length, and by index what is not."""
+    news: dict[str, Any] = {}
+    for name, value in now.items():
+        old = before[name]
+        if not isinstance(value, list):
+            news |= {} if value == old else {name: value}
+        elif value != old:
+            same = len(old)
+            at = {i: one for i, one in enumerate(value) if i >= same or one != old[i]}
+            news[name] = {"length": len(value), "at": at}
+    return news
 
 
 def _refused(number: int | None, kind: str, why: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.mission import Mission
 from air_router.mission.team import UAV_KIND
 from air_router.routing.router import Route
-from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
+from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees, line
 from mocha_link.team.document import DocumentError, Problem
 from mocha_link.team.team import Team
 
@@ -35,7 +35,8 @@ def view(parts: Changes, analysis: MissionAnalysis) -> dict[str, Any]:
     return {
         "places": list(_places(parts, analysis, wrong)),
         "areas": list(_areas(parts, analysis, wrong)),
-        "graph": _graph(analysis),
+        "edges": _edges(analysis),
+        "detours": _detours(analysis),
         "legs": _legs(analysis),
         "problems": shown,
         "settings": _settings(parts, analysis),
@@ -93,7 +94,7 @@ def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any
     points = [graph.position(start), *(leg.to for leg in route.legs)]
     closest_m, closest_to = mission.airspace.track_distance_m(points)
     return {
-        "points": [degrees(mission.frame, point) for point in points],
+        "points": line(mission.frame, points),
         "nodes": [start, *(leg.node for leg in route.legs)],
         "length_m": round(route.length_m, 1),
         "time_s": round(route.length_m / mission.speed_m_s),
@@ -211,32 +212,40 @@ def _notes(area: Area | None, mission: Mission | None) -> list[str]:
     return notes
 
 
-def _graph(analysis: MissionAnalysis) -> dict[str, Any]:
+def _edges(analysis: MissionAnalysis) -> list[list[int]]:
+    """For each node those of higher numbers that a straight edge leads to; not of too many."""
+    graph, left = analysis.graph, _MOST_EDGES
+    edges: list[list[int]] = []
+    if graph is None:
+        return edges
+    around = set(graph.detours)
+    for node, neighbours in enumerate(graph.neighbours):
+        higher = [other for other, _ in neighbours if other > node and (node, other) not in around]
+        edges.append(higher[:left])
+        left -= len(edges[-1])
+    return edges
+
+
+def _detours(analysis: MissionAnalysis) -> list[list[Degrees]]:
     graph = analysis.graph
     if graph is None:
-        return {"edges": [], "detours": [], "cut": False}
+        return []
     detours = list(graph.detours)[:_MOST_EDGES]
     ways = ([graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in detours)
-    around = set(graph.detours)
-    straight = [edge for edge in graph.edges if edge not in around]
-    frame = graph.mission.frame
-    return {
-        "edges": straight[:_MOST_EDGES],
-        "detours": [[degrees(frame, point) for point in way] for way in ways],
-        "cut": len(straight) > _MOST_EDGES,
-    }
+    return [line(graph.mission.frame, way) for way in ways]
 
 
 def _legs(analysis: MissionAnalysis) -> list[dict[str, Any]]:
     mission = analysis.mission
     if mission is None:
         return []
+    points = iter(line(mission.frame, [point for leg in analysis.legs for point in leg.points]))
     return [
         {
             "from": leg.start,
             "to": leg.end,
             "way": leg.way.value,
-            "points": [degrees(mission.frame, point) for point in leg.points],
+            "points": [next(points) for _ in leg.points],
         }
         for leg in analysis.legs
     ]

@@ -1,14 +1,16 @@
 """Places and shapes as map pages draw them: in degrees, on one side of the antimeridian."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+import shapely
 from shapely import Point as ShapelyPoint
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from geo.airspace.zone import Circle, Shape, polygons_of
-from geo.frame import FrameError, LocalFrame, Point
+from geo.frame import Floats, FrameError, LocalFrame, Point
 
 DECIMALS = 7
 _QUARTER = 8
@@ -20,11 +22,20 @@ Rings = list[list[Degrees]]
 
 def degrees(frame: LocalFrame, point: Point) -> Degrees:
     """A place; the frame's origin for one that is not on Earth."""
+    return line(frame, [point])[0]
+
+
+def line(frame: LocalFrame, points: Floats | Sequence[Point]) -> list[Degrees]:
+    """`degrees` of many places, in bulk."""
     try:
-        place = [round(value, DECIMALS) for value in frame.to_geodetic(point)]
+        places = frame.to_geodetic_many(points)
     except FrameError:
-        place = [round(value, DECIMALS) for value in frame.origin]
-    return list(beside(frame.origin, (place[0], place[1])))
+        if len(points) > 1:
+            return [degrees(frame, point) for point in points]
+        places = np.array([frame.origin])
+    places[:, 1] += 360 * np.round((frame.origin.longitude_deg - places[:, 1]) / 360)
+    rounded: list[Degrees] = places.round(DECIMALS).tolist()
+    return rounded
 
 
 def beside(origin: tuple[float, float], place: tuple[float, float]) -> tuple[float, float]:
@@ -69,7 +80,7 @@ def buffer(frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
 def outlines(frame: LocalFrame, geometry: BaseGeometry) -> list[Rings]:
     """Polygons with holes, in degrees."""
     return [
-        [[degrees(frame, Point(*xy)) for xy in ring.coords] for ring in _rings(polygon)]
+        [line(frame, shapely.get_coordinates(ring)) for ring in _rings(polygon)]
         for polygon in polygons_of(geometry)
     ]
 

@@ -21,11 +21,22 @@ export class Corners {
     map.on("zoomend", () => this.show());
   }
 
+  /** The selected area. @returns {any} */
+  area() {
+    const keys = this.selection.now?.area;
+    return keys && this.store.state?.areas.find((one) => same(one.keys, keys));
+  }
+
+  /** The mission has changed, and the selected area perhaps. */
+  update() {
+    if (this.area() !== this.shown) this.show();
+  }
+
   /** Make the handles anew, but not under the user's hand. */
   show() {
     if (this.drags > 0) return;
-    const keys = this.selection.now?.area;
-    const area = keys && this.store.state?.areas.find((one) => same(one.keys, keys));
+    const area = this.area();
+    this.shown = area;
     const focused = this.group.getLayers().find((one) => one.getElement() === document.activeElement);
     this.group.clearLayers();
     if (!area) return;

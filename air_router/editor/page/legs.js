@@ -7,40 +7,65 @@ const L = globalThis.L;
 export class Legs {
   /** @param {any} map */
   constructor(map) {
-    const svg = L.svg({ pane: "legs" });
-    const line = (className, pane, renderer) =>
-      L.polyline([], { className, pane, renderer, interactive: false }).addTo(map);
-    this.edges = L.polyline([], {
-      pane: "graph",
-      renderer: L.canvas({ pane: "graph", padding: 0.5 }),
-      interactive: false,
-      weight: 1,
-      opacity: 0.4,
-    }).addTo(map);
-    this.detours = line("detour", "legs", svg);
-    this.ways = {
-      straight: line("leg straight", "legs", svg),
-      around: line("leg around", "legs", svg),
-      blocked: line("leg blocked", "legs", svg),
-    };
-    this.route = line("route", "route", L.svg({ pane: "route" }));
+    this.map = map;
+    this.svg = L.svg({ pane: "legs" });
+    this.canvas = L.canvas({ pane: "graph", padding: 0.5 });
+    /** Of each node: where it is, the nodes above it that it is joined to, and the line to them.
+     *  @type {{at: number[], others: number[], line: any}[]} */
+    this.nodes = [];
+    /** Detours and legs as they are drawn, each with its line. @type {Map<any, any>} */
+    this.lines = new Map();
+    this.route = this.line([], "route", "route", L.svg({ pane: "route" }));
     this.paint();
     document.addEventListener("theme", () => this.paint());
   }
 
   /** Canvas does not know style sheets. */
   paint() {
-    this.edges.setStyle({ color: colour("graph") });
+    this.colour = colour("graph");
+    for (const { line } of this.nodes) line.setStyle({ color: this.colour });
   }
 
-  /** @param {import("./store.js").State} state */
+  /** Each has a line of its own: what does not change is not drawn again.
+   *  @param {import("./store.js").State} state */
   show(state) {
-    const nodes = new Map(state.places.filter((p) => p.node !== null).map((p) => [p.node, p.at]));
-    const edges = state.graph.edges.map(([a, b]) => [nodes.get(a), nodes.get(b)]);
-    this.edges.setLatLngs(edges.filter(([a, b]) => a && b));
-    this.detours.setLatLngs(state.graph.detours);
-    for (const [way, line] of Object.entries(this.ways)) {
-      line.setLatLngs(state.legs.filter((leg) => leg.way === way).map((leg) => leg.points));
-    }
+    this.edges(state);
+    const old = this.lines;
+    this.lines = new Map();
+    const keep = (part, points, className) => {
+      this.lines.set(part, old.get(part) ?? this.line(points, className, "legs", this.svg));
+      old.delete(part);
+    };
+    for (const way of state.detours) keep(way, way, "detour");
+    for (const leg of state.legs) keep(leg, leg.points, `leg ${leg.way}`);
+    for (const line of old.values()) line.remove();
   }
+
+  /** A line for each node, so that one that moves costs only its neighbours.
+   *  @param {import("./store.js").State} state */
+  edges({ places, edges }) {
+    const at = new Map(places.map((place) => [place.node, place.at]));
+    const moved = new Set(edges.map((_, node) => node).filter((node) => differ(at.get(node), this.nodes[node]?.at)));
+    this.nodes.splice(edges.length).forEach(({ line }) => line.remove());
+    edges.forEach((others, node) => {
+      const old = this.nodes[node];
+      if (old?.others === others && ![node, ...others].some((one) => moved.has(one))) return;
+      const look = { weight: 1, opacity: 0.4, color: this.colour };
+      const line = old?.line ?? this.line([], "", "graph", this.canvas, look);
+      const from = at.get(node);
+      this.nodes[node] = { at: from, others, line };
+      line.setLatLngs(from ? others.filter((one) => at.get(one)).map((one) => [from, at.get(one)]) : []);
+    });
+  }
+
+  /** @param {number[][]} points @param {string} className @param {string} pane @param {any} renderer
+   *  @param {object} [look] of a canvas */
+  line(points, className, pane, renderer, look = {}) {
+    return L.polyline(points, { className, pane, renderer, interactive: false, ...look }).addTo(this.map);
+  }
+}
+
+/** @param {number[] | undefined} a @param {number[] | undefined} b @returns {boolean} */
+function differ(a, b) {
+  return a?.[0] !== b?.[0] || a?.[1] !== b?.[1];
 }

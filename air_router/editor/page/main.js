@@ -131,7 +131,7 @@ function show(state) {
   airspace.show(state.areas);
   legs.show(state);
   places.show(state.places);
-  corners.show();
+  corners.update();
   inspector.show();
   panel.show(state);
   markAreas();

@@ -106,6 +106,7 @@ export class Panel {
 
   /** @param {import("./store.js").State} state */
   list(state) {
+    if (!byId("parts").open) return;
     const entries = state.places.map((place) => [label(place), place.keys, [place.at], place.wrong]);
     for (const area of state.areas) {
       const at = area.circle ? [area.circle.centre] : area.rings.flatMap((ring) => ring.corners);
@@ -113,7 +114,7 @@ export class Panel {
     }
     const text = JSON.stringify(entries);
     const box = byId("list");
-    if (text === this.listShown || !byId("parts").open) return;
+    if (text === this.listShown) return;
     this.listShown = text;
     const focused = [...box.children].findIndex((item) => item.contains(document.activeElement));
     box.replaceChildren(

@@ -29,19 +29,24 @@ export class Places {
   /** @param {import("./store.js").Place[]} places all that there are now */
   show(places) {
     const left = new Set(this.markers.keys());
+    const altitude = this.store.state?.settings.altitude_m;
+    const all = altitude !== this.altitude; // others are told then that have one of their own
+    const changed = [];
+    this.altitude = altitude;
     for (const place of places) {
       const key = `${place.kind} ${place.index}`;
       left.delete(key);
       const marker = this.markers.get(key) ?? this.add(key, place);
+      if (marker !== this.dragged) moveTo(marker, place.at);
+      if (marker.place !== place || all) changed.push(marker);
       marker.place = place;
-      if (marker !== this.dragged) marker.setLatLng(place.at);
     }
     for (const key of left) {
       this.markers.get(key).remove();
       this.markers.delete(key);
     }
     this.places = places;
-    this.mark();
+    this.mark(changed);
     this.space();
   }
 
@@ -57,7 +62,6 @@ export class Places {
       riseOnHover: true,
       zIndexOffset: place.kind === "rally" ? -2000 : 0,
     }).addTo(this.map);
-    marker.place = place;
     marker.on("click", () => {
       if (this.tools.picked(marker.place) || !marker.place.keys) return;
       this.selection.choose({ sort: "place", keys: marker.place.keys, area: null });
@@ -97,9 +101,9 @@ export class Places {
     if (place.keys) this.store.edit({ do: "remove", keys: place.keys });
   }
 
-  /** Bring looks up to date. */
-  mark() {
-    for (const marker of this.markers.values()) {
+  /** Bring looks up to date. @param {Iterable<any>} [markers] all, if none are given */
+  mark(markers = this.markers.values()) {
+    for (const marker of markers) {
       const { place } = marker;
       const element = marker.getElement();
       const list = element.classList;
@@ -108,7 +112,7 @@ export class Places {
       list.toggle("selected", this.selection.has(place.keys));
       list.toggle("chosen", this.tools.chosen?.some((node) => node === place.node) ?? false);
       element.dataset.place = `${place.kind} ${place.index}`;
-      element.title = label(place);
+      if (element.title !== label(place)) element.title = label(place);
       element.setAttribute("aria-label", label(place));
       const own = place.kind === "waypoint" && place.altitude_m !== null
         && place.altitude_m !== this.store.state?.settings.altitude_m;
@@ -137,6 +141,12 @@ export class Places {
       if (same(marker.place.keys, keys)) marker.getElement().focus({ preventScroll: true });
     }
   }
+}
+
+/** Move a marker that is elsewhere. @param {any} marker @param {number[]} at */
+function moveTo(marker, at) {
+  const { lat, lng } = marker.getLatLng();
+  if (lat !== at[0] || lng !== at[1]) marker.setLatLng(at);
 }
 
 /** @param {import("./store.js").Place} place @returns {string} */

@@ -7,7 +7,7 @@
  *    feature: Keys | null, at: number[][]}} Problem
  *  @typedef {{revision: number, file: string, dirty: boolean, undo: string | null, redo: string | null,
  *    places: Place[], areas: import("/page/airspace.js").Area[],
- *    graph: {edges: number[][], detours: number[][][], cut: boolean},
+ *    edges: number[][], detours: number[][][],
  *    legs: {from: number, to: number, way: string, points: number[][]}[],
  *    problems: Problem[], settings: any}} State */
 
@@ -22,6 +22,7 @@ export class Store extends EventTarget {
     /** @type {{edit: any, gesture: string | null, done: ((ok: boolean) => void)[]}[]} */
     this.queue = [];
     this.busy = false;
+    this.behind = false;
     this.link = new Link(
       (message) => this.receive(message),
       (connected) => this.dispatchEvent(new CustomEvent("connected", { detail: connected })),
@@ -30,8 +31,21 @@ export class Store extends EventTarget {
 
   /** @param {any} message */
   receive(message) {
-    if (message.type === "state") this.state = message;
-    this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
+    if (message.type !== "state") this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
+    else if ("since" in message && message.since !== this.state?.revision) this.catchUp();
+    else {
+      this.state = "since" in message ? changed(this.state, message) : message;
+      this.dispatchEvent(new CustomEvent("state", { detail: this.state }));
+    }
+  }
+
+  /** News have passed by this page: of those that wait for it only the newest is kept. */
+  async catchUp() {
+    if (this.behind) return;
+    this.behind = true;
+    const answer = await this.ask("state");
+    this.behind = false;
+    if (answer) this.receive(answer.state);
   }
 
   /** A name for edits that are undone together. @returns {string} */
@@ -78,6 +92,19 @@ export class Store extends EventTarget {
       return null;
     }
   }
+}
+
+/** A state with what is new; all that is as it was stays the same object.
+ *  @param {any} state @param {any} news @returns {State} */
+function changed(state, { since, ...news }) {
+  const next = { ...state };
+  for (const [name, value] of Object.entries(news)) {
+    next[name] = value;
+    if (!Array.isArray(state[name])) continue;
+    next[name] = state[name].slice(0, value.length);
+    for (const [index, one] of Object.entries(value.at)) next[name][Number(index)] = one;
+  }
+  return next;
 }
 
 /** @param {Keys | null | undefined} a @param {Keys | null | undefined} b */

@@ -25,6 +25,7 @@ export class AirspaceLayer {
     areas.forEach((area, index) => {
       const key = area.keys ? JSON.stringify(area.keys) : `other ${index} ${area.name}`;
       left.delete(key);
+      if (this.drawn.get(key)?.area === area) return; // as it is drawn
       const kind = area.circle && area.rings.length === 0 ? "circle" : "polygon";
       let entry = this.drawn.get(key);
       if (entry && entry.kind !== kind) {

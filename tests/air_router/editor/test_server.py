@@ -268,6 +268,27 @@ def test_an_edit_is_told_to_every_page_and_saved(path):
     )
 
 
+def test_a_page_that_news_have_passed_by_gets_the_whole(path):
+    async def talk(page):
+        async with page.socket() as one:
+            first = await until(one, ("state",))
+            await ask(one, 1, "edit", edit=MOVE)
+            await ask(one, 2, "edit", edit={"do": "remove", "keys": ["waypoints", 7, "position"]})
+            whole = (await ask(one, 3, "state"))["state"]
+            assert (first["revision"], whole["revision"]) == (1, 3)
+            assert len(whole["places"]) == len(first["places"]) - 1
+            async with page.socket() as other:
+                assert await until(other, ("state",)) == whole
+            await ask(one, 4, "undo")
+            async with page.socket() as other:
+                news = {**MOVE, "to": [FREE[0] + 1e-5, FREE[1]]}
+                await until(other, ("state",))
+                await ask(one, 5, "edit", edit=news)
+                assert (await until(other, ("state",)))["since"] == 4
+
+    visit(path, talk)
+
+
 def test_saving_a_draft_or_over_others_work_is_asked_first(path):
     async def talk(page):
         async with page.socket() as socket:
