@@ -102,6 +102,7 @@ class Team:
     model: TeamModel = field(repr=False)  # as the file has it, with what it leaves out
     topics_by_key: Mapping[int, tuple[Robot, Topic]] = field(init=False, repr=False)
     histories: Mapping[int, int] = field(init=False, repr=False)  # versions kept, by topic key
+    _unlinked: Mapping[str, frozenset[int]] = field(init=False, repr=False)  # ids, by name
 
     def __post_init__(self) -> None:
         topics = {
@@ -112,6 +113,12 @@ class Team:
         histories = {key: topic.history for key, (_, topic) in topics.items()}
         object.__setattr__(self, "topics_by_key", MappingProxyType(topics))
         object.__setattr__(self, "histories", MappingProxyType(histories))
+        clients = {robot.robot_id: {robot.name, *robot.clients} for robot in self.robots.values()}
+        unlinked = {
+            name: frozenset(other for other, linked in clients.items() if name not in linked)
+            for name in self.robots
+        }
+        object.__setattr__(self, "_unlinked", unlinked)
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -178,8 +185,7 @@ class Team:
         Its own, and those of robots that are not linked to the peer: what several could push would
         cross every link of a neighbourhood.
         """
-        others = (r for r in self.robots.values() if r.name != peer and peer not in r.peers)
-        return frozenset(robot.robot_id for robot in (pusher, *others))
+        return self._unlinked[peer] | {pusher.robot_id}
 
     def with_robots(self, changes: Mapping[str, Mapping[str, Any]]) -> Team:
         """The team with other values for some robots, e.g. ``{"io": {"base_port": 24100}}``.
