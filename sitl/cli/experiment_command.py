@@ -128,6 +128,7 @@ def run_with(
         campaign = Campaign(experiment, rows, numbers, log.records, folder)
         if try_out is not None:
             for task in {task.row.label: task for task in campaign.missing}.values():
+                status.show(partial("putting a run of '{}' together".format, task.row.label))
                 try_out(task)
         if arguments.fresh:
             log.clear()
