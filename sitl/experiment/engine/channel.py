@@ -10,7 +10,8 @@ import math
 import random
 from abc import ABC, abstractmethod
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from enum import IntEnum
 from operator import itemgetter
 from typing import Final, NamedTuple
@@ -108,9 +109,9 @@ class Channel(ABC):
         """Sorts those that wait for the channel, the least is next: who has waited longest."""
         return (ready_s, *link)
 
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
-        """Which of those that wait may begin beside those under way (any); None: none may."""
-        return 0
+    def occupied(self, busy: Sequence[Link]) -> AbstractSet[int]:  # noqa: ARG002
+        """Robots that can take no part in another transmission beside those under way."""
+        return frozenset()
 
 
 class PaperChannel(Channel):
@@ -136,6 +137,7 @@ class PaperChannel(Channel):
             Stage.END: model.end_rate_1_s,
         }
         self._chance = random.Random(f"{seed} channel")  # noqa: S311 - repeatable on purpose
+        self._robots = frozenset(range(robots))
         self._near = np.zeros((robots, robots), dtype=bool)  # in contact at the last look
         self._upper = np.triu(np.ones((robots, robots), dtype=bool), 1)  # each pair once
 
@@ -161,9 +163,9 @@ class PaperChannel(Channel):
             return (self._chance.random(), *link)
         return link if self._order == "fixed" else super().turn(link, ready_s)
 
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
-        """The first, unless any robot sends anywhere."""
-        return None if busy else 0
+    def occupied(self, busy: Sequence[Link]) -> AbstractSet[int]:
+        """All of them, once any robot sends anywhere."""
+        return self._robots if busy else frozenset()
 
 
 class PathLossChannel(Channel):
@@ -225,11 +227,7 @@ class PathLossChannel(Channel):
         share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
         return model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
 
-    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
-        """The first that disturbs no transmission and is not disturbed."""
+    def occupied(self, busy: Sequence[Link]) -> AbstractSet[int]:
+        """Those that would disturb a transmission or be disturbed."""
         sending = [number for link in busy for number in link]
-        deaf: list[bool] = np.any(self._hears[sending], axis=0).tolist()
-        for place, (asking, answering) in enumerate(waiting):
-            if not (deaf[asking] or deaf[answering]):
-                return place
-        return None
+        return set(np.flatnonzero(np.any(self._hears[sending], axis=0)).tolist())

@@ -7,7 +7,6 @@ and how long it takes. This carries it out.
 from __future__ import annotations
 
 import math
-from bisect import insort
 from collections.abc import Sequence
 from functools import partial
 
@@ -25,6 +24,7 @@ from sitl.experiment.engine.exchange import (
     request_load,
     stage_of,
 )
+from sitl.experiment.engine.turns import Turns
 from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.node import Node
 
@@ -43,7 +43,7 @@ class ChannelSim:
         self._contacts: dict[tuple[int, int], float] = {}  # since when
         self._exchanges: dict[Link, Exchange] = {}  # that are not over
         self._pulled_s: dict[Link, float] = {}  # when the last pull began
-        self._waiting: list[tuple[tuple[float, ...], int, Exchange]] = []  # in order of turns
+        self._turns = Turns()
         self._triggered = any(node.triggered for node in nodes)  # by their own pulls, not by ours
         self._busy: list[Link] = []  # whose exchanges are on the air
         self._count = 0  # of turns, partings and connections, which it tells apart
@@ -162,8 +162,7 @@ class ChannelSim:
         if exchange.turn is None:
             self._count += 1
             turn = self._channel.turn(link, exchange.ready_s)
-            exchange.turn = (turn, self._count)
-            insort(self._waiting, (turn, self._count, exchange))
+            self._turns.add(exchange, (turn, self._count))
 
     def _supplies(self, exchange: Exchange) -> bool:
         """Whether the answering node may have frames for it."""
@@ -172,9 +171,7 @@ class ChannelSim:
 
     def _withdraw(self, exchange: Exchange) -> None:
         """Contact is lost, or the exchange is over: off the air, and out of the queue."""
-        if exchange.turn is not None:
-            self._waiting.remove((*exchange.turn, exchange))
-            exchange.turn = None
+        self._turns.remove(exchange)
         if exchange.start_s is not None:
             now_s = self._queue.now_s
             part = (now_s - exchange.start_s) / max(exchange.end_s - exchange.start_s, 1e-9)
@@ -184,12 +181,11 @@ class ChannelSim:
 
     def _grant(self) -> None:
         """Let those begin whose turn it is."""
-        while self._waiting:
-            place = self._channel.pick((each[2].link for each in self._waiting), self._busy)
-            if place is None:
+        while self._turns:
+            exchange = self._turns.first_beside(self._channel.occupied(self._busy))
+            if exchange is None:
                 return
-            exchange = self._waiting.pop(place)[2]
-            exchange.turn = None
+            self._turns.remove(exchange)
             self._begin(exchange)
 
     def _begin(self, exchange: Exchange) -> None:

@@ -79,6 +79,10 @@ class Contact(NamedTuple):
     b: int
 
 
+Turn = tuple[tuple[float, ...], int]
+"""A place among those that wait, the least is next: by the channel's model, then as they came."""
+
+
 @dataclass(slots=True, eq=False)
 class Exchange:
     """A pull from its beginning to its end.
@@ -108,7 +112,7 @@ class Exchange:
     ready_s: float | None = None
     start_s: float | None = None
     end_s: float = 0.0
-    turn: tuple[tuple[float, ...], int] | None = None
+    turn: Turn | None = None
     opened: bool = False
     dry: bool = False
     parting: int = 0

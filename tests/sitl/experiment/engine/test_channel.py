@@ -67,8 +67,8 @@ class TestPaper:
         chance = PaperChannel(PaperModel(order="random"), 10.0, 4, seed=1)
         orders = {tuple(sorted(links, key=lambda link: chance.turn(link, 0.0))) for _ in range(60)}
         assert orders == set(itertools.permutations(links))
-        assert fixed.pick(links, [Link(1, 3)]) is None
-        assert fixed.pick(links, []) == 0
+        assert fixed.occupied([Link(1, 3)]) == {0, 1, 2, 3}
+        assert not fixed.occupied([])
 
 
 class TestPathLoss:
@@ -108,12 +108,12 @@ class TestPathLoss:
         apart = places((-170, 30, 0.5), (-165, 30, 0.5), (60, -100, 0.5), (66, -100, 0.5))
         channel.look(0.0, apart)
         a, b = Link(0, 1), Link(3, 2)
-        assert channel.pick([b], [a]) == 0
-        assert channel.pick([Link(1, 0), b], [a]) == 1
+        assert channel.occupied([a]) == {0, 1}
+        assert not channel.occupied([])
         together = apart.copy()
         together[2:, :2] = (-160, 30), (-158, 30)
         channel.look(1.0, together)
-        assert channel.pick([b], [a]) is None
+        assert channel.occupied([a]) == {0, 1, 2, 3}
         load = Load(Stage.DATA, 1, 100_000, 0)
         assert channel.duration_s(b, load, 1.0) < channel.duration_s(Link(0, 3), load, 1.0)
 

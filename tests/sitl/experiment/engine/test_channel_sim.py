@@ -43,8 +43,8 @@ class Script:
     def turn(self, link, ready_s):
         return link
 
-    def pick(self, waiting, busy):
-        return None if busy else 0
+    def occupied(self, busy):
+        return set(range(8)) if busy else set()
 
 
 class Once:
@@ -239,7 +239,7 @@ def test_between_two_pulls_ours_pushes_what_is_new_and_the_original_does_not():
 
 def test_a_pull_that_waits_too_long_for_the_channel_times_out_as_a_node_s_does():
     field = Field("ours", triggered=True)
-    field.channel.pick = lambda *_: None
+    field.channel.occupied = lambda *_: {0, 1, 2}
     field.contact(1, 2, up=True)
     pulled(field, "ugv01", 9.0)
     assert field.ended("ugv01", SyncTimedOut)[:1] == ["in"]
