@@ -56,7 +56,7 @@ sabotage-slice: setup
 	$(BIN)/python -m benchmarks.sabotage $(SLICE)
 
 # Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
-EXPERIMENTS ?= table1 field passive policies protocols readings crowd
+EXPERIMENTS ?= table1 field passive policies protocols readings crowd scale
 experiments: setup
 	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/experiments.md \
 		--archive docs/evidence/$$name-runs.jsonl.xz || exit 1; done

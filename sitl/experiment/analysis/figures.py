@@ -6,6 +6,7 @@ differ in their dashes too, so the figures can be read in black and white.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
@@ -25,6 +26,7 @@ from sitl.experiment.settings import value_of
 with needs_extra("a figure", "experiments", "air-router"):
     import matplotlib as mpl
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
     from matplotlib.ticker import LogLocator, NullLocator
@@ -48,6 +50,7 @@ _COMPARED: Final = (
     ("sent_mb", "sent (MB)"),
 )
 _MOST_ROWS: Final = 16
+_LEAST_SIZES: Final = 4
 _MOST_EXAMPLES: Final = 4
 _MOST_LINES: Final = 9
 _STEP_S: Final = 15.0
@@ -127,13 +130,18 @@ def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | No
             _draw_team(one, team, ours, theirs)
             one.set(xlabel="radius (m)", ylabel=label)
             one.set_title(counted(size, "ground robots"), loc="left")
-        if ours.startswith("wait"):  # with numbers that people read: 0.2, 0.5, 1, 2
+        if ours.startswith("wait"):
             row[0].set_yscale("log")
-            row[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            row[0].yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            row[0].yaxis.set_minor_locator(NullLocator())
+            _label_log(row[0].yaxis)
     legend_below(figure)
     return figure
+
+
+def _label_log(axis: Axis) -> None:
+    """With numbers that people read: 0.2, 0.5, 1, 2."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
@@ -177,6 +185,39 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
         one.set(xlabel=label, ylim=(-0.7, len(found) - 0.3))
         one.margins(x=0.08)
         one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
+    return figure
+
+
+def draw_cost(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """Processor time for each robot and simulated second over the size of the team.
+
+    Only where rows differ in the number of ground robots; a line for each of their other settings.
+    """
+    others = [key for key in experiment.varied if key != "ugvs"]
+    runs = _runs_by_row(experiment, records)
+    costs: dict[str, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for row, own in runs.items():
+        robots = value_of(row.settings, "ugvs") + value_of(row.settings, "uavs")
+        simulated_s = value_of(row.settings, "duration_s")
+        costs[words(row.settings, others)][robots] += [
+            1e3 * run["measures"]["cpu_s"] / robots / simulated_s for run in own
+        ]
+    if len({robots for sizes in costs.values() for robots in sizes}) < _LEAST_SIZES:
+        return None
+    note = f"{experiment.title}; each run a dot, lines through their means"
+    figure, (one,) = sheet(1, "What a robot costs", note, high=3.6)
+    for (label, sizes), colour, dash in zip(
+        sorted(costs.items()), cycle(COLOURS), cycle(DASHES), strict=False
+    ):
+        robots, means_ms = zip(*sorted((n, np.mean(own)) for n, own in sizes.items()), strict=True)
+        one.plot(robots, means_ms, color=colour, ls=dash, lw=1.6, label=label or "all rows")
+        for n, costs_ms in sizes.items():
+            one.scatter([n] * len(costs_ms), costs_ms, color=colour, s=14, zorder=3)
+    one.set(xlabel="robots", ylabel="processor time per robot and simulated second (ms)")
+    one.set(xscale="log", yscale="log")
+    _label_log(one.xaxis)
+    _label_log(one.yaxis)
+    one.legend(fontsize=7.5, labelcolor=INK, handlelength=2.4)
     return figure
 
 
@@ -257,7 +298,11 @@ def _runs_by_row(experiment: Experiment, records: Sequence[Record]) -> dict[Row,
 
 
 _Draw = Callable[[Experiment, Sequence[Record]], Figure | None]
-_OF_MEASURES: Final[Mapping[str, _Draw]] = {"table": draw_table, "compare": draw_comparison}
+_OF_MEASURES: Final[Mapping[str, _Draw]] = {
+    "table": draw_table,
+    "compare": draw_comparison,
+    "cost": draw_cost,
+}
 _OF_CURVES: Final[Mapping[str, _Draw]] = {"goals": draw_goals, "bandwidth": draw_bandwidth}
 """Figures in the order in which to look at them; archives have no curves."""
 

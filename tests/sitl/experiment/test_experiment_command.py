@@ -362,6 +362,24 @@ def test_a_figure_is_written_in_both_formats(tmp_path):
     assert [path.read_bytes()[:4] for path in paths] == [b"\x89PNG", b"%PDF"]
 
 
+def test_the_cost_of_a_robot_is_drawn_over_teams_of_four_sizes_or_more():
+    sheet = pytest.importorskip("sitl.experiment.analysis.figures", exc_type=MissingExtraError)
+    experiment, _ = load_experiment("scale")
+    records = [
+        {"row": row.label, "measures": {"cpu_s": row.settings["ugvs"] ** 2 * 60e-3 + extra_s}}
+        for row in experiment.rows
+        for extra_s in (0, 12)
+    ]
+    (one,) = sheet.draw_cost(experiment, records).axes
+    assert [line.get_label() for line in one.get_lines()] == ["paper", "path loss"]
+    assert (one.get_xscale(), one.get_yscale()) == ("log", "log")
+    for line in one.get_lines():
+        expected = [[n + 2, (n * n + 100) / (n + 2)] for n in (5, 10, 20, 50, 100, 200, 500)]
+        assert line.get_xydata() == pytest.approx(np.array(expected))
+    three_sizes = records[:12]
+    assert sheet.draw_cost(experiment, three_sizes) is None
+
+
 def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):
     sitl("--rows", "ugvs=5", "radius_m=30")
     records = runs_in(tmp_path / "out")
