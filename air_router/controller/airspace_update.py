@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.model.actions import HoldHere, RenewPlan, WidenRoutes
+from air_router.controller.model.actions import FlyToPoint, HoldHere, RenewPlan, WidenRoutes
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
 from air_router.controller.model.mission_context import (
     Goal,
@@ -24,6 +24,7 @@ from air_router.controller.model.mission_context import (
 )
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.initial_climb import low
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import Exploration
 from air_router.mission.mission import Mission
@@ -224,6 +225,10 @@ class AirspaceUpdate:
             motion = navigator.again()  # it did not follow
         else:
             motion = navigator.update(telemetry)
+        if isinstance(motion, FlyToPoint) and low(context.mission, telemetry):
+            # What was drawn above it is left below that, not through it; then it climbs.
+            context.climbs_first = True
+            motion = FlyToPoint(motion.position, telemetry.altitude_m)
         if motion is not None:
             gate.send(motion)
         if context.way.progress is Progress.NO_ROUTE:

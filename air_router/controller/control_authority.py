@@ -322,6 +322,7 @@ class ControlAuthority:
             if self._context.on_board is not OnBoard.OURS:
                 self._gate.by_points = True
                 self._context.zones = None  # they count for its legs; what is on board stays
+                self._context.leaving = frozenset()  # it is in none of them
             self._take_back()
         return why
 

@@ -21,7 +21,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import Circle, Outline, Zone
+from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
 
 SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -108,6 +108,42 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     assert moves(flight, commanded) != []
     flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
+
+
+def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
+    flight = cruising(pretend)
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.altitude_m = 8.0
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.fly_for(3.0)
+    flight.operator_asks(GoOn())
+    flight.fly_for(2.0)
+    assert "climbing from 8 to 40 m first" in flight.said
+    zone = Zone("new", Circle(flight.position, 15.0), band=Band(20.0, 60.0))
+    change(flight, zone)
+    while not boarding(flight):
+        flight.step()
+        assert flight.altitude_m < 20.0
+    assert clear_of(flight, zone, since=-1) >= 5.0
+    flight.give(PlanRenewed())
+    flight.fly_for(9.0)
+    assert flight.said[-1] == "climbing from 11 to 40 m first"
+    since = len(flight.track)
+    flight.lands(600.0)
+    assert clear_of(flight, zone, since) >= 5.0
+
+
+def test_a_zone_that_it_has_left_is_a_breach_also_on_a_way_home_without_our_plan(pretend):
+    flight, zone = drawn_over(pretend)
+    flight.fly_until(lambda: clear_of(flight, zone, since=-1) > 5.0, 60.0)
+    flight.plan_compared("8 items")
+    flight.fly_for(6.0)
+    assert flight.operator_asks(ComeHome()).accepted
+    flight.fly_for(1.0)
+    flight.position = Point(*zone.polygon.representative_point().coords[0])
+    flight.step()
+    assert flight.controller.state is State.PASSIVE
+    assert "hands off: breach of new is not resumed by itself" in flight.said
 
 
 def test_a_leg_that_stays_clear_is_flown_on(pretend):
