@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
@@ -17,9 +16,6 @@ from sitl.rehearsal.judge.mission_reader import Area, Pair, RawMission
 
 _FAR_M: Final = 50_000.0
 """Where no fence is drawn, no way is longer."""
-
-_PART: Final = 25
-"""Samples that are measured as a whole where they stay far away."""
 
 STOP_M: Final = 12.0
 """Nearer than this no vehicle stops: what is drawn there need not be kept out of at once."""
@@ -67,58 +63,27 @@ def rooms_of(case: Case) -> list[Rooms]:
 
 
 def _rooms(case: Case, version: MissionVersion, area: Area) -> Rooms:
-    """Measure a track; parts of it that stay far away are measured as a whole."""
-    span = version.from_s, version.until_s
-    first, last = (bisect.bisect_left(case.time_s, at_s) for at_s in span)
-    rooms = np.where(case.flying[first:last], _roughly_m(case, area, first, last), math.inf)
-    near = np.flatnonzero(rooms <= 4 * area.clearance_m) + first
-    if len(near):
-        rooms[near - first] = math.inf
-        numbers, ways = _clipped(case, area, near)
-        rooms[numbers - first] = _rooms_m(area, ways)
-    return Rooms(version, area, first, rooms)
-
-
-def _roughly_m(case: Case, area: Area, first: int, last: int) -> Floats:
-    """For each of these samples what the part of the track that it is in keeps, at any altitude.
-
-    The last sample of all, if it is alone in its part, keeps minus infinity: look closer.
-    """
-    begins = np.arange(first, last, _PART)
-    ends = np.minimum(np.minimum(begins + _PART, last) + 1, len(case.places))
-    sizes = ends - begins
-    whole = sizes > 1
-    corners = [
-        case.places[begin:end] for begin, end in zip(begins[whole], ends[whole], strict=True)
-    ]
-    rooms = np.full(len(begins), -math.inf)
-    if corners:
-        owners = np.repeat(np.arange(len(corners)), sizes[whole])
-        rooms[whole] = _rooms_m(area, shapely.linestrings(np.concatenate(corners), indices=owners))
-    return np.repeat(rooms, _PART)[: last - first]
-
-
-def _clipped(case: Case, area: Area, numbers: Any) -> tuple[Any, Any]:
-    """Of the ways from these samples to the next, the parts within the area's altitudes.
-
-    Returns the numbers of those that have one, and it.
-    """
+    """Measure the track from each sample in the air to the next, within the area's altitudes."""
+    first, last = np.searchsorted(case.time_s, (version.from_s, version.until_s)).tolist()
+    numbers = np.flatnonzero(case.flying[first:last]) + first
     after = np.minimum(numbers + 1, len(case.places) - 1)
     # Down at once: a simulated vehicle that was started anew stands at home.
     down = case.armed[numbers] & ~case.armed[after] & ~case.flying[after]
     after = np.where(down, numbers, after)
     heights = case.above_m[numbers] + case.ground_m
-    span = case.above_m[after] + case.ground_m - heights
-    level = span == 0.0
+    climb_m = case.above_m[after] + case.ground_m - heights
+    level = climb_m == 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        limits = [(limit - heights) / span for limit in (area.lower_m, area.upper_m)]
+        limits = [(limit - heights) / climb_m for limit in (area.lower_m, area.upper_m)]
     begin = np.where(level, 0.0, np.maximum(np.minimum(*limits), 0.0))
     end = np.where(level, 1.0, np.minimum(np.maximum(*limits), 1.0))
     within = np.where(level, (area.lower_m <= heights) & (heights <= area.upper_m), begin <= end)
     here = case.places[numbers]
     step = case.places[after] - here
     ends = np.stack((here + begin[:, None] * step, here + end[:, None] * step), axis=1)
-    return numbers[within], shapely.linestrings(ends[within])
+    rooms = np.full(last - first, math.inf)
+    rooms[numbers[within] - first] = _rooms_m(area, shapely.linestrings(ends[within]))
+    return Rooms(version, area, first, rooms)
 
 
 def room_m(area: Area, way: Any) -> float:
