@@ -11,6 +11,7 @@ import contextlib
 import logging
 import re
 import threading
+import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from mocha_link.service.service_client import (
 WAIT_S = 1.0  # of a request for news
 LEAVES_S = 30.0  # at its end what the robot has said leaves as long as the node answers
 PAUSE_S = 0.5  # before a node that does not answer is asked again
+QUIET_S = 20.0  # of a topic, until that is told of
 MAX_HELD = 1000  # messages of the robot that wait for the node
 MAX_HELD_BYTES = 64 * 1024 * 1024
 JSON_PACKAGE = "json/"
@@ -97,16 +99,24 @@ class Outbox:
 class Bridge:
     """Runs between the node at an endpoint and a middleware until it is stopped.
 
-    The node is away when it has not answered for `patience_s`.
+    The node is away when it has not answered for `patience_s`; `clock` has seconds.
     """
 
     def __init__(
-        self, endpoint: str, middleware: Middleware, progress: Progress, *, patience_s: float = 5.0
+        self,
+        endpoint: str,
+        middleware: Middleware,
+        progress: Progress,
+        *,
+        patience_s: float = 5.0,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.endpoint = endpoint
         self._patience_s = patience_s
         self._middleware = middleware
         self._progress = progress
+        self._clock = clock
+        self._quiet: dict[str, str] = {}  # subscribed topics of which nothing has come: their types
         self._outbox = Outbox()
         self._stopping = threading.Event()
         self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
@@ -144,6 +154,7 @@ class Bridge:
             def hand(data: bytes, name: str = name, kind: str = kind) -> None:
                 if self._stopping.is_set():  # a robot that goes on talking would never let it end
                     return
+                self._quiet.pop(name, None)
                 try:
                     plain = kind.startswith(JSON_PACKAGE)
                     self._outbox.put(name, self._middleware.from_text(data) if plain else data)
@@ -151,8 +162,10 @@ class Bridge:
                     self._complain(name, f"not handed on: {error}")
 
             try:
+                self._quiet[name] = carried
                 self._middleware.subscribe(channel(name), carried, topic["history"], hand)
             except Exception as error:  # noqa: BLE001 - whatever a middleware raises
+                self._quiet.pop(name, None)
                 self._complain(name, f"cannot be subscribed: {error}")
 
     def _carried(self, kind: str, team: dict[str, Any], level: int) -> str | None:
@@ -176,7 +189,13 @@ class Bridge:
             for robot, about in team["robots"].items()
             for topic in about["topics"]
         }
+        quiet_s = self._clock() + QUIET_S
         while not self._stopping.is_set():
+            if self._quiet and self._clock() >= quiet_s:
+                topics = ", ".join(f"{name} ({kind})" for name, kind in [*self._quiet.items()])
+                need = "publishers need these names and types, and this domain or master"
+                LOG.info("nothing has come on %s yet: %s", topics, need)
+                self._quiet = {}
             found = self._patiently(
                 lambda: client.since(self._progress.place, wait_s=WAIT_S, ros=self._middleware.ros)
             )

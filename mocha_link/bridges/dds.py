@@ -23,6 +23,7 @@ with needs_extra("ROS 2", "ros2"):
         DDSException,
         GuardCondition,
         InstanceState,
+        Listener,
         ReadCondition,
         SampleState,
         ViewState,
@@ -125,6 +126,8 @@ class DdsTypes:
 MAX_DOMAIN = 232  # its ports are the last ones
 MIN_DEPTH = 10  # samples that wait for a reader
 TAKEN = 100  # samples at once
+_RELIABILITY = 11  # the policy's number in DDS
+_LISTENER: Any = Listener  # whose arguments have no types
 
 LOG = logging.getLogger("mocha_link")
 
@@ -179,6 +182,9 @@ class Dds(Cdr, Closeable):
                 self._participant,
                 self._topic(topic, kind),
                 qos=_qos(history, reliable=topic not in self._best_effort, lasting=False),
+                listener=_LISTENER(
+                    on_requested_incompatible_qos=lambda _, status: _refused(topic, status)
+                ),
             )
             unread = ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any)
             self._readers.append((reader, unread, hand))
@@ -229,6 +235,15 @@ class Dds(Cdr, Closeable):
                                 hand(data)
                 except DDSException as error:
                     LOG.warning("cannot read %s: %s", reader.topic.name, error)
+
+
+def _refused(topic: str, status: Any) -> None:
+    """Log that DDS does not join a publisher to a subscriber that wants more than it offers."""
+    if status.last_policy_id == _RELIABILITY:
+        words = "%s is not received: its publisher is not reliable; say --best-effort %s"
+        LOG.warning(words, topic, topic)
+    else:
+        LOG.warning("%s is not received: its publisher's QoS offers less than ours asks for", topic)
 
 
 def _joined(domain: int | None) -> DomainParticipant:

@@ -6,12 +6,13 @@ import queue
 import sqlite3
 import struct
 import threading
+import time
 
 import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
+from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, QUIET_S, Bridge, Outbox
 from mocha_link.bridges.progress import SPARE, Progress
 from mocha_link.bridges.run import _state_file
 from mocha_link.links.metrics import MessageStored
@@ -68,9 +69,9 @@ class FakeMiddleware:
 
 
 @contextlib.contextmanager
-def running(endpoint, progress):
+def running(endpoint, progress, clock=time.monotonic):
     middleware = FakeMiddleware()
-    bridge = Bridge(endpoint, middleware, progress, patience_s=0.3)
+    bridge = Bridge(endpoint, middleware, progress, patience_s=0.3, clock=clock)
     thread = threading.Thread(target=bridge.run)
     thread.start()
     try:
@@ -117,6 +118,15 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
     assert "/goal not handed on: too short" in caplog.text
     assert ("WARNING", NOT_BRIDGED) in levels(caplog)
     assert "/own cannot be subscribed: no such thing" in caplog.text
+
+
+def test_topics_of_which_nothing_comes_are_told_of_once(server, progress, until_said):
+    now_s = 0.0
+    with running(server.endpoint, progress, lambda: now_s) as middleware:
+        until_said("ready")
+        middleware.hands["/pose"][1](pose("there", 1))
+        now_s = QUIET_S
+        until_said("nothing has come on /goal (std_msgs/String), /log (std_msgs/String) yet")
 
 
 def test_what_the_robot_said_before_the_end_leaves(server, one, progress):

@@ -101,6 +101,19 @@ def test_a_publisher_that_is_not_reliable(domain):
     dds.close()
 
 
+def test_a_publisher_that_is_not_reliable_is_told_of_where_the_subscriber_is(
+    dds, domain, monkeypatch
+):
+    said = queue.SimpleQueue()
+    monkeypatch.setattr("mocha_link.bridges.dds.LOG.warning", lambda *what: said.put(what))
+    dds.subscribe("/point", POINT, 1, said.put)
+    out = writer(DomainParticipant(domain), "rt/point", Policy.Reliability.BestEffort)
+    words, *about = said.get(timeout=60)
+    told = "/point is not received: its publisher is not reliable; say --best-effort /point"
+    assert words % tuple(about) == told
+    assert out.topic.name == "rt/point"  # it was there until now
+
+
 def test_what_takes_a_message_may_fail(domain, caplog):
     """The thread goes on, to hand over the next one."""
     heard = queue.SimpleQueue()
