@@ -97,7 +97,7 @@ MUTANTS = (
          "BACK_S: Final = 0.0", "input_limits faults_in_flight"),
     _row("late foreign order", "air_router.safety_monitor", "FOREIGN_ORDER_S: Final = 1.5", "FOREIGN_ORDER_S: Final = 15.0",
          "safety_monitor faults_in_flight"),
-    _row("oldest alike", "air_router.seeking", "self.age_s >= oldest_s", "self.age_s > oldest_s",
+    _row("oldest alike", "air_router.seeking", "age_s >= oldest_s", "age_s > oldest_s",
          "seeking"),
     _row("path of an hour", "air_router.target_list", "pose.stamp_s - 60.0", "pose.stamp_s - 3600.0",
          "target_list search"),

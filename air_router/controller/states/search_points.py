@@ -27,14 +27,21 @@ class SearchPoint:
         goal: Where to hover.
         reason: What is known there of the robot, and what keeps the vehicle beside it.
         beside_m: How far from the robot's place the vehicle will hover.
-        passes: Robots that are flown over before, and from where each is heard.
+        over: Robots that are flown over before, in this order.
+        along: Other places where it may be, that are flown over before the goal.
     """
 
     robot: str
     goal: Goal
     reason: str
     beside_m: float = 0.0
-    passes: tuple[tuple[str, Point], ...] = ()
+    over: tuple[str, ...] = ()
+    along: tuple[Point, ...] = ()
+
+    @property
+    def places(self) -> tuple[Goal, ...]:
+        """Where it may be, in the order in which it is flown."""
+        return (*map(Goal, self.along), self.goal)
 
 
 class Search:
@@ -91,6 +98,7 @@ class Search:
             began_s,
             self._flight_s,
             self._leg_s,
+            self._straight_s,
             unseen=exploration.longest_unseen().position,
             round_s=self._visit_s + self._explore_s * explores,
         )
@@ -104,16 +112,19 @@ class Search:
             return math.inf
         return self._context.pace.time_s(Way(route.length_m, len(route.legs)))
 
+    def _straight_s(self, place: Point) -> float:
+        here = self.exploration.here
+        return 0.0 if here is None else self._leg_s(here, place)
+
     def _leg_s(self, start: Point, end: Point) -> float:
         return self._context.pace.time_s(Way(math.dist(start, end), 1))
 
     def _beside(self, place: SearchPlace) -> SearchPoint:
-        robot, hover_point = place.robot, self._navigator.hover_point
-        passes = tuple((name, hover_point(over)) for name, over in place.passes)
+        robot, more = place.robot, (place.over, place.along)
         if place.position is None:
             goal = self.exploration.longest_unseen()
-            return SearchPoint(robot, goal, place.reason, passes=passes)
+            return SearchPoint(robot, goal, place.reason, 0.0, *more)
         hover, why = self._navigator.hover(place.position)
         beside_m = math.dist(place.position, hover)
         reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
-        return SearchPoint(robot, Goal(hover), reason, beside_m, passes)
+        return SearchPoint(robot, Goal(hover), reason, beside_m, *more)

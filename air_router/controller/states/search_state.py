@@ -56,8 +56,10 @@ class SearchState(StateHandler):
     search: Search
     _wanted: str | None = None  # by a request, to be sought next
     _asked_for: str | None = None  # by a request, sought now
-    _passes: deque[tuple[str, Goal]] = field(default_factory=deque)  # still to be flown over
-    _over: str | None = None  # which of them was flown to last
+    _stops: deque[str] = field(default_factory=deque)  # robots still to be flown to, in order
+    _places: deque[Goal] = field(default_factory=deque)  # where else the present one may be
+    _over: str | None = None  # the present one: flown to last in this search
+    _began_s: float = -math.inf  # the search, vehicle's clock
 
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
@@ -69,54 +71,82 @@ class SearchState(StateHandler):
     def begin(self) -> None:
         """Seek the requested robot, or else the robot whose turn it is."""
         self._asked_for, self._wanted = self._wanted, None
+        self._over, self._began_s = None, self._context.now_s
         self._set_out(self._asked_for)
 
-    def _set_out(self, first: str | None, *, goes_on: bool = False) -> None:
-        """Seek this robot, if any, or the next one that there is a way to.
-
-        One that is sought already, if it `goes_on`, is not tried once more by that.
-        """
-        self._passes.clear()
+    def _set_out(self, first: str | None) -> None:
+        """Seek this robot, if any, or the next one that there is a way to."""
         for point in self._candidates(first):
-            passes = deque((name, Goal(place)) for name, place in point.passes)
-            passes.append((point.robot, point.goal))
-            over, goal = passes.popleft()
-            motion = self._navigator.plan_to(goal)
+            over, *stops = *point.over, point.robot
+            nearest = point if over == point.robot else self._point(over)
+            self._stops, self._places = deque(stops), deque(nearest.places)
+            motion = self._navigator.plan_to(self._next_place())
             if self._context.way.progress is not Progress.NO_ROUTE:
                 self._context.robot = point.robot
-                if not (goes_on and point.robot == first):
-                    self.search.targets.sought(point.robot)
-                self._passes = passes
-                self._passing(over)
+                self.search.targets.sought(point.robot)
+                self._try(over)
                 self._context.say(f"SEARCH {point.robot}: {point.reason}")
                 self._navigator.advance(motion)
                 return
             self._context.say(f"no way to {point.robot}: {self._navigator.refusal}")
+        self._stops.clear()
+        self._places.clear()
         self._no_target()
 
-    def _passing(self, robot: str) -> None:
-        """It is on the way to where a robot may be, not only the one that is sought."""
-        if robot not in {self._context.robot, self._over}:
+    def _try(self, robot: str) -> None:
+        """It is on the way to where a robot may be; planned anew, that is no further try."""
+        if robot != self._over:
             self.search.targets.tracks[robot].tries += 1
         self._over = robot
 
     def arrived(self) -> None:
         """On over the next robot, or wait for the one that is sought here."""
-        if self._passes:
-            robot, goal = self._passes.popleft()
-            self._passing(robot)
-            self._navigator.fly_to(goal)
-        elif self._context.ends_s is None:
+        while self._find_next_place():
+            motion = self._navigator.plan_to(self._next_place())
+            # Over a place where it is already, or that no way leads to, it goes on to the next.
+            if self._context.way.progress is Progress.FLYING or not self._more:
+                self._navigator.advance(motion)
+                return
+        if self._context.ends_s is None:
             self._context.start_timer()
             self._context.say(f"at the search position of {self._context.robot}")
 
     def no_route(self, refusal: str) -> None:
         """Give it up, or only those that were to be flown over on the way."""
-        if self._passes:
+        if self._more:
             self.arrived()
             return
         self._context.say(f"no way to {self._context.robot}: {refusal}")
         self._no_target()
+
+    @property
+    def _more(self) -> bool:
+        """Whether places are left before the vehicle waits."""
+        return bool(self._places or self._stops)
+
+    def _find_next_place(self) -> bool:
+        """Whether there is one: of this robot, or of the next that was not met on the way."""
+        while not self._places and self._stops:
+            robot = self._stops.popleft()
+            if not (self._stops and self._met(robot)):
+                self._places.extend(self._point(robot).places)
+                self._try(robot)
+        return bool(self._places)
+
+    def _next_place(self) -> Goal:
+        """The next place; if others follow, as near to it as a clear way leads."""
+        goal = self._places.popleft()
+        return Goal(self._navigator.hover_point(goal.position)) if self._more else goal
+
+    def _point(self, robot: str) -> SearchPoint:
+        """Where one of the robots would be sought now."""
+        return self.search.search_point(robot, self._context.now_s)
+
+    def _met(self, robot: str) -> bool:
+        """Whether both have had all from each other since the search began."""
+        track = self.search.targets.tracks[robot]
+        synced_s = (-math.inf if at is None else at for at in (track.taken_s, track.given_s))
+        return min(synced_s) >= self._began_s
 
     def retry(self) -> None:
         """To the same place, or choose again if no robot could be sought."""
@@ -127,13 +157,13 @@ class SearchState(StateHandler):
 
     def replan(self) -> None:
         """Seek the same robot, if there is a way to it now."""
-        self._set_out(self._context.robot, goes_on=True)
+        self._set_out(self._context.robot)
 
     def _candidates(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
         now_s = self._context.now_s
         if first is not None:
-            yield self.search.search_point(first, now_s)
+            yield self._point(first)
         yield from (point for point in self.search.search_points(now_s) if point.robot != first)
 
     def _no_target(self) -> None:
@@ -151,10 +181,10 @@ class SearchState(StateHandler):
         context, robot = self._context, self._context.robot
         track = None if robot is None else self.search.targets.tracks.get(robot)
         searching = context.state is State.SEARCH
-        if robot is None or track is None or track.pose is None or (searching and self._passes):
+        if robot is None or track is None or track.pose is None or (searching and self._more):
             return
         if searching and self.search.foresees:
-            point = self.search.search_point(robot, context.now_s)
+            point = self._point(robot)
             hover, beside_m = point.goal, point.beside_m
         else:
             place = self._navigator.hover_point(track.pose.position)
@@ -198,6 +228,10 @@ class SearchState(StateHandler):
             track.radio = Sighting(here, self._context.now_s)
         if isinstance(event, SyncEnded) and event.complete:
             track.synced(event.direction, self._context.now_s)
+            passes = self._context.state is State.SEARCH and self._stops
+            if passes and event.peer == self._over and self._met(event.peer):
+                self._places.clear()
+                self.arrived()
 
     def sought_by_other(self, event: RobotSought) -> None:
         """Another UAV seeks a robot: one of the two goes on, if it is ours."""

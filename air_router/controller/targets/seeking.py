@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, Protocol
@@ -33,6 +33,8 @@ class SeekContext:
         began_s: When the flight began, before which no robot could be heard.
         flight_s: How long the vehicle would fly to a place; infinite where no way leads.
         leg_s: How long from one place to another, straight.
+        straight_s: How long to a place if it could fly straight there: no longer than `flight_s`,
+            and known without a route.
         unseen: The waypoint that the vehicle has not passed for longest.
         round_s: What a round of exploring (while anything is left to explore), waiting and
             communicating takes beside the flight.
@@ -42,6 +44,7 @@ class SeekContext:
     began_s: float
     flight_s: Callable[[Point], float]
     leg_s: Callable[[Point, Point], float]
+    straight_s: Callable[[Point], float]
     unseen: Point
     round_s: float
 
@@ -52,7 +55,7 @@ class Policy(Protocol):
     foresees: bool
     """Whether it matters where a robot goes, and not only where it is."""
 
-    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """Every robot of the list once, best first.
 
         Robots that another UAV seeks come last, before them those that count as lost.
@@ -87,12 +90,12 @@ class _Candidate:
     flight_s: float  # to the place
     benefit: float  # the greater, the sooner it is sought
 
-    def told(self, oldest_s: float) -> SearchPlace:
-        """The place, with the reason why this robot."""
-        oldest = "oldest data" if self.age_s >= oldest_s else "data"
-        flight = f"{self.flight_s:.0f} s away" if math.isfinite(self.flight_s) else "no way there"
-        why = f"{oldest}, {self.age_s:.0f} s; {flight}; {self.place.reason}"
-        return replace(self.place, reason=why)
+
+def told(place: SearchPlace, age_s: float, flight_s: float, oldest_s: float) -> SearchPlace:
+    """The place, with the reason why this robot: how old its data are, and how far it is."""
+    oldest = "oldest data" if age_s >= oldest_s else "data"
+    flight = f"{flight_s:.0f} s away" if math.isfinite(flight_s) else "no way there"
+    return replace(place, reason=f"{oldest}, {age_s:.0f} s; {flight}; {place.reason}")
 
 
 class Freshest:
@@ -129,7 +132,7 @@ class Freshest:
     def __init__(self, values: Mapping[str, float] = MappingProxyType({})) -> None:
         self._values = values  # by robot
 
-    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """As `Policy.order`; of equals the one whose turn it is."""
         groups = [
             sorted(
@@ -140,7 +143,10 @@ class Freshest:
         ]
         prospects = [prospect for group in groups for prospect in group]
         oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
-        return tuple(prospect.told(oldest_s) for prospect in prospects)
+        return tuple(
+            told(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
+            for prospect in prospects
+        )
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
         """As `Policy.place`."""
@@ -148,9 +154,13 @@ class Freshest:
 
     def ages_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
         """How old what we hold of a robot and what it holds of us are, together."""
-        known, began_s = targets.tracks[robot], context.began_s
-        held_s = _since_s(context.now_s, began_s, known.word_s, known.taken_s)
-        return held_s + _since_s(context.now_s, began_s, known.given_s)
+        given_s = _since_s(context.now_s, context.began_s, targets.tracks[robot].given_s)
+        return self.held_s(robot, targets, context) + given_s
+
+    def held_s(self, robot: str, targets: TargetList, context: SeekContext) -> float:
+        """How old what we hold of a robot is."""
+        known = targets.tracks[robot]
+        return _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
 
     def value(self, robot: str) -> float:
         """How much a robot's age counts."""
@@ -162,7 +172,7 @@ class Freshest:
         arrival_s = context.now_s + flight_s
         course = targets.course(robot)
         doubt_s = max(arrival_s - (context.began_s if course is None else course.end_s), 0.0)
-        age_s = _since_s(context.now_s, context.began_s, known.word_s, known.taken_s)
+        age_s = self.held_s(robot, targets, context)
         ages_s = self.ages_s(robot, targets, context)
         round_s = context.round_s
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.

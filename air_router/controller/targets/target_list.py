@@ -121,7 +121,7 @@ class TargetTrack:
         radio: Where the vehicle was when it last heard the robot's radio, on the vehicle's clock.
         taken_s: When we last had everything from it.
         given_s: When it last had everything from us.
-        tries: How often it was sought since the last news.
+        tries: How often the vehicle flew to where it should be since the last news.
     """
 
     robot: str
@@ -228,14 +228,15 @@ class SearchPlace:
         position: Where it is looked for; None: where the UAV passed longest ago, since nothing is
             known of it.
         reason: In words, to be announced.
-        passes: Robots, and where each may be met, that are flown over before, in this order; the
-            robot itself, too, if it is looked for at several places.
+        over: Robots that are flown over before, in this order.
+        along: Other places where it may be, that are flown over before this one.
     """
 
     robot: str
     position: Point | None
     reason: str
-    passes: tuple[tuple[str, Point], ...] = ()
+    over: tuple[str, ...] = ()
+    along: tuple[Point, ...] = ()
 
 
 @dataclass(slots=True)
@@ -291,7 +292,6 @@ class TargetList:
     def sought(self, robot: str) -> None:
         """Remember that it was this robot's turn."""
         self._last_sought = robot
-        self.tracks[robot].tries += 1
 
     def sought_by_other(self, by: str, robot: str | None, now_s: float) -> bool:
         """Take in whom another UAV seeks (None: no robot); True unless that was known already."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -11,8 +11,8 @@ from typing import Final
 from shapely import LineString
 
 from air_router.controller.targets.predicted_path import PredictedPath
-from air_router.controller.targets.seeking import Rendezvous, SeekContext
-from air_router.controller.targets.target_list import SearchPlace, TargetList
+from air_router.controller.targets.seeking import Rendezvous, SeekContext, told
+from air_router.controller.targets.target_list import NEVER_HEARD, SearchPlace, TargetList
 from geo.frame import Point
 
 MOST_STOPS: Final = 3
@@ -36,13 +36,15 @@ class Stop:
         robot: Its name.
         places: Where it may be: one place, or a stretch of its path, flown along in this order.
         gain_s: The age that flying over it is expected to remove, weighted by its value.
-        flight_s: From where the vehicle is to the first of the places.
+        flight_s: From where the vehicle is to the first of the places, straight.
+        along_s: From there on to the last of them.
     """
 
     robot: str
     places: tuple[Point, ...]
     gain_s: float
     flight_s: float
+    along_s: float = 0.0
 
 
 class Tour(Rendezvous):
@@ -66,27 +68,55 @@ class Tour(Rendezvous):
     the tour is the one that is sought, over which the vehicle waits and hovers.
 
     A robot that is still on the path that it published is looked for on all of the stretch on which
-    it may be (`SPREAD`), which is flown along. Any other robot is where its path ended, or where it
-    was last.
+    it may be (`SPREAD`); one whose path is over, on all of the path, since it may have turned back,
+    or gone round. Either is flown along. A robot without a path is where it was last.
+
+    Tours are compared by straight ways, since a search begins within one turn of the flight loop:
+    among hundreds of zones each route takes the router milliseconds.
     """
 
-    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> Iterator[SearchPlace]:
         """As `Policy.order`; the first goes over others on its way."""
-        ranked = super().order(targets, context)
-        tour = self._best(self._stops(targets, context), context)
+        tour, flight_s = self._tour(targets, context)
         if not tour:
-            return ranked
-        robot, places = tour[-1].robot, tour[-1].places
-        passed = [(stop.robot, place) for stop in tour[:-1] for place in stop.places]
-        passed += [(robot, place) for place in places[:-1]]
-        over = list(dict.fromkeys(name for name, _ in passed if name != robot))
-        sought = next(place for place in ranked if place.robot == robot)
-        if sought.position is not None:
-            sought = replace(sought, position=places[-1])
+            yield from super().order(targets, context)
+            return
+        sought = tour[-1].robot
+        over = tuple(stop.robot for stop in tour[:-1])
+        place = replace(self.place(sought, targets, context), over=over)
+        ages_s = {robot: self.held_s(robot, targets, context) for robot in targets.names}
+        place = told(place, ages_s[sought], flight_s, max(ages_s.values()))
         if over:
-            sought = replace(sought, reason=f"over {', '.join(over)}; {sought.reason}")
-        others = (place for place in ranked if place.robot != robot)
-        return replace(sought, passes=tuple(passed)), *others
+            place = replace(place, reason=f"over {', '.join(over)}; {place.reason}")
+        yield place
+        others = super().order(targets, context)
+        yield from (other for other in others if other.robot != sought)
+
+    def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
+        """As `Policy.place`."""
+        course = targets.course(robot)
+        if course is None:
+            return SearchPlace(robot, None, NEVER_HEARD)
+        *before, last = self._places(course, context)
+        if len(course.points) == 1:
+            why = "its last position"
+        else:
+            why = "along its path" if course.end_s > context.now_s else "along its path, now over"
+        return SearchPlace(robot, last, why, along=tuple(before))
+
+    def _tour(self, targets: TargetList, context: SeekContext) -> tuple[tuple[Stop, ...], float]:
+        """The tour that is flown, and the flight to its last robot; none if none brings anything.
+
+        A way leads to each of its robots.
+        """
+        stops = self._stops(targets, context)
+        while tour := self._best(stops, context):
+            flights_s = {stop.robot: context.flight_s(stop.places[-1]) for stop in tour}
+            walled = {robot for robot, flight_s in flights_s.items() if math.isinf(flight_s)}
+            if not walled:
+                return tour, flights_s[tour[-1].robot]
+            stops = [stop for stop in stops if stop.robot not in walled]
+        return (), math.inf
 
     def _best(self, stops: Sequence[Stop], context: SeekContext) -> tuple[Stop, ...]:
         """The tour that is flown; none if none brings anything."""
@@ -97,7 +127,7 @@ class Tour(Rendezvous):
         return stretch(course, context)
 
     def _stops(self, targets: TargetList, context: SeekContext) -> list[Stop]:
-        """The robots that may be sought and that a way leads to.
+        """The robots that may be sought.
 
         Of those that were never heard one is enough: all of them would be sought at one place.
         """
@@ -106,32 +136,41 @@ class Tour(Rendezvous):
         unheard = False
         for robot in free:
             course = targets.course(robot)
+            if course is None and unheard:
+                continue
+            unheard |= course is None
             places = (context.unseen,) if course is None else self._places(course, context)
-            flight_s = context.flight_s(places[0])
-            if math.isfinite(flight_s) and not (course is None and unheard):
-                unheard |= course is None
-                over_s = context.began_s if course is None else course.end_s
-                doubt_s = max(context.now_s + flight_s - over_s, 0.0)
-                chance = context.round_s / (context.round_s + doubt_s)
-                chance *= VAIN_SHARE ** targets.tracks[robot].tries
-                gain_s = self.ages_s(robot, targets, context) * self.value(robot) * chance
-                stops.append(Stop(robot, places, gain_s, flight_s))
+            flight_s = context.straight_s(places[0])
+            over_s = context.began_s if course is None else course.end_s
+            doubt_s = max(context.now_s + flight_s - over_s, 0.0)
+            chance = context.round_s / (context.round_s + doubt_s)
+            chance *= VAIN_SHARE ** targets.tracks[robot].tries
+            gain_s = self.ages_s(robot, targets, context) * self.value(robot) * chance
+            along_s = sum(context.leg_s(a, b) for a, b in pairwise(places))
+            stops.append(Stop(robot, places, gain_s, flight_s, along_s))
         return stops
 
 
 def stretch(course: PredictedPath, context: SeekContext) -> tuple[Point, ...]:
     """Where on its path a robot may be when the vehicle is there; the nearer end first."""
-    flight_s = context.flight_s(course.place(course.along_m(context.now_s)))
-    if not math.isfinite(flight_s):
-        return (course.place(course.along_m(context.now_s)),)
+    if context.now_s >= course.end_s:
+        return along(course, 0.0, course.length_m, context)
+    flight_s = context.straight_s(course.place(course.along_m(context.now_s)))
     driven_m = course.speed_m_s * max(context.now_s + flight_s - course.start_s, 0.0)
     low_m, high_m = (min(share * driven_m, course.length_m) for share in SPREAD)
+    return along(course, low_m, high_m, context)
+
+
+def along(
+    course: PredictedPath, low_m: float, high_m: float, context: SeekContext
+) -> tuple[Point, ...]:
+    """The way between two distances along a path; its nearer end first."""
     if high_m - low_m < OFF_WAY_M:
         return (course.place(high_m),)
     ends = course.place(low_m), course.place(high_m)
     line = LineString((ends[0], *course.between(low_m, high_m), ends[1])).simplify(OFF_WAY_M)
     places = tuple(Point(*place) for place in line.coords)
-    return min(places, places[::-1], key=lambda way: context.flight_s(way[0]))
+    return min(places, places[::-1], key=lambda way: context.straight_s(way[0]))
 
 
 def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
@@ -155,7 +194,7 @@ def best_tour(stops: Iterable[Stop], context: SeekContext) -> tuple[Stop, ...]:
 
 def rate(tour: Sequence[Stop], context: SeekContext) -> float:
     """The age that a tour is expected to remove, per second."""
-    places = [place for stop in tour for place in stop.places]
-    legs_s = sum(context.leg_s(a, b) for a, b in pairwise(places))
-    time_s = tour[0].flight_s + legs_s + context.round_s
+    legs_s = sum(context.leg_s(a.places[-1], b.places[0]) for a, b in pairwise(tour))
+    along_s = sum(stop.along_s for stop in tour)
+    time_s = tour[0].flight_s + legs_s + along_s + context.round_s
     return sum(stop.gain_s for stop in tour) / time_s

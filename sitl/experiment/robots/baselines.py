@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations, product
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -57,7 +57,7 @@ class Orienteering(Freshest):
         super().__init__(values)
         self._speed_m_s = speed_m_s
 
-    def order(self, targets: TargetList, context: SeekContext) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, context: SeekContext) -> Iterable[SearchPlace]:
         """As `Freshest.order`, but for the first."""
         ranked = super().order(targets, context)
         free, *_ = targets.groups(context.now_s)

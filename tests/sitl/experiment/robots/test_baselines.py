@@ -32,7 +32,7 @@ def context_of(round_s, *, walled=()):
     def leg_s(start, end):
         return math.dist(start, end) / SPEED_M_S
 
-    return SeekContext(300.0, 0.0, flight_s, leg_s, unseen=Point(0, 50), round_s=round_s)
+    return SeekContext(300.0, 0.0, flight_s, leg_s, flight_s, unseen=Point(0, 50), round_s=round_s)
 
 
 def order(policy, targets, *, walled=()):
