@@ -9,7 +9,8 @@ from __future__ import annotations
 import secrets
 import struct
 from collections import deque
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from mocha_link.clock import Instant
@@ -86,7 +87,7 @@ class Peer:
         original: bool = False,
         datagrams: bool = True,
         budget_bytes: int = 0,
-        pushed: Container[int] = (),
+        pushed: AbstractSet[int] = frozenset(),
     ) -> None:
         self.name = name
         self.node = node

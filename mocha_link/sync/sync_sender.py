@@ -176,8 +176,8 @@ class SyncSender:
 
     def heeds(self, robot_ids: AbstractSet[int]) -> bool:
         """Whether the peer is to hear of new messages of these robots."""
-        pushed = self._peer.pushed
-        return not self.follows or any(r in pushed or r not in self._followed for r in robot_ids)
+        theirs = robot_ids <= self._followed and robot_ids.isdisjoint(self._peer.pushed)
+        return not (self.follows and theirs)
 
     def next(self, room: int) -> bytes | None:
         """The next frame, of at most `room` bytes (at least MIN_ROOM); None: nothing to say now."""
