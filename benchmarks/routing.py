@@ -2,21 +2,28 @@
 
 import itertools
 import json
+import math
 import random
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import shapely
 
+from air_router.controller.controller import Controller
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.editor.edits import Move
 from air_router.editor.session import EditSession, MissionFile
+from air_router.files.settings import SEEK_POLICIES
+from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.vehicle import Telemetry
 from benchmarks.route.maps import Map, made
 from geo.frame import Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document
@@ -47,6 +54,43 @@ def measure(*, quick: bool) -> Iterator[dict[str, Any]]:
         note = f"worst {max(times_ms):.1f} ms of {len(pairs)}"
         yield row(f"{name}: route from anywhere", statistics.median(times_ms), "ms", note)
     yield edits(8 if quick else 40)
+    yield from searches(4 if quick else 20)
+
+
+def searches(times: int) -> Iterator[dict[str, Any]]:
+    """What a search takes of the turn of the flight loop in which it begins, by each policy."""
+    map_ = made(100, 500)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mission.yaml"
+        path.write_text(mission_text(map_))
+        mission = load_mission(path)
+    plan, router = FlightPlan.of(mission), Router(WaypointGraph(mission))
+    for policy in SEEK_POLICIES:
+        setup = FlightSetup(replace(mission, seek_policy=policy), tuple("abcdefghij"))
+        chance = random.Random(1)
+        begins: list[Callable[[], None]] = []
+        for here, _ in map_.pairs[:times]:
+            controller = Controller(setup, router, plan)
+            context, exploration = controller.context, controller.exploration
+            context.now_s, exploration.began_s, exploration.here = 300.0, 0.0, here
+            context.telemetry = Telemetry(300.0, here, mission.altitude_above_home_m)
+            for track in controller.search.targets.tracks.values():
+                track.pose_heard(chance.choice(map_.pairs)[0], 0.0, 0.0)
+                track.path_heard(winding(chance, track.pose.position), 0.0, 0.0)
+            begins.append(controller.states.search.begin)
+        search_ms = median_ms(lambda left=begins: left.pop()(), times, time.process_time)
+        note = "paths of 50 corners; processor time"
+        yield row(f"500 zones, 10 robots: a search begins, {policy}", search_ms, "ms", note)
+
+
+def winding(chance: random.Random, place: Point) -> tuple[Point, ...]:
+    """A robot's path: 50 legs of 12 m."""
+    places, heading = [place], chance.uniform(0, math.tau)
+    for _ in range(50):
+        heading += chance.uniform(-0.6, 0.6)
+        east_m, north_m = places[-1]
+        places.append(Point(east_m + 12 * math.cos(heading), north_m + 12 * math.sin(heading)))
+    return tuple(places)
 
 
 def edits(times: int) -> dict[str, Any]:
