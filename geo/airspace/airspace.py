@@ -78,6 +78,8 @@ class Airspace:
         self._fences = tuple(Fence(shape) for shape in self.fences)
         self._fence_threshold_m = threshold_m(self.fence_distance_m)  # with rounding allowed for
         self._index = ZoneIndex(self.zones, self.distances_m)
+        # the last leg, and whether it is clear: a route asks for the straight one three times
+        self._asked: tuple[Point, Point, bool] | None = None
 
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
@@ -140,6 +142,12 @@ class Airspace:
         """Whether every point of the straight leg is clear."""
         if not math.isfinite(start[0] + start[1] + end[0] + end[1]):
             return False
+        asked = self._asked
+        if asked is None or asked[:2] != (start, end):
+            asked = self._asked = start, end, self._leg_clear(start, end)
+        return asked[2]
+
+    def _leg_clear(self, start: Point, end: Point) -> bool:
         leg = leg_line(start, end)
         return not self._index.leg_close(start, end, leg) and self._within_fences(leg)
 

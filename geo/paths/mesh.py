@@ -24,6 +24,7 @@ ON_M = 1e-6
 """A point so near to a triangle counts as in it: points computed to lie on a border hardly do."""
 
 _REFLEX = math.pi + 1e-9
+_MOST_HELD = 16
 
 
 Place = tuple[float, float]
@@ -79,6 +80,7 @@ class Mesh:
             np.stack([triangles.ravel()[border], ends])
         ]
         self._tree = STRtree(pieces)  # for `holding`
+        self._held: dict[Point, list[int]] = {}  # what that found: a route asks twice for its ends
 
     def __len__(self) -> int:
         return len(self.part)
@@ -100,8 +102,13 @@ class Mesh:
         """The triangles that a point is in: several where it lies on a side or on a vertex."""
         if not math.isfinite(point[0] + point[1]):
             return []
-        found = self._tree.query(ShapelyPoint(point), predicate="dwithin", distance=ON_M)
-        held: list[int] = np.sort(found).tolist()
+        held = self._held.get(point)
+        if held is None:
+            found = self._tree.query(ShapelyPoint(point), predicate="dwithin", distance=ON_M)
+            held = np.sort(found).tolist()
+            if len(self._held) >= _MOST_HELD:
+                self._held.clear()
+            self._held[point] = held
         return held
 
     def part_of(self, point: Point) -> int | None:
