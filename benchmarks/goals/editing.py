@@ -105,6 +105,7 @@ def _edits(page: Any) -> dict[str, list[float]]:
 
     def altitude(number: int) -> None:
         page.locator("#inspector input").fill(str(30 + number))
+        page.wait_for_timeout(PAUSE_MS)
         press("Enter")
 
     def add(_: int) -> None:
@@ -112,6 +113,7 @@ def _edits(page: Any) -> dict[str, list[float]]:
 
     def remove(_: int) -> None:
         press("n")
+        page.wait_for_timeout(PAUSE_MS)
         press("Delete")
 
     def undo(_: int) -> None:
