@@ -13,7 +13,7 @@ export class Legs {
     /** Of each node: where it is, the nodes above it that it is joined to, and the line to them.
      *  @type {{at: number[], others: number[], line: any}[]} */
     this.nodes = [];
-    /** Detours and legs as they are drawn, each with its line. @type {Map<any, any>} */
+    /** The lines of detours and legs, by looks and places. @type {Map<string, any>} */
     this.lines = new Map();
     this.route = this.line([], "route", "route", L.svg({ pane: "route" }));
     this.paint();
@@ -32,12 +32,14 @@ export class Legs {
     this.edges(state);
     const old = this.lines;
     this.lines = new Map();
-    const keep = (part, points, className) => {
-      this.lines.set(part, old.get(part) ?? this.line(points, className, "legs", this.svg));
-      old.delete(part);
+    const keep = (points, className) => {
+      const key = `${className} ${points}`;
+      if (this.lines.has(key)) return;
+      this.lines.set(key, old.get(key) ?? this.line(points, className, "legs", this.svg));
+      old.delete(key);
     };
-    for (const way of state.detours) keep(way, way, "detour");
-    for (const leg of state.legs) keep(leg, leg.points, `leg ${leg.way}`);
+    for (const way of state.detours) keep(way, "detour");
+    for (const leg of state.legs) keep(leg.points, `leg ${leg.way}`);
     for (const line of old.values()) line.remove();
   }
 

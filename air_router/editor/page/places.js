@@ -62,6 +62,8 @@ export class Places {
       riseOnHover: true,
       zIndexOffset: place.kind === "rally" ? -2000 : 0,
     }).addTo(this.map);
+    marker.getElement().setAttribute("aria-label", label(place));
+    marker.getElement().dataset.place = key;
     marker.on("click", () => {
       if (this.tools.picked(marker.place) || !marker.place.keys) return;
       this.selection.choose({ sort: "place", keys: marker.place.keys, area: null });
@@ -111,9 +113,6 @@ export class Places {
       list.toggle("fixed", !place.keys);
       list.toggle("selected", this.selection.has(place.keys));
       list.toggle("chosen", this.tools.chosen?.some((node) => node === place.node) ?? false);
-      element.dataset.place = `${place.kind} ${place.index}`;
-      if (element.title !== label(place)) element.title = label(place);
-      element.setAttribute("aria-label", label(place));
       const own = place.kind === "waypoint" && place.altitude_m !== null
         && place.altitude_m !== this.store.state?.settings.altitude_m;
       const html = (ICONS[place.kind] ?? String(place.index))
