@@ -59,6 +59,14 @@ ENLARGE = """() => {
   if (!found) document.querySelector(".leaflet-control-zoom-in").click();
   return found;
 }"""
+# What is drawn, each with its box in the window.
+DRAWN = ".place, path.area, path.buffer, path.leg, path.detour, #problems li"
+LOOKS = """(drawn) => [...document.querySelectorAll(drawn)]
+  .map((one) => {
+    const { x, y, width, height } = one.getBoundingClientRect();
+    const kind = (one.getAttribute("class") ?? "").replace(/leaflet\\S*/g, "").trim();
+    return [[kind, one.title ?? "", one.textContent].join("|"), [x, y, width, height]];
+  })"""
 
 
 @pytest.fixture
@@ -302,6 +310,46 @@ def test_what_is_done_to_places_and_zones_is_saved_each_in_its_lines(mission, op
     longitudes_deg = [float(line.split(",")[1].strip(" ]")) for line in added]
     assert len(hasty) == len(added) == 4
     assert longitudes_deg == sorted(longitudes_deg)
+
+
+def test_a_page_that_was_told_every_change_looks_like_one_opened_now(mission, open_page):
+    page = open_page(mission)
+    keyboard, mouse = page.page.keyboard, page.page.mouse
+    page.zone("zone 5").click()
+    page.drag(page.middle(page.page.locator(".corner").first), (700, 300))
+    keyboard.press("Escape")
+    page.zone("zone 3").click()
+    keyboard.press("Delete")
+    expect(page.zone("zone 3")).to_have_count(0)
+    keyboard.press("n")
+    keyboard.press("ArrowUp")
+    for key, number in (("Delete", 38), ("Control+z", 39), ("Control+Shift+z", 38)):
+        keyboard.press(key)
+        expect(page.page.locator("#facts")).to_contain_text(f"{number} waypoints")
+    keyboard.press("w")
+    mouse.click(480, 700)
+    expect(page.place("waypoint 39")).to_have_count(1)
+    keyboard.press("Escape")
+    page.place("waypoint 9").click()
+    page.page.locator("#inspector input").fill("31")
+    keyboard.press("Enter")
+    expect(page.place("waypoint 9")).to_contain_text("31 m")
+    page.save()
+    page.page.get_by_role("button", name="Save the draft").click()
+    page.expect_saved()
+
+    def looks(each):
+        each.page.evaluate("document.activeElement.blur()")
+        each.page.keyboard.press("Escape")
+        each.page.keyboard.press("f")
+        each.page.wait_for_timeout(500)
+        return each.page.evaluate(LOOKS, DRAWN)
+
+    told, opened = looks(page), looks(open_page(mission))
+    assert len(told) == len(opened) > 100
+    for what, box in told:
+        same = [other for name, other in opened if name == what]
+        assert any(box == pytest.approx(other, abs=2) for other in same), what
 
 
 @pytest.mark.parametrize("place", ["[86.0, 30.0]", "[-16.5, 180.0]"])
