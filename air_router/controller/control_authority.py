@@ -328,6 +328,6 @@ class ControlAuthority:
 
     def _take_back(self) -> None:
         self._gate.ours_in_the_air()
-        self._context.taken_by = self._context.held = None
+        self._context.taken_by = None
         self._gate.assume(self._context.heard.mode)
         self._context.climbs_first = True

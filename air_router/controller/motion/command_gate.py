@@ -312,7 +312,7 @@ class CommandGate:
     def ours_in_the_air(self) -> None:
         """The vehicle in the air flies by our commands from now on."""
         context = self._context
-        context.handed_over, context.stopped_why = True, None
+        context.handed_over, context.stopped_why, context.held = True, None, None
         if context.airborne_s is None:
             context.airborne_s = context.now_s
 

@@ -114,6 +114,23 @@ def test_the_same_plan_uploaded_again_begins_no_mission_where_no_leg_may_begin(
     assert flight.finished.landed_by_us
 
 
+@pytest.mark.parametrize(("altitude_m", "aside_m"), [(70.0, 0.0), (8.0, 60.0)])
+def test_a_vehicle_whose_hold_was_lost_until_it_is_level_comes_home_for_its_battery(
+    pretend, altitude_m, aside_m
+):
+    flight = pretend(load_mission(MISSIONS / "pair" / "mission.yaml", uav="atlas"))
+    flight.deaf = True
+    east_m, north_m = flight.mission.home
+    by_hand_to(flight, Point(east_m + aside_m, north_m), altitude_m)
+    assert any(text.startswith("holding: Mission was chosen") for text in flight.said)
+    flight.altitude_m = 48.0  # as PX4 does by itself
+    flight.step()
+    flight.deaf = False
+    assert flight.controller.state is State.INIT
+    flight.battery = 0.2
+    flight.lands(300.0)
+
+
 def test_armed_and_disarmed_again_without_a_take_off(pretend):
     flight = pretend()
     for armed in (True, False):
