@@ -25,6 +25,8 @@ _QUARTERS: Final = (0, 25, 50, 75, 100)  # of a hundred
 _LEAST_PX: Final = 1.0
 """Syncs that are nearer to each other than this are one mark."""
 
+_FAR_M: Final = 60.0  # from zones and fence: farther is seldom drawn
+
 Legend = Sequence[tuple[str, str]]
 """What stands for what: the class of the style sheet, and words."""
 
@@ -133,14 +135,21 @@ def _distance(summary: FlightSummary) -> Figure | None:
     if not summary.distances:
         return None
     clearance_m = summary.setup.mission.planner.clearance_m
+    distances_m = [away_m for _, away_m in summary.distances]
+    nearest_m, farthest_m = min(distances_m), max(distances_m)
+    # What is near is to be told apart, also where the vehicle was far away now and then.
+    top_m = max(3 * clearance_m, min(farthest_m, max(_FAR_M, 2 * nearest_m)))
+    words = "From the vehicle's own positions, while it was ours to fly."
+    if farthest_m > top_m:
+        words += f" What is farther than {top_m:.0f} m lies on the upper border."
     return _graph(
         summary,
         "distance",
         "Distance to the nearest zone or fence, m",
-        "From the vehicle's own positions, while it was ours to fly.",
+        words,
         [Line(summary.distances, "own", "distance to the nearest zone or fence")],
         height=180,
-        top=max(3 * clearance_m, min(60.0, max(away_m for _, away_m in summary.distances))),
+        top=top_m,
         limit=(clearance_m, f"clearance {clearance_m:g} m"),
     )
 

@@ -82,7 +82,9 @@ def track_figure(summary: FlightSummary) -> Figure:
         parts = [*_mission(mission, canvas), *dots, line, *names, *_marks(summary, canvas)]
         return picture(canvas.width, round(canvas.height), "the flown track", parts)
 
-    legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
+    legend = [("own", "flown track")]
+    legend += [("zonekey", "no-fly zone")] if mission.zones else []
+    legend += [("fencekey", "fence")] if mission.fences else []
     named = [name for name in summary.exchanges.names if summary.robots.get(name)]
     legend += [(robot_css(summary, name), name) for name in named]
     words = "Robots are drawn at their reported positions."

@@ -1,5 +1,6 @@
 """A record becomes a page and a JSON object that say what happened, and nothing else."""
 
+import dataclasses
 import html.parser
 import itertools
 import json
@@ -30,10 +31,12 @@ from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNo
 from air_router.controller.model.states import Signal, State
 from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder
+from air_router.report.charts import figures
 from air_router.report.exchanges import Exchanges
 from air_router.report.flight_page import page_of
 from air_router.report.flight_summary import NothingFlownError, summary_of
 from air_router.report.svg import WIDE, Plot, clock, nice, number, thinned
+from air_router.report.track import track_figure
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
@@ -232,6 +235,26 @@ def test_the_page_needs_nothing_and_believes_nothing(pennovation):
     for heading in ("Track", "States, contacts and syncs", "Bandwidth", "Age of information"):
         assert f"<h2>{heading}" in text
     assert "refused: in a zone" in text
+
+
+@pytest.mark.parametrize(
+    ("away_m", "top_m"), [([7.0, 45.0], 45.0), ([7.0, 90.0], 60.0), ([95.0, 120.0], 120.0)]
+)
+def test_distances_are_drawn_as_they_are(summary, away_m, top_m):
+    summary.distances = list(enumerate(away_m))
+    (graph,) = (figure for figure in figures(summary) if figure.name == "distance")
+    (line,) = re.findall(r'class="line own" d="M[\d.]+ ([\d.]+)L[\d.]+ ([\d.]+)', graph.pictures)[
+        :1
+    ]
+    plot = Plot(WIDE, 180, 0.0, 1.0, top_m)
+    assert [float(y) for y in line] == pytest.approx([plot.y(m) for m in away_m], abs=0.1)
+    assert ("upper border" in graph.words) == (max(away_m) > top_m)
+
+
+def test_the_legend_names_what_is_there(summary, pennovation):
+    begun = itertools.islice(entries(dataclasses.replace(pennovation, zones=())), 5)
+    for told, named in ((summary, "zonekey"), (summary_of([*begun]), "fencekey")):
+        assert {css for css, _ in track_figure(told).legend} & {"zonekey", "fencekey"} == {named}
 
 
 def test_a_record_without_a_flight_is_told(pennovation):
