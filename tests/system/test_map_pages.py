@@ -185,6 +185,30 @@ def test_the_plots_cover_nothing(replayed, size):
     assert page.locator("#plots").is_hidden()
 
 
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_plots_beside_what_a_folded_panel_leaves_cover_nothing(pages, size):
+    page = pages["live"]
+    page.set_viewport_size(viewport(size))
+    for button in ("#plot", "#fold"):
+        page.locator(button).click()
+    page.wait_for_function(IS_PLOTTED)
+    page.wait_for_function(f"() => !({CROWDED})().length")
+    for button in ("#plot", "#fold"):
+        page.locator(button).click()
+
+
+def test_a_long_dialog_begins_at_its_beginning(pages):
+    page = pages["edit"]
+    page.set_viewport_size(viewport(SIZES[1]))
+    page.keyboard.press("?")
+    dialog = page.locator("#question")
+    assert dialog.evaluate("(one) => [one.scrollTop, one.scrollHeight > one.clientHeight]") == [
+        0,
+        True,
+    ]
+    page.keyboard.press("Escape")
+
+
 def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
     page, robots = replayed.page, replayed.page.locator("#robots")
     page.set_viewport_size({"width": 1280, "height": 720})

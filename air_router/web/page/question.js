@@ -40,6 +40,7 @@ export function open(title, body, buttons) {
   dialog.replaceChildren(element("h2", { textContent: title }), ...body, row);
   dialog.returnValue = "";
   dialog.showModal();
+  dialog.scrollTop = 0; // the button at its end has the focus
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true });
   });
