@@ -343,3 +343,7 @@ def test_experiments_are_put_beside_a_real_px4():
     head, _, first, *_ = claims.likeness(Runs(experiment, records)).splitlines()
     assert "| experiments | real PX4 |" in head
     assert first == "| searches | 9.0 | 10.0 | 0.90 (0.90 to 0.90) | yes |"
+    assert "| goals found |" in claims.likeness(Runs(experiment, records))
+    for record in records:
+        del record["measures"]["goals_found"]  # robots on patrol look for nothing
+    assert "goals" not in claims.likeness(Runs(experiment, records))
