@@ -142,7 +142,7 @@ def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight
 def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene = LiveScene(flight.mission, flight.controller, "titan")
     heard = Reading(47.0, Unit.DEVICE, "rajant")
-    scene.links({"io": LinkMetrics("io", signal=heard, bytes_out=900)})  # to whoever was there
+    scene.links({"io": LinkMetrics("io", signal=heard, bytes_out=900)})  # to a peer that was there
     scene.step(SyncStarted("io", 0.0, Direction.IN), (), 50.0)
     assert scene.link_lines()[0]["lit"]
     scene.step(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), (), 50.5)
