@@ -1,4 +1,4 @@
-"""What is flown on request: to points, and whether that can be done (GOTO); nowhere (HOLD)."""
+"""What is flown on request: to points, and whether that can be done (GOTO)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, Refusal
+from air_router.controller.model.actions import Refusal
 from air_router.controller.model.mission_context import Goal, MissionContext, StateHandler
 from air_router.controller.model.requests import RequestRefusedError
-from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import CommandGate, stopping_point
+from air_router.controller.model.states import Signal
+from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
-from air_router.controller.states.search_state import SearchState
 from air_router.messages import FARTHEST_M
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.routing.departure import STANDING_M_S, Momentum
@@ -223,128 +222,3 @@ class GotoState(StateHandler):
             self._there_since_s = now_s
         stands = telemetry is not None and math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
         return stands or now_s - self._there_since_s >= SETTLING_S
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """What the vehicle did before it was told to hold.
-
-    Attributes:
-        state: The state of the mission.
-        explores: It flew the waypoints in order.
-        robot: Who was sought or hovered over; None in other states.
-        goto_task: The points that were left.
-        left_s: What the state's timer had left; None if it did not run.
-    """
-
-    state: State
-    explores: bool
-    robot: str | None
-    goto_task: GotoTask | None
-    left_s: float | None
-
-
-@dataclass(slots=True, eq=False)
-class HoldState(StateHandler):
-    """Stops, and stays there; or at the end of the leg, where that is as near. Then goes on.
-
-    Args:
-        context: How fast the vehicle is, and where.
-        gate: Stops it.
-        goto_state: Flies on to points that are left.
-        search_state: Seeks a robot again.
-    """
-
-    _context: MissionContext
-    _gate: CommandGate
-    _goto_state: GotoState
-    _search_state: SearchState
-    _held: Held | None = None
-    _altitude_m: float | None = None  # asked for since it stopped
-
-    def stop(self, by: str) -> None:
-        """Hold, as `by` asked; what is done now is gone on with later, in the time it had left."""
-        context, goto_task = self._context, self._goto_state.goto_task
-        left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
-        explores = context.spec.explores
-        self._held = Held(context.state, explores, context.robot, goto_task, left_s)
-        context.actions.append(Announce(f"holding, as {by} asked"))
-        context.signal(Signal.HOLD)
-
-    def go_on(self, by: str) -> str:
-        """Go on with what was held, as `by` asked: a robot is sought again; what, in words."""
-        held, context = self._held, self._context
-        assert held is not None  # noqa: S101 - what HOLD is entered with
-        if held.state is State.HOME:
-            context.come_home(f"{by}'s request", by_request=True)
-            return "it comes home"
-        if held.state is State.GOTO and held.goto_task is not None:
-            self._goto_state.set_out(held.goto_task, held.left_s)
-            return "it flies on to the points that are left"
-        if held.robot is not None:
-            self._search_state.seek(held.robot)
-            return f"it seeks {held.robot} again"
-        if held.explores and held.left_s is not None:
-            context.carried_s = held.left_s
-        context.signal(Signal.RESUMED)
-        return "it goes on"
-
-    def why_no_climb(self, altitude_m: float) -> tuple[Refusal, str] | None:
-        """Why it may not hold at another altitude above home; None if it may."""
-        low_m, high_m = self._context.mission.altitudes_m
-        if not low_m <= altitude_m <= high_m:
-            flown = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
-            why = f"only {flown} above home is flown; 'altitudes_m' in the mission allows others"
-            return Refusal.ALTITUDE, why
-        if self._context.state is not State.HOLD:
-            return Refusal.BUSY, "its altitude is changed where it hovers: have it hold first"
-        telemetry, gate = self._context.heard, self._gate
-        moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S
-        if moves or gate.pending or gate.setpoints.open(telemetry):
-            return Refusal.BUSY, "it does not hover yet; ask again in a moment"
-        return None
-
-    def climb(self, altitude_m: float) -> None:
-        """Climb or descend where it hovers; between the mission's altitudes all zones count."""
-        self._altitude_m = altitude_m
-        self.replan()
-
-    def stay(self) -> bool:
-        """Stop a climb or descent; whether there was one."""
-        climbs, self._altitude_m = self._altitude_m is not None, None
-        if climbs:
-            self._gate.hold("hold was requested")
-        return climbs
-
-    def replan(self) -> None:
-        """To the altitude, if one was asked for."""
-        if self._altitude_m is not None:
-            place = stopping_point(self._context.heard, self._gate.reaction_s)
-            self._gate.command(FlyToPoint(place, self._altitude_m))
-
-    def begin(self) -> None:
-        """Stop."""
-        self._altitude_m = None
-        ending = self._stops_anyway()
-        self._gate.stop()
-        if not ending:
-            self._gate.hold("hold was requested")
-
-    def no_route(self, refusal: str) -> None:
-        """Stay."""
-        self._gate.wait_for_way(refusal)
-
-    retry = begin
-
-    def _stops_anyway(self) -> bool:
-        """Whether the leg under way ends no farther off than braking now would.
-
-        To brake once more there makes a vehicle stop later, perhaps beyond what was checked.
-        """
-        gate, telemetry = self._gate, self._context.telemetry
-        last = gate.last
-        if gate.pending or telemetry is None or not isinstance(last, FlyToNode | FlyToPoint):
-            return False
-        here = telemetry.position
-        rest = stopping_point(telemetry, gate.reaction_s)
-        return math.dist(here, last.position) <= math.dist(here, rest)

@@ -15,7 +15,8 @@ from air_router.controller.model.states import From, Requests, Signal, Spec, Sta
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import ExploreState
-from air_router.controller.states.goto_state import GotoState, HoldState
+from air_router.controller.states.goto_state import GotoState
+from air_router.controller.states.hold_state import HoldState
 from air_router.controller.states.ready_state import ReadyState
 from air_router.controller.states.return_state import (
     HandsOffState,

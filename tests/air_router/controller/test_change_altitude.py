@@ -138,3 +138,61 @@ def test_at_a_lower_altitude_of_the_mission_no_leg_climbs_first(holding):
     assert sends_to(holding, 30.0)
     assert holding.operator_asks(GoOn()).accepted
     assert not any("climbing" in said for said in holding.said)
+
+
+def test_while_another_order_seems_to_show_no_other_altitude_is_taken(holding):
+    """It hovers at the end of its leg in Mission mode, and one report is of another item."""
+    holding.shown["item"] = holding.plan.item_of(holding.motions[-1].node) + 1
+    holding.step()
+    assert holding.controller.context.doubts
+    refused = holding.operator_asks(ChangeAltitude(60.0))
+    assert refused.code is Refusal.BUSY
+    assert refused.why == "another's order seems to show; ask again in a moment"
+    del holding.shown["item"]
+    holding.step()
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert sends_to(holding, 60.0)
+
+
+def test_while_its_altitude_has_jumped_no_other_one_is_taken(holding):
+    before_m = holding.altitude_m
+    holding.altitude_m = 90.0
+    holding.step()
+    assert holding.controller.context.jumped
+    refused = holding.operator_asks(ChangeAltitude(60.0))
+    assert refused.code is Refusal.BUSY
+    assert refused.why == "its altitude has jumped; ask again once it is back"
+    holding.altitude_m = before_m
+    holding.fly_for(3.0)
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+
+
+def test_a_climb_that_is_held_for_a_jump_of_the_altitude_goes_on(holding):
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    holding.fly_for(2.0)
+    holding.altitude_m += 4.0
+    holding.step()
+    assert isinstance(holding.motions[-1], HoldHere)
+    holding.fly_for(20.0)
+    assert holding.altitude_m == pytest.approx(60.0)
+    held = len(holding.motions)
+    holding.altitude_m -= 4.0  # once it is there, it stays where a deviation holds it
+    holding.step()
+    holding.altitude_m += 4.0
+    holding.fly_for(10.0)
+    assert [*map(type, holding.motions[held:])] == [HoldHere]
+
+
+def test_a_climb_that_is_not_followed_is_told_to_be_over(holding):
+    holding.deaf = True
+    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    holding.deaf = False
+    holding.fly_for(4.0)
+    assert holding.said[-2:] == [
+        "the vehicle did not follow: deaf",
+        "it holds at 40 m above home: the order to 60 m was not followed, and is over",
+    ]
+    assert isinstance(holding.motions[-1], HoldHere)
+    said = len(holding.said)
+    holding.fly_for(10.0)
+    assert holding.said[said:] == []
