@@ -60,6 +60,7 @@ class SearchState(StateHandler):
     _places: deque[Goal] = field(default_factory=deque)  # where else the present one may be
     _over: str | None = None  # the present one: flown to last in this search
     _began_s: float = -math.inf  # the search, vehicle's clock
+    _waits_at: Goal | None = None  # where its time began, or it has followed the robot to since
 
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
@@ -71,7 +72,7 @@ class SearchState(StateHandler):
     def begin(self) -> None:
         """Seek the requested robot, or else the robot whose turn it is."""
         self._asked_for, self._wanted = self._wanted, None
-        self._over, self._began_s = None, self._context.now_s
+        self._over, self._began_s, self._waits_at = None, self._context.now_s, None
         self._set_out(self._asked_for)
 
     def _set_out(self, first: str | None) -> None:
@@ -80,8 +81,11 @@ class SearchState(StateHandler):
             over, *stops = *point.over, point.robot
             nearest = point if over == point.robot else self._point(over)
             self._stops, self._places = deque(stops), deque(nearest.places)
-            motion = self._navigator.plan_to(self._next_place())
+            place = self._next_place()
+            motion = self._navigator.plan_to(place)
             if self._context.way.progress is not Progress.NO_ROUTE:
+                if self._is_elsewhere(place):
+                    self._context.ends_s = None  # its time begins there
                 self._context.robot = point.robot
                 self.search.targets.sought(point.robot)
                 self._try(over)
@@ -107,6 +111,7 @@ class SearchState(StateHandler):
             if self._context.way.progress is Progress.FLYING or not self._more:
                 self._navigator.advance(motion)
                 return
+        self._waits_at = self._context.way.goal
         if self._context.ends_s is None:
             self._context.start_timer()
             self._context.say(f"at the search position of {self._context.robot}")
@@ -123,6 +128,12 @@ class SearchState(StateHandler):
     def _more(self) -> bool:
         """Whether places are left before the vehicle waits."""
         return bool(self._places or self._stops)
+
+    def _is_elsewhere(self, place: Goal) -> bool:
+        """Whether that is not where it waits, or others follow."""
+        at = self._waits_at
+        moved = at is None or math.dist(at.position, place.position) >= FOLLOW_M
+        return moved or self._more
 
     def _find_next_place(self) -> bool:
         """Whether there is one: of this robot, or of the next that was not met on the way."""

@@ -413,6 +413,29 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborn
     assert flight.controller.context.robot == ("callisto" if asked_for else "europa")
 
 
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_a_search_that_new_zones_send_elsewhere_has_its_time_from_there(pretend, elsewhere):
+    flight = pretend(seek=("io",), explore=False, duration_s=2000.0)
+    flight.take_off()
+    flight.give(RobotPose("io", Point(10.0, 10.0), 1.0, "callisto"))
+    waits = "at the search position of io"
+    flight.fly_until(lambda: waits in flight.said)
+    ends_s = flight.controller.context.ends_s
+    flight.fly_for(20.0)
+    east_m, north_m = flight.position
+    change(flight, box((east_m, north_m) if elsewhere else (300.0, 300.0), half_m=20.0))
+    goes_on_board(flight)
+    flight.step()
+    assert flight.controller.state is State.SEARCH
+    if not elsewhere:
+        assert flight.controller.context.ends_s == ends_s
+        return
+    flight.fly_until(lambda: flight.said.count(waits) == 2)
+    begun_s = flight.now_s
+    flight.fly_until(lambda: flight.states.count(State.SEARCH) == 2)
+    assert flight.now_s - begun_s == pytest.approx(flight.mission.timers.search_s, abs=1.0)
+
+
 def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
     said = []
     for prepared in (False, True):

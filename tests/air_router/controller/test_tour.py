@@ -7,6 +7,7 @@ import pytest
 
 from air_router.controller.model.mission_context import Goal
 from air_router.controller.model.states import State
+from air_router.controller.states.search_points import Search, SearchPoint
 from air_router.controller.targets.policies import POLICIES
 from air_router.controller.targets.predicted_path import PredictedPath
 from air_router.controller.targets.seeking import SeekContext
@@ -220,3 +221,18 @@ def test_places_where_it_is_already_are_gone_through_at_once_however_many(preten
     search._places.extend([here] * 2000)
     search.arrived()
     flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+
+
+def test_planned_anew_to_pass_other_places_first_it_has_its_time_once_it_is_back(
+    pretend, monkeypatch
+):
+    flight, search, _, _, sought = tour_flight(pretend)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    here = flight.controller.context.way.goal
+    places = SearchPoint(sought, here, "", along=(here.position, Point(40.0, 20.0)))
+    monkeypatch.setattr(Search, "search_point", lambda *_: places)
+    search.replan()
+    assert flight.controller.context.ends_s is None
+    flight.fly_until(lambda: flight.controller.context.ends_s is not None)
+    assert flight.said[-1] == f"at the search position of {sought}"
+    assert math.dist(flight.position, here.position) < 4.0
