@@ -13,7 +13,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.model.actions import FlyToPoint, HoldHere, RenewPlan, WidenRoutes
+from air_router.controller.airspace_change import among, difference, names_of_new
+from air_router.controller.model.actions import (
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    RenewPlan,
+    WidenRoutes,
+)
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RoutesWidened
 from air_router.controller.model.mission_context import (
     Goal,
@@ -83,7 +90,7 @@ class AirspaceUpdate:
             context.say("zones not changed: others are being put on board just now; ask again")
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
-        if router is None or not _among(router, mission):
+        if router is None or not among(router, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         context.mission, context.router = mission, router
@@ -91,7 +98,7 @@ class AirspaceUpdate:
         self._begin_clearing()
         self._what = "the changed fence"
         when = "; they go on board when the mission is resumed" if self._put_off else ""
-        context.say(f"zones changed: {_difference(before, mission)}{when}")
+        context.say(f"zones changed: {difference(before, mission)}{when}")
         self._skip_waypoints(mission, router)
         self._begin(before, mission)
 
@@ -133,7 +140,7 @@ class AirspaceUpdate:
             return
         if self._context.giving_up is not None:
             return  # it is told to hold, and given away then
-        self._new |= _names_of_new(before, now)
+        self._new |= names_of_new(before, now)
         if state is not State.LAND:  # that goes on nowhere else: it is a breach
             self._context.leaving |= self._reached(before, now, telemetry)
         if state is State.READY:
@@ -225,8 +232,9 @@ class AirspaceUpdate:
             motion = navigator.again()  # it did not follow
         else:
             motion = navigator.update(telemetry)
-        if isinstance(motion, FlyToPoint) and low(context.mission, telemetry):
-            # What was drawn above it is left below that, not through it; then it climbs.
+        if isinstance(motion, FlyToNode | FlyToPoint) and low(context.mission, telemetry):
+            # What was drawn above it is left below that, not through it; then it climbs. To an item
+            # of the plan PX4 would climb at once.
             context.climbs_first = True
             motion = FlyToPoint(motion.position, telemetry.altitude_m)
         if motion is not None:
@@ -299,7 +307,7 @@ class AirspaceUpdate:
         if context.zones is not ZoneChange.PLANNING or event.off_m != self._off_m:
             self._looked = None  # the zones have changed since, or another had the vehicle
             return
-        if router is None or not _among(router, context.mission):
+        if router is None or not among(router, context.mission):
             router = widened_router(context.mission, event.off_m)
         context.by_one_altitude = context.by_one_altitude or context.router
         context.router = router
@@ -321,27 +329,3 @@ def _at_both(mission: Mission, off_m: float) -> Airspace:
 def _names(airspace: Airspace) -> frozenset[str]:
     """Its zones: as many may be others."""
     return frozenset(zone.name for zone in airspace.zones)
-
-
-def _among(router: Router, mission: Mission) -> bool:
-    """Whether a router plans among the fences and zones of a mission."""
-    made = router.graph.mission
-    return (made.fences, made.zones) == (mission.fences, mission.zones)
-
-
-def _names_of_new(before: Mission, now: Mission) -> frozenset[str]:
-    fence = {FENCE} if before.fences != now.fences else set()
-    return frozenset({zone.name for zone in set(now.zones) - set(before.zones)} | fence)
-
-
-def _difference(before: Mission, now: Mission) -> str:
-    """What has changed, in words; perhaps nothing since an upload that failed."""
-    old, new = set(before.zones), set(now.zones)
-    names = {"new": new - old, "gone": old - new}
-    changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}
-    words = [f"'{name}' is another" for name in sorted(changed)]
-    for word, zones in names.items():
-        words += [f"'{name}' is {word}" for name in sorted({z.name for z in zones} - changed)]
-    if before.fences != now.fences:
-        words.append("the fence is another")
-    return ", ".join(words) or "to those that are not on board yet"

@@ -110,7 +110,8 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     assert clear_of(flight, zone) >= 5.0
 
 
-def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
+def climbing(pretend):
+    """A vehicle that climbs to the mission's altitude where a pilot has left it."""
     flight = cruising(pretend)
     flight.pilot_chooses(FlightMode.POSITION)
     flight.altitude_m = 8.0
@@ -119,6 +120,11 @@ def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
     flight.operator_asks(GoOn())
     flight.fly_for(2.0)
     assert "climbing from 8 to 40 m first" in flight.said
+    return flight
+
+
+def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
+    flight = climbing(pretend)
     zone = Zone("new", Circle(flight.position, 15.0), band=Band(20.0, 60.0))
     change(flight, zone)
     while not boarding(flight):
@@ -131,6 +137,23 @@ def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
     since = len(flight.track)
     flight.lands(600.0)
     assert clear_of(flight, zone, since) >= 5.0
+
+
+def test_a_way_out_by_nodes_of_the_plan_stays_below_what_is_drawn_above_it_too(pretend):
+    """In Mission mode PX4 would climb to the altitude of its item."""
+    flight = climbing(pretend)
+    band, (east_m, north_m) = Band(20.0, 60.0), flight.position
+    above = Zone("above", Circle(flight.position, 15.0), band=band)
+    beside = dataclasses.replace(box((east_m, north_m + 20.0), 10.0, "beside"), band=band)
+    commanded = len(flight.motions)
+    change(flight, above, beside)
+    flight.fly_until(lambda: boarding(flight) == 1, 120.0)
+    places = [motion.position for motion in moves(flight, commanded)]
+    assert set(places) & {waypoint.position for waypoint in flight.mission.waypoints}
+    for motion in moves(flight, commanded):
+        assert isinstance(motion, FlyToPoint)
+        assert motion.altitude_m < 20.0
+    assert clear_of(flight, above, since=-1) >= 5.0
 
 
 def test_a_zone_that_it_has_left_is_a_breach_also_on_a_way_home_without_our_plan(pretend):

@@ -1,0 +1,32 @@
+"""What is other between a mission and the same with changed zones; among which a router plans."""
+
+from __future__ import annotations
+
+from air_router.mission.mission import Mission
+from air_router.routing.router import Router
+from geo.airspace.airspace import FENCE
+
+
+def among(router: Router, mission: Mission) -> bool:
+    """Whether a router plans among the fences and zones of a mission."""
+    made = router.graph.mission
+    return (made.fences, made.zones) == (mission.fences, mission.zones)
+
+
+def names_of_new(before: Mission, now: Mission) -> frozenset[str]:
+    """The zones, and perhaps the fence, that are other than before."""
+    fence = {FENCE} if before.fences != now.fences else set()
+    return frozenset({zone.name for zone in set(now.zones) - set(before.zones)} | fence)
+
+
+def difference(before: Mission, now: Mission) -> str:
+    """What has changed, in words; perhaps nothing since an upload that failed."""
+    old, new = set(before.zones), set(now.zones)
+    names = {"new": new - old, "gone": old - new}
+    changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}
+    words = [f"'{name}' is another" for name in sorted(changed)]
+    for word, zones in names.items():
+        words += [f"'{name}' is {word}" for name in sorted({z.name for z in zones} - changed)]
+    if before.fences != now.fences:
+        words.append("the fence is another")
+    return ", ".join(words) or "to those that are not on board yet"
