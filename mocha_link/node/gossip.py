@@ -162,9 +162,11 @@ class Gossip:
             self._context.actions.append(Reply(peer, route, reply))
         self._serve(link, now)
 
-    def route(self, peer: str) -> Route | None:
-        """The connection on which the peer pulls, if it does."""
-        return self._links.by_peer[peer].server.route
+    def route(
+        self, peer: str, stands: Callable[[Route], bool] = lambda _route: True
+    ) -> Route | None:
+        """The connection on which the peer pulls, if it does, and if that still `stands`."""
+        return self._links.by_peer[peer].server.route(stands)
 
     def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""

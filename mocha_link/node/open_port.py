@@ -294,6 +294,10 @@ class OpenPort(Port):
         if caller:
             caller.push([*route[1:], *parts])
 
+    def stands(self, route: Route) -> bool:
+        """Whether a connection is still there."""
+        return route[0] in self._inside
+
     def flush(self, route: Route | None) -> bool:
         """Try to send what waits for a connection; whether it takes more."""
         caller = self._inside.get(route[0]) if route else None

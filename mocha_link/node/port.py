@@ -103,6 +103,7 @@ class ProtectedPort(Port):
         # pushed frames that the socket did not take
         self._stuck: tuple[Route, list[Part]] | None = None
         self._late: dict[Route, _Late] = {}  # by connection
+        self._gone: Route | None = None  # the last one of which it was noticed
         self.socket = context.socket(zmq.ROUTER)
         try:
             self.socket.setsockopt(zmq.LINGER, 0)
@@ -181,7 +182,11 @@ class ProtectedPort(Port):
         except zmq.Again:
             self._stuck = (route, parts)
         except zmq.ZMQError:
-            pass  # the peer is gone; it comes again and asks for what is missing
+            self._gone = route  # it comes again on another one and asks for what is missing
+
+    def stands(self, route: Route) -> bool:
+        """Whether a connection is still there, as far as is known."""
+        return route != self._gone
 
     def flush(self, route: Route | None) -> bool:
         """Try to send what waits for a connection; whether it takes more.

@@ -259,7 +259,7 @@ class Transport:
         with self._guard:
             for _ in range(BURST):
                 with self._lock:
-                    route = self._gossip.route(port.peer)
+                    route = self._gossip.route(port.peer, port.stands)
                 if not port.flush(route):
                     return port.wait_ms
                 frames = self._next_frames(port)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
@@ -135,10 +135,18 @@ class Server:
         """Whether the peer is to hear of new messages of these robots."""
         return self._sync is not None and self._sync.heeds(robot_ids)
 
-    @property
-    def route(self) -> Route | None:
-        """The connection of the sync, if it has one."""
-        return self._sync.route if self._sync else None
+    def route(self, stands: Callable[[Route], bool]) -> Route | None:
+        """The connection of the sync, if it has one that `stands`.
+
+        On one that is gone nothing gets to the peer. One that followed there does not any more; one
+        in the middle of a pull may go on by datagrams, or over another connection.
+        """
+        sync = self._sync
+        if sync and sync.route and not stands(sync.route):
+            sync.route = None
+            if sync.follows and not sync.by_datagram:
+                self._let_go(sync)
+        return sync.route if sync else None
 
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for a connection, in parts, if the peer has credit left for one."""
@@ -322,11 +330,14 @@ class Server:
         if settled and not sync.ended:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
+        self._let_go(sync)
+        if not sync.ended:  # otherwise it has ended well, and was told
+            self._peer.tell_timeout(Direction.OUT, reason, now)
+
+    def _let_go(self, sync: SyncSender) -> None:
         self._sync = None
         self._past.append(sync.id)
         self._close_flow()
-        if not sync.ended:  # otherwise it has ended well, and was told
-            self._peer.tell_timeout(Direction.OUT, reason, now)
 
     def _close_flow(self) -> None:
         flow, self._flow = self._flow, None

@@ -243,6 +243,22 @@ def test_a_connection_that_does_not_read_goes_with_its_replies(shell, titan, cli
 # --- frames of a sync
 
 
+def test_a_connection_that_is_gone_is_known_to_be(shell, titan, clients):
+    client = clients.dial(titan)
+    client.send_multipart([b"", b"?"])
+    route, _ = shell.request()
+    port = shell.port
+    assert port.stands(route)
+    client.close(0)
+    for _ in range(WAIT_MS // 10):
+        shell.turn(10)
+        port.push(route, [b"to whom"])
+        if not port.stands(route):
+            break
+    assert not port.stands(route)
+    assert port.flush(route)
+
+
 def stuck(shell: Shell, titan: Robot, clients: Clients) -> tuple[zmq.Socket, tuple, int]:
     """A connection that takes no more: it, its route, and how many frames went out."""
     client = clients.dial(titan, asleep=True)

@@ -14,7 +14,13 @@ import pytest
 
 from mocha_link.clock import Instant, SystemClock
 from mocha_link.errors import GUARD_LOG_S, Guard
-from mocha_link.links.metrics import Direction, MessageStored, SyncStarted, SyncTimedOut
+from mocha_link.links.metrics import (
+    Direction,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
 from mocha_link.node import transport
 from mocha_link.node.connection import TcpConnection
 from mocha_link.node.gossip import Gossip
@@ -25,7 +31,7 @@ from mocha_link.radios import ManualRadio
 from mocha_link.sync.pull import LOOK_S
 from mocha_link.sync.puller import Puller
 from mocha_link.sync.server import Server
-from tests.mocha_link.conftest import WAIT_S, free_ports
+from tests.mocha_link.conftest import WAIT_S, Witness, free_ports
 
 IN, OUT = Direction.IN, Direction.OUT
 FDS = Path("/proc/self/fd")
@@ -232,3 +238,17 @@ def test_what_is_said_at_once_leaves_in_one_packet(field, monkeypatch):
     monkeypatch.setattr(Caller, "flush", noted)
     assert saw.pull("titan").messages == 0
     assert len([size for size in sent if size]) == 1  # that it is welcome, and that all is said
+
+
+def test_what_is_stored_after_a_follower_has_hung_up_is_not_sent(field):
+    """Its links would count what gets to no robot, and the next contact as having moved it."""
+    titan, _, witness = field.node("titan")
+    titan.publish("/map", b"grid")
+    with Node(field.team, "io", radio=ManualRadio()) as io:
+        Witness(io).pull("titan")
+        witness.wait(SyncEnded, peer="io", direction=OUT)
+    before = titan.links()["io"].bytes_out
+    for number in range(3):
+        titan.publish("/map", b"grid %d" % number, now=True)
+        witness.wait(MessageStored, topic="/map")  # told before the next turn supplies anything
+    assert titan.links()["io"].bytes_out == before

@@ -45,11 +45,13 @@ def record(topic_id: int, size: int = 100, age_ms: int = 60_000) -> Record:
 class Asker:
     """io: asks over a connection, over datagrams, or both, and says what a test wants."""
 
-    def __init__(self, server: Server, request_id: bytes = b"ididid") -> None:
+    def __init__(
+        self, server: Server, request_id: bytes = b"ididid", *, follow: bool = False
+    ) -> None:
         self.server = server
         self.id = request_id
         self.database = Database()
-        known = peer_of(self.database, name="titan", team=TEAM, boot_id=7)
+        known = peer_of(self.database, name="titan", team=TEAM, boot_id=7, follow=follow)
         known.address_token = server._peer.next_token  # they have met
         self.peer = known
         self.receiver = SyncReceiver(known, room=1100)
@@ -384,6 +386,41 @@ def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, datab
     io.read()
     assert io.got == all_of(database)
     assert io.receiver.complete
+
+
+def test_a_pull_whose_connection_is_gone_goes_on_over_the_next(server, io, database):
+    io.open(GRANT.pack(1 << 40, 1_400))
+    assert server.supply()
+    assert server.supply()
+    assert server.route(lambda _route: False) is None
+    assert server.supply() is None
+    io.open(route=OTHER)
+    assert server.route(lambda route: route == OTHER) == OTHER
+    io.read()
+    assert io.got == all_of(database)
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_who_followed_on_a_connection_that_is_gone_does_not_any_more(server, database, stands):
+    io = Asker(server, follow=True)
+    io.open()
+    io.read()
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+    assert server.route(lambda _route: stands) == (ROUTE if stands else None)
+    assert database.insert(record(0, age_ms=0), NOW_S)
+    assert server.heeds({1}) is stands
+    assert (server.wake_s is not None) is bool(io.drain()) is stands
+    assert told_by(server) == []
+
+
+def test_who_follows_by_datagrams_needs_no_connection(server, database):
+    io = Asker(server, follow=True)
+    io.cast(at(0))
+    io.open()
+    end_s = io.run(0, 0.05)
+    assert server.route(lambda _route: False) is None
+    assert database.insert(record(0, size=5, age_ms=0), NOW_S)
+    assert server.transmit(at(end_s))
 
 
 @pytest.mark.parametrize("by_datagram", [False, True])
