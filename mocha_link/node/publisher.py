@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,7 +20,10 @@ from mocha_link.team.team import Robot, Topic
 Sign = Callable[[Topic, bytes], bytes]
 
 LEAP_MS = 600_000
+MOST_RECOVERED = 16  # messages of a topic that we did not make; more are not from before a restart
 FULL_BYTES = 64 * 1024  # a batch of so much goes at once
+
+LOG = logging.getLogger("mocha_link")
 
 
 @dataclass(slots=True)
@@ -58,6 +63,7 @@ class Publisher:
         self._stored_s: dict[str, float] = {}  # Unix time of the last one
         self._held: dict[str, _Draft] = {}  # by topic, for its interval
         self._latest: dict[str, tuple[_Draft, Header]] = {}  # the newest made of each topic
+        self._overtaken: Counter[str] = Counter()  # by messages of ours that we did not make
 
     def publish(
         self,
@@ -86,7 +92,7 @@ class Publisher:
         last_ms = self._last_ms.get(topic.name)
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
-            stamp_ms = _stamp_after(newest, now_s, data)
+            stamp_ms = self._stamp_after(topic, newest, now_s, data)
         else:
             stamp_ms = next_stamp_ms(now_s, last_ms)
         self._last_ms[topic.name] = stamp_ms
@@ -109,13 +115,22 @@ class Publisher:
     def recovered(self, topic: Topic, now_s: float) -> Record | None:
         """Store our latest message anew if one from before a restart has replaced it.
 
-        A peer hands that back to us; it has the later stamp if our clock is behind what it was.
+        A peer hands that back to us; it has the later stamp if our clock is behind what it was. If
+        there is no end of them another node speaks in our name, and ours are not stored anew: that
+        one would do the same.
         """
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
-        if topic.name not in self._latest or newest is None:
+        draft, header = self._latest.get(topic.name, (None, None))
+        if draft is None or newest is None or newest.header == header:
             return None
-        draft, header = self._latest[topic.name]
-        return self._store(topic, draft, now_s) if newest.header != header else None
+        self._overtaken[topic.name] += 1
+        if self._overtaken[topic.name] == MOST_RECOVERED + 1:
+            LOG.warning(
+                "another node says what %s says on %s: give each robot a name of its own",
+                self._robot.name,
+                topic.name,
+            )
+        return None if self._is_shared(topic) else self._store(topic, draft, now_s)
 
     def due(self, now_s: float) -> list[Record]:
         """Store the held messages whose interval is over, and return them."""
@@ -139,7 +154,7 @@ class Publisher:
         if not self._database.insert(record, now_s):
             # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
             newest = self._database.newest(self._robot.robot_id, topic.topic_id) or record
-            draft.stamp_ms = _stamp_after(newest, now_s, record.body)
+            draft.stamp_ms = self._stamp_after(topic, newest, now_s, record.body)
             self._last_ms[topic.name] = draft.stamp_ms
             record = self._record(topic, draft)
             self._database.insert(record, now_s)
@@ -166,18 +181,23 @@ class Publisher:
         # A clock that was set back must not hold a message until it comes round again.
         return last is None or not 0 <= now_s - last < interval_s
 
+    def _is_shared(self, topic: Topic) -> bool:
+        """Whether another node, too, sends messages of ours on a topic."""
+        return self._overtaken[topic.name] > MOST_RECOVERED
 
-def _stamp_after(earlier: Record, now_s: float, data: bytes | memoryview) -> int:
-    """The stamp that follows a message from before a restart.
+    def _stamp_after(
+        self, topic: Topic, earlier: Record, now_s: float, data: bytes | memoryview
+    ) -> int:
+        """The stamp that follows a message from before a restart.
 
-    If the clock is behind it, others may hold still later ones of which we know nothing, each a
-    millisecond after the other, and two messages must not get the same header. So it is some
-    minutes later; how much follows from the data.
-    """
-    if as_ms(now_s) > earlier.stamp_ms:
-        return next_stamp_ms(now_s, earlier.stamp_ms)
-    leap_ms = int.from_bytes(blake2b(data, digest_size=8).digest(), "big") % LEAP_MS
-    return next_stamp_ms(now_s, earlier.stamp_ms + leap_ms)
+        If the clock is behind it, others may hold still later ones of which we know nothing, each a
+        millisecond after the other, and two messages must not get the same header. So it is some
+        minutes later; how much follows from the data.
+        """
+        if as_ms(now_s) > earlier.stamp_ms or self._is_shared(topic):
+            return next_stamp_ms(now_s, earlier.stamp_ms)
+        leap_ms = int.from_bytes(blake2b(data, digest_size=8).digest(), "big") % LEAP_MS
+        return next_stamp_ms(now_s, earlier.stamp_ms + leap_ms)
 
 
 def next_stamp_ms(now_s: float, last_ms: int | None) -> int:

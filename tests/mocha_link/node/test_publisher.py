@@ -3,7 +3,7 @@
 import pytest
 
 from mocha_link.node import publisher as publishing
-from mocha_link.node.publisher import LEAP_MS, Publisher
+from mocha_link.node.publisher import LEAP_MS, MOST_RECOVERED, Publisher
 from mocha_link.store import wire
 from mocha_link.store.database import Database
 from mocha_link.store.message import unpack_batch
@@ -103,6 +103,26 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     assert publisher.recovered(often, T + 1) is None
     (another,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
     assert another.stamp_ms == record.stamp_ms + 1
+
+
+def test_two_robots_of_the_same_name_do_not_drive_their_stamps_ahead(team, often, caplog):
+    """Each hears of the other's message, which is newer, and has the newest one in turn."""
+    ends = []
+    for number in range(2):
+        database = Database()
+        publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database)
+        publisher.publish(often, b"of node %d" % number, T + number, at_once=False)
+        ends.append((publisher, database))
+    for second in range(100):
+        for (_, source), (publisher, database) in (ends, ends[::-1]):
+            database.insert(source.newest(2, often.topic_id), T + second)
+            publisher.recovered(often, T + second)
+            if second > 50:  # and now they say something, too
+                header, _ = publisher.publish(often, b"%d" % second, T + second, at_once=False)
+                assert header == database.newest(2, often.topic_id).header
+    newest_ms = max(database.newest(2, often.topic_id).stamp_ms for _, database in ends)
+    assert newest_ms - T * 1000 <= 2 * (MOST_RECOVERED + 1) * LEAP_MS
+    assert caplog.text.count("another node says what titan says on /map") == 2  # of each one
 
 
 def test_lives_with_a_wrong_clock_do_not_make_the_same_header(team, often):
