@@ -44,7 +44,11 @@ class Startable(Closeable):
         """Begin."""
 
     def __enter__(self: _Startable) -> _Startable:  # noqa: PYI019
-        self.start()
+        try:
+            self.start()
+        except BaseException:  # what `__exit__` would have closed, e.g. a file
+            self.close()
+            raise
         return self
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +19,8 @@ from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
 from mocha_link.store import wire
 from mocha_link.store.database import Database
-from mocha_link.store.message import Message, message_of
+from mocha_link.store.message import Message, as_bytes, message_of
+from mocha_link.store.record import Record
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import StorageError
 from mocha_link.store.trust import TeamConfig, sign
@@ -171,6 +172,9 @@ class Node(Startable):
             if self._transport:
                 self._transport.close()
             if self._storage:
+                with self._lock:  # what waits for its interval is not to be lost
+                    for topic in self.team.topics_of(self.name):
+                        self._gossip.flush(topic, self._now())
                 self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
             self._broadcast.close()
 
@@ -190,13 +194,7 @@ class Node(Startable):
         """
         self._check_open()
         known = self.team.topic(self.name, topic)
-        try:
-            data = bytes(memoryview(data))
-        except TypeError:
-            raise TypeError(
-                f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
-                "json.dumps(value).encode(), or what mocha_link.ros.typed.Typed(team).encode makes"
-            ) from None
+        data = as_bytes(data, topic)
         wire.check_size(data)
         large = len(data) >= LARGE_BYTES and not known.aggregate
         frame = wire.compress(data) if large else None  # meanwhile the node goes on
@@ -229,8 +227,7 @@ class Node(Startable):
 
     def messages(self) -> list[Message]:
         """The newest message of every topic of every robot, most urgent first."""
-        found = (message_of(record, self.team) for record in self._gossip.database.records())
-        return [message for message in found if message]
+        return self._messages(self._gossip.database.records())
 
     def history(self, robot: str, topic: str) -> list[Message]:
         """The messages of a topic that are kept, newest first (`history` in the team file).
@@ -241,7 +238,9 @@ class Node(Startable):
         """
         known = self.team.topic(robot, topic)
         robot_id = self.team.robot(robot).robot_id
-        records = self._gossip.database.history(robot_id, known.topic_id)
+        return self._messages(self._gossip.database.history(robot_id, known.topic_id))
+
+    def _messages(self, records: Iterable[Record]) -> list[Message]:
         found = (message_of(record, self.team) for record in records)
         return [message for message in found if message]
 

@@ -61,6 +61,17 @@ class Message:
     parts: tuple[bytes, ...] = field(default=(), repr=False)
 
 
+def as_bytes(data: bytes, topic: str) -> bytes:
+    """The data of a message of a topic that is to be published. Raises TypeError."""
+    try:
+        return bytes(memoryview(data))
+    except TypeError:
+        raise TypeError(
+            f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
+            "json.dumps(value).encode(), or what mocha_link.ros.typed.Typed(team).encode makes"
+        ) from None
+
+
 def message_of(record: Record, team: Team) -> Message | None:
     """A stored message, unpacked; None if the team has no such topic.
 

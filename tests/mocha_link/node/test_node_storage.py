@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from mocha_link.errors import PortInUseError
 from mocha_link.links.metrics import Direction, MessageStored, StorageFailed
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
@@ -130,3 +131,26 @@ def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):
     field.team = field.team.with_robots(bad)
     with pytest.raises(KeyMismatchError):
         Node(field.team, "titan", storage=file)
+
+
+def test_a_node_that_cannot_start_gives_up_its_file(field, file):
+    """A robot's program tries again, and is told that another process has the file."""
+    first, _, _ = field.node("titan")
+    with (
+        pytest.raises(PortInUseError),
+        Node(field.team, "titan", clock=field.clock, radio=ManualRadio(), storage=file),
+    ):
+        pass
+    first.close()
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan.storage_fault is None
+
+
+def test_a_message_that_waits_for_its_interval_survives_the_end(field, file):
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/slow", b"1")  # at most every 5 s
+        header = titan.publish("/slow", b"2")
+        assert titan.latest("titan", "/slow").data == b"1"
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan.latest("titan", "/slow").data == b"2"
+        assert titan.latest("titan", "/slow").header == header
