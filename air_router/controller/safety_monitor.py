@@ -101,8 +101,8 @@ class FlightPhase:
             self._fall(telemetry, flew=flew)
         self._flew |= telemetry.in_air
         self._was_armed |= telemetry.armed
-        mission_mode = telemetry.armed and telemetry.mode is FlightMode.MISSION
-        if mission_mode and not self._context.handed_over:
+        ready = self._context.state is State.READY and not self._context.handed_over
+        if ready and telemetry.armed and telemetry.mode is FlightMode.MISSION:
             self._context.handed_over = True
             self._gate.assume(FlightMode.MISSION)
             if self._context.on_board is OnBoard.REPLACED:

@@ -257,6 +257,17 @@ def by_hand_to(flight, position, altitude_m):
     flight.pilot_chooses(FlightMode.MISSION)
 
 
+def test_a_mission_of_the_pilot_s_own_is_not_held_while_what_was_replaced_is_compared(pretend):
+    flight = pretend()
+    flight.take_off_halfway(FlightMode.POSITION)
+    flight.plan_compared("8 items")
+    assert flight.controller.state is State.PASSIVE
+    flight.give(PlanReplaced(flight.now_s))
+    flight.pilot_chooses(FlightMode.MISSION)
+    flight.fly_for(10.0)
+    assert flight.motions == []
+
+
 def test_mission_chosen_far_away_and_high_is_flown_on_from_there_around_the_zones(pretend):
     flight = pretend(duration_s=60.0)
     behind_zone_1 = Point(65.0, -60.0)
