@@ -16,6 +16,7 @@ from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_connection import Px4Connection
+from air_router.vehicle.px4.px4_messages import SILENT_S
 from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.px4.px4_plan import OnboardPlan
 from air_router.vehicle.px4.px4_requests import ONCE_S
@@ -35,9 +36,6 @@ _log = logging.getLogger(__name__)
 
 DATA_S: Final = 4.0
 """Wall-clock limit for positions, which come tens of times a second."""
-
-SILENT_S: Final = 3.0
-"""A vehicle that is not heard for so long, wall-clock time, is told to be silent."""
 
 HEALTH_S: Final = 60.0
 """Wall-clock limit for its health checks to pass before arming."""

@@ -16,8 +16,9 @@ from typing import Any, Final, NamedTuple, Self
 from air_router.errors import NotConfirmedError
 from air_router.vehicle.clock import loop_s
 from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.px4.px4_messages import PlanIds
 from air_router.vehicle.px4.px4_order import Px4Order
-from air_router.vehicle.px4.px4_telemetry import PlanIds, Px4Telemetry
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 

@@ -7,7 +7,7 @@ import math
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirect,
@@ -15,9 +15,10 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirectResult,
 )
 
-from air_router.vehicle.clock import loop_s
+from air_router.vehicle.clock import VehicleClock, loop_s
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
 from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
+from air_router.vehicle.px4.px4_streams import Backlog
 
 _log = logging.getLogger(__name__)
 
@@ -28,17 +29,34 @@ INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
+SILENT_S: Final = 3.0
+"""A vehicle that is not heard for so long, wall-clock time, is told to be silent."""
+
+
+class PlanIds(NamedTuple):
+    """By which a PX4 tells one plan on board from another; 0: not told."""
+
+    mission_id: int
+    fence_id: int
+    rally_points_id: int
+
+
 class Px4Messages:
     """Hands messages of the autopilot to their handlers, and wakes who waits for what they say.
 
+    Args:
+        clock: The vehicle's.
+
     Attributes:
+        clock: The same, which any thread may read.
         system_id: The vehicle's, and ours; 0 until `listen`.
         reports: Its health and arming checks.
         refusals: Why it did not take a plan, in its words, since `forget_words`.
         parameters: Those heard so far, by name.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: VehicleClock) -> None:
+        self.clock = clock
         self.system_id = 0
         self.reports = ArmingReports()
         self.refusals: list[str] = []
@@ -47,6 +65,7 @@ class Px4Messages:
         self._news = asyncio.Event()  # set by every message, then replaced
         self._heard_s = loop_s()  # when anything came last, loop's clock
         self._arrived_s: dict[str, float] = {}  # by message, monotonic
+        self._backlog = Backlog()
         self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
@@ -131,7 +150,7 @@ class Px4Messages:
 
     def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
         def on_message(received: Received) -> None:
-            if received.sender != (self.system_id, AUTOPILOT):
+            if received.sender != (self.system_id, AUTOPILOT) or self._is_old(received):
                 return
             self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s
@@ -140,6 +159,20 @@ class Px4Messages:
             self._news = asyncio.Event()
 
         return on_message
+
+    def _is_old(self, received: Received) -> bool:
+        """Whether a message is left out: a socket kept it while this program stood still."""
+        if self.clock.most_ahead_s < math.inf:
+            return False  # the vehicle's time stood still as well
+        backlog = self._backlog
+        old = backlog.holds(received.fields, received.arrived_s, self.clock.rate)
+        if backlog.pause_s > 0.0:
+            silent_s, backlog.pause_s = backlog.pause_s, 0.0
+            self._came_back(silent_s)
+        return old
+
+    def _came_back(self, silent_s: float) -> None:
+        """A message has come after so long."""
 
     def _handed(self, name: str, received: Received, handler: Handler) -> None:
         """Hand a message on."""

@@ -18,7 +18,8 @@ from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan, Frame, PlanItem
 from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
-from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, PlanIds, Px4Telemetry
+from air_router.vehicle.px4.px4_messages import PlanIds
+from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
 
 _log = logging.getLogger(__name__)

@@ -2,14 +2,14 @@
 
 import logging
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_messages import Handler, Px4Messages
+from air_router.vehicle.px4.px4_messages import SILENT_S, Handler, PlanIds, Px4Messages
 from air_router.vehicle.px4.px4_streams import (
     LIFTED_M,
     Continuity,
@@ -21,6 +21,7 @@ from air_router.vehicle.vehicle import (
     FlightMode,
     GpsFix,
     ItemReached,
+    LinkSilent,
     PlanReplaced,
     Telemetry,
     VehicleEvent,
@@ -44,21 +45,12 @@ TELL_S: Final = 0.5
 """So often, of the vehicle's time, it is told how it is while no position comes."""
 
 
-class PlanIds(NamedTuple):
-    """By which a PX4 tells one plan on board from another; 0: not told."""
-
-    mission_id: int
-    fence_id: int
-    rally_points_id: int
-
-
 class Px4Telemetry(Px4Messages):
     """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
 
     def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
-        super().__init__()
+        super().__init__(clock)
         self._frame = frame
-        self.clock = clock  # the vehicle's, which any thread may read
         self._callbacks: list[Callable[[VehicleEvent], None]] = []  # told of telemetry and events
         self.plan_ids: PlanIds | None = None  # as said last
         self._guarded: PlanIds | None = None  # the ids of what was found to be ours
@@ -193,6 +185,11 @@ class Px4Telemetry(Px4Messages):
             voltage_v=self.voltage_v,
             satellites=None if self.gps is None else self.gps.satellites,
         )
+
+    def _came_back(self, silent_s: float) -> None:
+        """Tell of a silence that is over, also if this program stood still in it."""
+        if silent_s > SILENT_S:
+            self._emit(LinkSilent(self.time_s, silent_s))
 
     def _handed(self, name: str, received: Received, handler: Handler) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""

@@ -14,7 +14,7 @@ from air_router.vehicle.px4.px4_streams import (
     Streams,
     flight_mode,
 )
-from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
 from tests.air_router.vehicle.px4.conftest import Px4
 
@@ -69,6 +69,47 @@ def test_a_silence_of_all_ages_nothing(px4):
     px4.run(0.1)
     ages = px4.last.ages
     assert max(ages.position_s, ages.battery_s, ages.mode_s, ages.landed_s) <= 2.0
+
+
+def stands_still(px4, seconds, kept_s):
+    """This program does so; the socket keeps the first of what the vehicle says meanwhile."""
+    woken_s, boot_s, mode = px4.wall_s + seconds, px4.boot_s + seconds, px4.mode
+    px4.events.clear()
+    px4.wall_s, px4.mode = woken_s, MISSION
+    px4.run(kept_s, rate=1e3)
+    px4.wall_s, px4.boot_s, px4.mode = woken_s, boot_s, mode
+
+
+@pytest.mark.parametrize(("seconds", "kept_s", "silent"), [(2.0, 1.0, 0), (12.0, 5.0, 1)])
+def test_what_a_socket_kept_while_this_program_stood_still_is_no_news(px4, seconds, kept_s, silent):
+    before = px4.last
+    px4.mode = HOLD  # a pilot chooses it when the socket is full
+    stands_still(px4, seconds, kept_s)
+    assert not [event for event in px4.events if isinstance(event, Telemetry)]
+    assert px4.telemetry.time_s == before.time_s
+    px4.run(2.0)
+    assert px4.last.mode is FlightMode.HOLD
+    told = [event for event in px4.events if isinstance(event, LinkSilent)]
+    assert [type(event) for event in px4.events][:silent] == [LinkSilent] * silent
+    assert [round(event.silent_s) for event in told] == [12] * silent
+
+
+@pytest.mark.parametrize("every_s", [1.4, 2.0, 4.0])
+def test_a_link_that_passes_all_at_once_now_and_then_is_heard(px4, every_s):
+    for _ in range(5):
+        px4.wall_s += every_s
+        px4.run(every_s, rate=1e3)
+        assert px4.boot_s - px4.telemetry.time_s < 0.15
+
+
+def test_a_vehicle_whose_time_does_not_come_is_heard_a_second_after_a_pause(px4):
+    px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
+    px4.wall_s += 10.0
+    px4.mode = HOLD
+    px4.run(0.8)
+    assert px4.telemetry.mode is FlightMode.MISSION
+    px4.run(1.5)
+    assert px4.telemetry.mode is FlightMode.HOLD
 
 
 def test_ages_are_of_the_vehicle_s_time_also_when_that_runs_fast(px4):
