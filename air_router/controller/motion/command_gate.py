@@ -326,16 +326,20 @@ class CommandGate:
         self.setpoints.confirmed(motion)
 
     def failed(self, event: CommandFailed) -> None:
-        """The vehicle did not follow: once more in a moment, unless it was told another since."""
+        """The vehicle did not follow: once more in a moment, unless it was told another since.
+
+        What was not sent, because it flew on meanwhile, is looked at anew as soon as it may stand.
+        """
         if event.action is not self.pending:
             return
         self.pending = self.last = None
         self.refused_jumps += event.sent and isinstance(event.action, FlyToNode)
-        self._context.say(f"the vehicle did not follow: {event.reason}")
+        what = "the vehicle did not follow" if event.sent else "not sent"
+        self._context.say(f"{what}: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
             self.by_points = True
             self._context.say("the plan on board is not flown: flying to points instead")
-        self._context.retry_in(RETRY_S)
+        self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 
     def let_go(self) -> None:
         """The pilot flies."""

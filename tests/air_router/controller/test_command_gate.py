@@ -61,6 +61,18 @@ def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent
     assert gate.by_points is sent
 
 
+@pytest.mark.parametrize(
+    ("sent", "said", "pause_s"),
+    [(True, "the vehicle did not follow", 3.0), (False, "not sent", 1.5)],
+)
+def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(gate, sent, said, pause_s):
+    jump, context = FlyToNode(1, HERE), gate._context
+    gate.send(jump)
+    gate.failed(CommandFailed(jump, "the leg was no longer clear in its turn", sent=sent))
+    assert context.actions[-1].text == f"{said}: the leg was no longer clear in its turn"
+    assert context.retry_at_s == context.now_s + pause_s
+
+
 # What stands against a motion.
 
 

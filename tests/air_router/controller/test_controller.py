@@ -247,6 +247,22 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(away):
     assert "called off" in controller.navigator.objection(across, flight.now_s)
 
 
+def test_where_the_vehicle_flies_already_it_may_be_sent_once_more(away):
+    """So it is where its next way begins with the end of the leg that it is on."""
+    flight = away()
+    controller, leg = flight.controller, flight.motions[-1]
+    flight.shown["velocity_m_s"] = (0.0, 30.0)
+    again, other = dataclasses.replace(leg), FlyToPoint(Point(-20.0, 20.0), 40.0)
+    controller.context.telemetry = flight.telemetry()
+    controller.gate.send(again)
+    assert not controller.navigator.clear(controller.context.telemetry, again.position)
+    assert controller.navigator.objection(again, flight.now_s) is None
+    controller.gate.send(other)
+    assert "no longer clear" in controller.navigator.objection(other, flight.now_s)
+    controller.gate.send(again)
+    assert "no longer clear" in controller.navigator.objection(again, flight.now_s)
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
     chance = random.Random(seed)
