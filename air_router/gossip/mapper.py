@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -12,11 +13,13 @@ import zmq.asyncio
 from air_router.errors import RefusedError
 from air_router.mission.mission import Mission
 from geo.frame import Point
-from geo.grid import GridError, GridPatch, SemanticGrid
+from geo.grid import MAX_CELLS, GridError, GridPatch, SemanticGrid
 
 RESOLUTION_M: Final = 1.0
 MARGIN_M: Final = 60.0
 """How far the map reaches beyond what the mission flies over: about one camera footprint."""
+
+_DRAWN_IN: Final = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +42,9 @@ class Mapper:
         north_east = Point(
             max(p.east_m for p in places) + MARGIN_M, max(p.north_m for p in places) + MARGIN_M
         )
-        # where the mission may fly
-        self.grid = SemanticGrid.blank(mission.frame.origin, RESOLUTION_M, south_west, north_east)
+        # where the mission may fly; of one that is too wide the part around home
+        corners = _around(mission.home, south_west, north_east)
+        self.grid = SemanticGrid.blank(mission.frame.origin, RESOLUTION_M, *corners)
         self.known_cells = 0  # painted at least once
         self.refused = 0  # patches that cannot be read
         self.published: list[MapVersion] = []  # each version that gossip has, in order
@@ -64,6 +68,21 @@ class Mapper:
     def published_before(self, time_s: float) -> int:
         """Known cells of the newest version that was published at or before a time."""
         return next((v.known_cells for v in reversed(self.published) if v.time_s <= time_s), 0)
+
+
+def _around(home: Point, south_west: Point, north_east: Point) -> tuple[Point, Point]:
+    """The rectangle, drawn in towards home until it is small enough for a grid."""
+
+    def cells() -> float:
+        sides_m = (b - a for a, b in zip(south_west, north_east, strict=True))
+        return math.prod(side_m / RESOLUTION_M + 2.0 for side_m in sides_m)
+
+    def nearer(corner: Point) -> Point:
+        return Point(*(h + _DRAWN_IN * (c - h) for h, c in zip(home, corner, strict=True)))
+
+    while cells() > MAX_CELLS:
+        south_west, north_east = nearer(south_west), nearer(north_east)
+    return south_west, north_east
 
 
 async def receive_patches(endpoint: str, take: Callable[[bytes], object]) -> None:

@@ -32,7 +32,7 @@ from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
-from geo.grid import GridPatch, SemanticGrid, Terrain
+from geo.grid import MAX_CELLS, GridPatch, SemanticGrid, Terrain
 from mocha_link import Message, Node, Team
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.service.service_client import watch
@@ -199,6 +199,23 @@ def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
     assert isinstance(gossip._news(heard("/path", way), "io"), PeerFault)
     antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
     assert gossip._news(heard("/pose", antipode), "io") is None
+
+
+@pytest.mark.parametrize("corner", [Point(9_000.0, 7_000.0), Point(-2_000.0, 2_100.0)])
+def test_of_a_mission_that_is_too_wide_for_a_map_the_part_around_home_is_painted(
+    pennovation, corner
+):
+    last = dataclasses.replace(pennovation.waypoints[-1], position=corner)
+    mission = dataclasses.replace(pennovation, waypoints=(*pennovation.waypoints[:-1], last))
+    grid = Mapper(mission).grid
+    rows, columns = grid.cells.shape
+    assert 3_900_000 < rows * columns <= MAX_CELLS
+    for near in (Point(40.0, 40.0), Point(-40.0, -40.0)):
+        home = mission.home
+        row = home.north_m + near.north_m - grid.south_m
+        column = home.east_m + near.east_m - grid.west_m
+        assert 0 < row < rows
+        assert 0 < column < columns
 
 
 def test_other_programs_can_watch_the_links_and_map_and_pose_are_published(pennovation, tmp_path):
