@@ -104,7 +104,9 @@ class ControlAuthority:
         self._context.giving_up = why
         self._context.compares = None
         self._holds = 0
-        self._hold_at_last(why)
+        holds = self._gate.pending is None and isinstance(self._gate.last, HoldHere)
+        if not (holds and self._context.doubts):  # it would end what a pilot has just chosen
+            self._hold_at_last(why)
 
     def _hold_at_last(self, why: str) -> None:
         self._holds += not self._context.inputs.silent  # while it is, none leaves

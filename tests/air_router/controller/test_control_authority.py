@@ -358,6 +358,20 @@ def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(
     ]
 
 
+def test_a_vehicle_that_holds_already_is_not_told_again_before_hands_are_off(away):
+    """A go-to of a ground station that has shown for a moment would end."""
+    flight = away()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.shown = {"target": flight.position}
+    flight.fly_for(5.0)
+    commanded, (east_m, north_m) = len(flight.motions), flight.position
+    flight.shown = {"target": Point(east_m + 60.0, north_m)}
+    flight.step()
+    flight.give(PlanCompared(flight.now_s, "8 items"))
+    flight.fly_for(5.0)
+    assert (flight.controller.state, len(flight.motions)) == (State.PASSIVE, commanded)
+
+
 def test_the_operator_s_hold_while_a_plan_is_compared_stays(away):
     flight = away()
     flight.give(PlanReplaced(flight.now_s))
