@@ -54,6 +54,12 @@ class Element:
         """The children of this name."""
         return (child for child in self.children if child.name == name)
 
+    def all_below(self) -> Iterator[Element]:
+        """Its children, their children, and so on."""
+        for child in self.children:
+            yield child
+            yield from child.all_below()
+
     def text_of(self, *names: str) -> str:
         """The text of `child(*names)`, without blanks around it; "" if there is none."""
         element = self.child(*names)

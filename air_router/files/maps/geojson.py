@@ -116,7 +116,7 @@ class GeometryReader(JsonValues):
             shape = self._outline(places)
         elif kind == "Point":
             shape = self.point(keys)
-        elif kind in _WITHOUT_AREA:
+        elif isinstance(kind, str) and kind in _WITHOUT_AREA:
             message = f"a {kind} has no area; draw a polygon, or give a point a radius"
             self.reading.report((*keys, "type"), message, "no-area")
         else:

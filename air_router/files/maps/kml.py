@@ -40,6 +40,9 @@ _NOT_FOLLOWED: Final = frozenset(
     {"NetworkLink", "GroundOverlay", "ScreenOverlay", "PhotoOverlay", "Tour"}
 )
 _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack"})
+_AREAS: Final = frozenset({"Placemark", "Polygon"})
+"""What must not stand where it is not looked for: it would be left out without a word."""
+
 _GROUND, _SEA = "relativeToGround", "absolute"  # KML's altitude modes
 _REFERENCES: Final = {_GROUND: Reference.GROUND, _SEA: Reference.AMSL}
 _LONGEST_JSON: Final = 10_000
@@ -75,6 +78,14 @@ class _Reader:
             elif child.name in _NOT_FOLLOWED:
                 message = f"<{child.name}> is not followed: left out"
                 self.reading.note(child.keys, message, "not-a-zone")
+            else:
+                self._refuse_hidden(child)
+
+    def _refuse_hidden(self, element: Element) -> None:
+        """Report an element that is not read, but for areas in it."""
+        if any(inner.name in _AREAS for inner in element.all_below()):
+            message = f"what is in <{element.name[:30]}> is not read; put its areas into a Folder"
+            self.reading.report(element.keys, message, "not-kml")
 
     def _placemark(self, element: Element, number: int) -> None:
         places = {data.attributes["name"]: data for data in _data_elements(element)}
@@ -83,12 +94,13 @@ class _Reader:
             return
         terms = terms_of(data, self.reading, lambda name: places.get(name, element).keys)
         circle = self._circle(element, data)
-        polygons = [] if circle is not None else list(self._polygons(element))
+        polygons = list(self._polygons(element, besides=circle))
         shapes: Shapes = [] if circle is None else [(element.keys, circle)]
         for polygon in polygons:
             outline = self._outline(polygon)
             shapes += [(polygon.keys, outline)] if outline else []
-        upper = _highest([self._height(polygon) for polygon in polygons])
+        heights = [self._height(polygon) for polygon in polygons]
+        upper = _highest(heights if circle is None else [])
         if upper is not None and terms.altitudes is None:
             terms = replace(terms, altitudes=Altitudes(upper=upper))
         self.reading.add(self.reading.name_of(element.text_of("name"), number), shapes, terms)
@@ -105,7 +117,10 @@ class _Reader:
         places = None if point is None else self._places(point)
         return MapCircle(places[0], radius_m) if places else None
 
-    def _polygons(self, element: Element) -> Iterator[Element]:
+    def _polygons(
+        self, element: Element, *, besides: MapCircle | None = None
+    ) -> Iterator[Element]:
+        """The polygons of a placemark that may have a circle besides, whose point is no fault."""
         found = False
         for child in element.children:
             found = found or child.name in {"Polygon", "MultiGeometry", *_NO_AREAS}
@@ -113,12 +128,16 @@ class _Reader:
                 yield child
             elif child.name == "MultiGeometry":
                 yield from self._polygons(child)
+            elif child.name == "Point" and besides is not None:
+                continue
             elif child.name in _NO_AREAS:
                 message = (
                     f"a {child.name} has no area; draw a polygon, or give a point the data "
                     "'radius_m'"
                 )
                 self.reading.report(child.keys, message, "no-area")
+            elif child.name != "ExtendedData":
+                self._refuse_hidden(child)
         if not found:
             message = f"a {element.name} without a geometry: left out"
             self.reading.note(element.keys, message, "no-area")
@@ -133,13 +152,13 @@ class _Reader:
         return outline_of_rings(rings)
 
     def _ring(self, boundary: Element) -> MapRing | None:
-        coordinates = boundary.child("LinearRing", "coordinates")
-        if coordinates is None:
-            message = "a boundary without coordinates; draw it again"
+        rings = [c for ring in boundary.all("LinearRing") for c in ring.all("coordinates")]
+        if len(rings) != 1:
+            message = f"a boundary has one ring of coordinates, found {len(rings)}; draw it again"
             self.reading.report(boundary.keys, message, "missing-key")
             return None
-        places = self._places(coordinates)
-        return None if places is None else self.reading.ring(places, coordinates.keys)
+        places = self._places(rings[0])
+        return None if places is None else self.reading.ring(places, rings[0].keys)
 
     def _places(self, element: Element) -> list[Geodetic] | None:
         """The places of <coordinates>; None, with a problem noted."""

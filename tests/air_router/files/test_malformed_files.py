@@ -81,6 +81,7 @@ BOMB = (
 )
 OUTSIDE = '<!DOCTYPE kml [<!ENTITY x SYSTEM "file:///etc/passwd">]><kml><name>&x;</name></kml>'
 
+TWICE = "</LinearRing><LinearRing><coordinates>8,47 9,47 9,48</coordinates></LinearRing>"
 POINT = '{"type": "Point", "coordinates": [8, 47]}'
 
 
@@ -111,6 +112,7 @@ MALFORMED = {
         (zone("§[1]"), "wrong-type", "must be an object"),
         (features(feature("§7")), "missing-key", "Polygon, MultiPolygon or Point"),
         (features(feature('{"type": §"Circle"}')), "wrong-type", 'found "Circle"'),
+        (features(feature('{"type": §["Polygon"]}')), "wrong-type", 'found ["Polygon"]'),
         ('{"type": §"LineString", "coordinates": []}', "no-area", "a LineString has no area"),
         (features(feature(f"§{POINT}")), "no-area", "add the property radius_m"),
         (circle('{"radius_m": §-4}'), "out-of-range", "found -4"),
@@ -221,6 +223,15 @@ MALFORMED = {
             "give a point the data 'radius_m'",
         ),
         (kml("<Placemark>§<LineString/></Placemark>"), "no-area", "draw a polygon"),
+        (kml(f"§<Container>{placemark()}</Container>"), "not-kml", "<Container> is not read"),
+        (kml(at("<placemark>", placemark().replace("Placemark", "placemark"))), "not-kml", "Folder"),
+        (f"<kml>§<Update><Create>{placemark()}</Create></Update></kml>", "not-kml", "<Update>"),
+        (kml("<Placemark>§<Solid><Polygon/></Solid></Placemark>"), "not-kml", "<Solid> is not"),
+        (
+            at("<outerBoundaryIs>", kml(placemark().replace("</LinearRing>", TWICE))),
+            "missing-key",
+            "one ring of coordinates, found 2",
+        ),
         (
             at("<Data", kml(placemark(data=data("upper_m", "high")))),
             "wrong-type",
