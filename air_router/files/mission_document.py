@@ -14,6 +14,7 @@ import numpy as np
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
+    LARGEST_RADIUS_M,
     Accepted,
     PlannerSettings,
     SeekPolicy,
@@ -261,6 +262,10 @@ class MissionDocument:
         """A circle in the local frame; None, with a problem noted, if it is none."""
         spot = self.spot(f"{name}, centre", centre, keys)
         if spot is None:
+            return None
+        if radius_m > LARGEST_RADIUS_M:
+            message = f"{name} has a radius of {radius_m:g} m, at most {LARGEST_RADIUS_M:g} m"
+            self.report(keys, f"{message}; correct it", "out-of-range")
             return None
         try:
             return Circle(spot.position, radius_m)

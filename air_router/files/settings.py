@@ -88,6 +88,8 @@ class PlannerSettings:
 DEFAULT_SPEED_M_S = 3.5
 SLOWEST_M_S = 1.0  # a slower one cannot be told from one that hovers
 DEFAULT_BATTERY_RESERVE = 0.25
+LOWEST_HOME_M, HIGHEST_HOME_M = -500.0, 9_000.0  # of the ground at home, above the sea
+LARGEST_RADIUS_M = 1_000_000.0  # of a circle
 
 
 # The form of a mission file in YAML; see docs/mission-file.md
@@ -115,7 +117,7 @@ class CircleForm(BaseModel):
     """A circle."""
 
     centre: Position
-    radius_m: Annotated[float, Field(gt=0, le=1_000_000)]
+    radius_m: Annotated[float, Field(gt=0, le=LARGEST_RADIUS_M)]
 
 
 class AreaForm(_Form):
@@ -179,7 +181,7 @@ class WaypointForm(SpotForm):
 class HomeForm(SpotForm):
     """Where the vehicle takes off and lands."""
 
-    altitude_amsl_m: Annotated[float, Field(ge=-500, le=9_000)] | None = None
+    altitude_amsl_m: Annotated[float, Field(ge=LOWEST_HOME_M, le=HIGHEST_HOME_M)] | None = None
 
 
 class UavForm(BaseModel):

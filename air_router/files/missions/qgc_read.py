@@ -24,7 +24,7 @@ from air_router.files.missions.qgc_items import (
     MavCommand,
     PlanValues,
 )
-from air_router.files.settings import DEFAULT_SPEED_M_S
+from air_router.files.settings import DEFAULT_SPEED_M_S, HIGHEST_HOME_M, LOWEST_HOME_M
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from mocha_link.team.problem import DocumentError, Problem, ProblemList
@@ -95,8 +95,19 @@ class _PlanReader(PlanValues):
             return False
         self.draft.home = self.draft.spot("home", pair, keys)
         if self.at(*keys, 2) is not None:
-            self.draft.home_altitude_amsl_m = self.number((*keys, 2))
+            self._read_home_altitude((*keys, 2))
         return True
+
+    def _read_home_altitude(self, keys: Keys) -> None:
+        altitude_m = self.number(keys)
+        if altitude_m is not None and not LOWEST_HOME_M <= altitude_m <= HIGHEST_HOME_M:
+            message = (
+                f"home is {altitude_m:g} m above the sea; it must be {LOWEST_HOME_M:g} to "
+                f"{HIGHEST_HOME_M:g} m"
+            )
+            self.draft.report(keys, f"{message}; correct it", "out-of-range")
+            altitude_m = None
+        self.draft.home_altitude_amsl_m = altitude_m
 
     def _read_fence(self) -> None:
         if not self._optional_section("geoFence", "there is no fence"):
@@ -130,7 +141,7 @@ class _PlanReader(PlanValues):
             draft.unread.add("fence")
         else:
             areas = draft.fences if inclusion else draft.zones
-            areas.append(Area(name, shape, keys, crosses_fence=True))
+            areas.append(Area(name, shape, keys, crosses_fence=not inclusion))
 
     def _shape(self, label: str, keys: Keys) -> Shape | None:
         if keys[1] == "circles":
