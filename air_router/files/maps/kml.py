@@ -117,9 +117,7 @@ class _Reader:
         places = None if point is None else self._places(point)
         return MapCircle(places[0], radius_m) if places else None
 
-    def _polygons(
-        self, element: Element, *, besides: MapCircle | None = None
-    ) -> Iterator[Element]:
+    def _polygons(self, element: Element, *, besides: MapCircle | None = None) -> Iterator[Element]:
         """The polygons of a placemark that may have a circle besides, whose point is no fault."""
         found = False
         for child in element.children:

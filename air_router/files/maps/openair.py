@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -49,11 +49,12 @@ def read_openair(raw: bytes, path: Path, allow: Collection[str] = ()) -> ZoneRea
         text = raw.decode("latin1")
         message = "not UTF-8 text: read as Latin-1; look at the names"
         reading.note(line_column(raw[: error.start]), message, "not-utf8")
-    if re.search(r"^[ \t]*AC\s", text, re.MULTILINE) is None:
+    lines = re.split(r"\r\n?|\n", text)
+    if not any(re.match(r"[ \t]*AC\s", line) for line in lines):
         message = "no airspace begins in it (no line 'AC'); choose another file"
         reading.report((), message, "unknown-format")
         return reading
-    _Reader(reading, AllowedZones(allow)).read(text)
+    _Reader(reading, AllowedZones(allow)).read(lines)
     return reading
 
 
@@ -62,9 +63,10 @@ class _Reader:
         self._reading, self._allowed = reading, allowed
         self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
         self._zone: _Airspace | None = None  # the one whose lines are read
+        self._terrain = False  # whether those of terrain are
 
-    def read(self, text: str) -> None:
-        for number, line in enumerate(re.split(r"\r\n?|\n", text), start=1):
+    def read(self, lines: Sequence[str]) -> None:
+        for number, line in enumerate(lines, start=1):
             self._line(line.partition("*")[0].rstrip(), number)
         self._close()
         self._allowed.tell(self._reading, "class, type or name")
@@ -81,12 +83,14 @@ class _Reader:
         at = (number, match.start(2 if value else 1) + 1)
         if command == "AC":
             self._close()
+            self._terrain = False
             self._zone = _Airspace((number, match.start(1) + 1), value.upper())
         elif command in ("TO", "TC"):
             self._close()
+            self._terrain = True
             self._reading.note(at, "terrain is no airspace: left out", "not-a-zone")
         elif command in _SAID and self._zone is not None:
-            self._zone.said[command] = (value, at)
+            self._zone.say(command, value, at)
         elif command == "AA" and value.upper() != "NONE":
             self._reading.note(at, "when it applies is not read: always", "unclear-time")
         elif command[0] in "DV":
@@ -113,6 +117,9 @@ class _Reader:
     def _limit(self, zone: _Airspace, command: str) -> AltitudeLimit | None:
         text, at = zone.said.get(command, ("", zone.place))
         what = "ceiling (AH)" if command == "AH" else "floor (AL)"
+        if command in zone.contradicted:
+            self._reading.note(at, f"an airspace with more than one {what}: without limit", UNCLEAR)
+            return None
         if not text:
             self._reading.note(at, f"an airspace without a {what}: without limit", UNCLEAR)
             return None
@@ -127,7 +134,8 @@ class _Reader:
         if command == "V":
             self._variable(value, at)
         elif zone is None:
-            return  # terrain, or what stands before the first airspace
+            if not self._terrain:
+                self._wrong(at, f"'{command}' stands before the first airspace: begin it with AC")
         elif command == "DP":
             zone.corners += self._places(value, 1, at) or []
         elif command in ("DA", "DB", "DC"):
@@ -201,10 +209,16 @@ class _Airspace:
     def __init__(self, place: Place, kind: str) -> None:
         self.place, self.kind = place, kind  # line and column; class
         self.said: dict[str, tuple[str, Place]] = {}  # value and place, by command
+        self.contradicted: set[str] = set()  # commands that say one thing, then another
         self.corners: list[Geodetic] = []  # of its outline so far
         self.circles: list[MapCircle] = []  # each an area of its own
         self.clockwise = True  # direction of the next arc
         self.broken = False  # a line of it could not be read
+
+    def say(self, command: str, value: str, at: Place) -> None:
+        if self.said.get(command, (value, at))[0] != value:
+            self.contradicted.add(command)
+        self.said[command] = (value, at)
 
 
 def _place(match: re.Match[str]) -> Geodetic | None:

@@ -49,6 +49,7 @@ MOST_ZONES: Final = 3_000
 _XML_READERS: Final = {".kml": read_kml, ".gpx": read_gpx_zones}
 _OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
 _DEGREE_M: Final = 111_000.0
+_HALF_TURN_DEG: Final = 180.0
 
 
 def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
@@ -104,6 +105,8 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
         return
     draft.problems.extend(reading.problems)
     draft.notes.extend(reading.notes)
+    if not (reading.zones or reading.problems or reading.notes):
+        draft.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
     around = _Surroundings(draft, draft.frame)
     near = [zone for zone in reading.zones if around.may_reach(_corners(zone))]
     exchanged = list(_exchanged(reading, near, around))
@@ -116,16 +119,19 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
         draft.problems.extend(exchanged)
     else:
         kept = _add_near(draft, near, around)
-        if kept < len(reading.zones) and not reading.problems:
+        draft.problems.extend(_too_wide(reading, kept, around))
+        if len(kept) < len(reading.zones) and not reading.problems:
             message = (
-                f"{reading.path.name}: {kept} of {len(reading.zones)} zones are within "
+                f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
                 f"{around.reach_m / 1000:g} km of the mission; the others are left out"
             )
             draft.note(keys, message, "zones-far")
 
 
-def _add_near(draft: MissionDocument, near: Sequence[MapArea], around: _Surroundings) -> int:
-    """Add the zones that are near enough; how many these are."""
+def _add_near(
+    draft: MissionDocument, near: Sequence[MapArea], around: _Surroundings
+) -> list[MapArea]:
+    """Add the zones that are near enough; which these are."""
     kept: list[tuple[MapArea, Shape]] = []
     for zone in near:
         shape = zone.placed(around.frame)
@@ -138,7 +144,7 @@ def _add_near(draft: MissionDocument, near: Sequence[MapArea], around: _Surround
         here = zone.problem("", "")  # without the whole document that it was read from
         keys, source = (here.line, here.column), PlacedSource(here.path)
         draft.zones.append(Area(name, shape, keys, True, zone.terms, source))
-    return len(kept)
+    return [zone for zone, _ in kept]
 
 
 def _exchanged(
@@ -160,6 +166,29 @@ def _exchanged(
                 )
                 yield zone.problem(message, "coordinates-exchanged")
                 break
+
+
+def _too_wide(
+    reading: ZoneReading, kept: Sequence[MapArea], around: _Surroundings
+) -> Iterator[Problem]:
+    """What says of a zone that it is far only because sides lead around the Earth the short way.
+
+    A mask of the whole world would be a line along the edge of the map.
+    """
+    near = {id(zone) for zone in kept}
+    for zone in reading.zones:
+        corners = _corners(zone)
+        wide = np.ptp(corners[:, 1]) >= _HALF_TURN_DEG and not isinstance(zone.shape, MapCircle)
+        if id(zone) in near or not wide:
+            continue
+        sides_deg = np.abs(np.diff(corners[:, 1], append=corners[0, 1]))
+        if sides_deg.max() >= _HALF_TURN_DEG and around.may_reach_unwrapped(corners):
+            message = (
+                f"no-fly zone '{zone.name}' has a side over 180 degrees of longitude or more, "
+                "which is taken to lead over the antimeridian, far from the mission; draw it "
+                "smaller"
+            )
+            yield zone.problem(message, "too-wide")
 
 
 class _Surroundings:
@@ -194,6 +223,13 @@ class _Surroundings:
         return bool(
             (offsets.min(axis=0) <= self._half).all() and (offsets.max(axis=0) >= -self._half).all()
         )
+
+    def may_reach_unwrapped(self, corners: NDArray[np.float64]) -> bool:
+        """The same on a map that ends at the antimeridian."""
+        near = (corners.min(axis=0) <= self._middle + self._half) & (
+            corners.max(axis=0) >= self._middle - self._half
+        )
+        return bool(near.all())
 
     def distance_m(self, shape: Shape) -> float:
         """From the box of the mission's places to a shape."""

@@ -224,7 +224,11 @@ MALFORMED = {
         ),
         (kml("<Placemark>§<LineString/></Placemark>"), "no-area", "draw a polygon"),
         (kml(f"§<Container>{placemark()}</Container>"), "not-kml", "<Container> is not read"),
-        (kml(at("<placemark>", placemark().replace("Placemark", "placemark"))), "not-kml", "Folder"),
+        (
+            kml(at("<placemark>", placemark().replace("Placemark", "placemark"))),
+            "not-kml",
+            "Folder",
+        ),
         (f"<kml>§<Update><Create>{placemark()}</Create></Update></kml>", "not-kml", "<Update>"),
         (kml("<Placemark>§<Solid><Polygon/></Solid></Placemark>"), "not-kml", "<Solid> is not"),
         (
@@ -256,6 +260,7 @@ MALFORMED = {
         (openair("V §D=left"), "wrong-form", "none of V X="),
         (openair("DY §1N 1E"), "wrong-form", "'DY' is not read"),
         (openair("XX §y"), "wrong-form", "'XX' is no OpenAir command"),
+        (f"DP §1N 1E\n{openair('V X=1N 1E', 'DC 5')}", "wrong-form", "before the first airspace"),
         (at("AC R", openair("DP 1N 1E", "DP 1N 2E")), "zone-too-few-corners", "2 different"),
     ],
     "a.txt": [("§hello", "unknown-format", "no airspace begins in it")],

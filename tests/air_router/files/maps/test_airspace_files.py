@@ -58,6 +58,34 @@ def test_openair():
     assert (moon.problem("", "").line, moon.problem("", "").column) == (28, 1)
 
 
+SQUARE = "DP 47N 8E\nDP 47N 9E\nDP 48N 9E\n"
+
+
+@pytest.mark.parametrize(
+    ("limits", "upper_m", "codes"),
+    [
+        ("AH 300ft AGL\nAH 100ft AGL", None, [UNCLEAR]),
+        ("AH 100ft AGL\nAH 100ft AGL", pytest.approx(30.48), []),
+    ],
+)
+def test_an_airspace_with_two_ceilings_has_none(tmp_path, limits, upper_m, codes):
+    (tmp_path / "a.air").write_text(f"AC R\nAN hall\nAL GND\n{limits}\n{SQUARE}")
+    reading = read_zones(tmp_path / "a.air")
+    (zone,) = reading.zones
+    given = zone.terms.altitudes
+    assert (given and given.upper.metres) == upper_m
+    assert ([note.code for note in reading.notes], reading.problems) == (codes, [])
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_line_breaks_of_any_system_end_a_line(tmp_path, newline):
+    text = f"* by hand\nTO cliff\nDP 47N 8E\nAC R\nAL GND\nAH UNL\n{SQUARE}"
+    (tmp_path / "a.air").write_bytes(text.replace("\n", newline).encode())
+    reading = read_zones(tmp_path / "a.air")
+    assert (len(reading.zones), reading.problems) == (1, [])
+    assert [note.line for note in reading.notes] == [2]
+
+
 def test_openair_in_latin_1_is_read_and_that_is_noted():
     text = (FILES / "airspace.txt").read_text("utf-8").replace("Sandbox", "K\xf6ln \x85")
     reading = read_openair(text.encode("latin-1"), PATH)

@@ -194,6 +194,21 @@ def test_a_zone_without_any_piece_is_not_left_out_silently(tmp_path, name, text)
     assert codes(read_zones(tmp_path / name)) == ["no-area"]
 
 
+def test_a_placemark_may_have_a_circle_and_polygons(tmp_path):
+    ring = "<LinearRing><coordinates>8,47,9 9,47,9 9,48,9</coordinates></LinearRing>"
+    polygon = (
+        "<Polygon><extrude>1</extrude><altitudeMode>relativeToGround</altitudeMode>"
+        f"<outerBoundaryIs>{ring}</outerBoundaryIs></Polygon>"
+    )
+    data = '<ExtendedData><Data name="radius_m"><value>20</value></Data></ExtendedData>'
+    point = "<Point><coordinates>8,47</coordinates></Point>"
+    (tmp_path / "x.kml").write_text(f"<kml><Placemark>{data}{point}{polygon}</Placemark></kml>")
+    reading = read_zones(tmp_path / "x.kml")
+    assert (reading.problems, reading.notes) == ([], [])
+    assert [type(zone.shape) for zone in reading.zones] == [MapCircle, MapOutline]
+    assert {zone.terms.altitudes for zone in reading.zones} == {None}  # the circle has no limit
+
+
 @pytest.mark.parametrize("floor", [None, "AGL", "AMSL"])
 def test_a_ceiling_at_the_ground_is_none_whatever_the_floor_counts_from(tmp_path, floor):
     limits = {"upperLimit": 0, "upperVerticalReference": "AGL", "uomDimensions": "M"}
@@ -383,6 +398,48 @@ def test_zones_are_near_wherever_the_mission_is(tmp_path, latitude_deg, longitud
     assert add(tmp_path, draft, square(longitude_deg + 0.0005, latitude_deg)) == ["z0"]
     assert draft.zones[0].shape.polygon.area == pytest.approx(10_000, rel=0.02)
     assert (draft.problems, draft.notes) == ([], [])
+
+
+def rectangle(west_deg, south_deg, east_deg, north_deg):
+    corners = [(west_deg, south_deg), (east_deg, south_deg), (east_deg, north_deg)]
+    corners.append((west_deg, north_deg))
+    return {"type": "Polygon", "coordinates": [[[*corner] for corner in corners]]}
+
+
+@pytest.mark.parametrize("west_deg", [-180, -179, -120, -90])
+def test_a_zone_around_half_the_earth_is_not_left_out_as_far(tmp_path, west_deg):
+    draft = draft_at(Geodetic(47.0, 8.0))
+    add(tmp_path, draft, rectangle(west_deg, 0, -west_deg, 80))
+    (problem,) = draft.problems
+    assert problem.code == "too-wide"
+    assert "'z0'" in problem.message
+
+
+def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
+    draft = draft_at(Geodetic(47.0, 8.0))
+    across = rectangle(170, -20, -170, -10)  # far, whichever way its sides lead
+    add(tmp_path, draft, across, square(8.0, 47.001))
+    assert (draft.problems, [note.code for note in draft.notes]) == ([], ["zones-far"])
+    draft = draft_at(Geodetic(-15.0, 175.0))
+    assert add(tmp_path, draft, across) == ["z0"]
+    assert draft.problems == []
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("x.geojson", '{"type": "FeatureCollection", "features": []}'),
+        ("x.kml", "<kml><Document/></kml>"),
+        ("x.gpx", "<gpx/>"),
+    ],
+)
+def test_a_file_without_zones_is_told_of(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    draft = draft_at(Geodetic(47.0, 8.0))
+    add_zones(draft, tmp_path / name, ("no_fly_files", 0))
+    assert [(note.code, note.message) for note in draft.notes] == [
+        ("no-zones", f"{name}: there are no zones in it")
+    ]
 
 
 def test_exchanged_coordinates_are_noticed(tmp_path):
