@@ -43,9 +43,10 @@ LOG = logging.getLogger("mocha_link")
 class _LinkRecord:
     """What is known of one link."""
 
-    metrics: LinkMetrics  # without bytes, ages, and the contact that lasts
+    metrics: LinkMetrics  # without what is counted here, ages, and the contact that lasts
     bytes_in: int = 0
     bytes_out: int = 0
+    refused: int = 0
     # messages and bytes since the contact before, by the names that `Contact` has for them
     exchanged: Counter[str] = field(default_factory=Counter)
     warned_s: float | None = None  # steady time when another team file was logged last
@@ -186,8 +187,8 @@ class LinkTable:
     def refuse(self, peer: str, reason: str) -> None:
         """Something of a peer was not accepted; the log is told loudly of the first only."""
         link = self._links[peer]
-        level = logging.DEBUG if link.metrics.refused else logging.WARNING
-        link.metrics = replace(link.metrics, refused=link.metrics.refused + 1)
+        level = logging.DEBUG if link.refused else logging.WARNING
+        link.refused += 1
         LOG.log(level, "refused from %s: %s", peer, reason)
 
     def compare_teams(self, me: str, peer: str, now: Instant, *, differs: bool) -> None:
@@ -241,6 +242,7 @@ class LinkTable:
                 link.with_contact(),
                 bytes_in=link.bytes_in,
                 bytes_out=link.bytes_out,
+                refused=link.refused,
                 topic_ages_s=ages,
                 newest_age_s=newest_age_s,
             )

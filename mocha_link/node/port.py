@@ -205,6 +205,17 @@ class ProtectedPort(Port):
         self.socket.close(0)
 
 
+def provide_descriptors(me: Robot, count: int) -> None:
+    """Have so many descriptors for the node of a robot. Raises ListenError if it may not."""
+    lacking = kernel.descriptors_lacking(count)
+    if lacking:
+        raise ListenError(
+            f"{me.name} needs {count} open files for {len(me.peers)} peers, {lacking} more than "
+            "this process may have; raise the limit (ulimit -n, LimitNOFILE= of a systemd "
+            "unit), or list fewer clients in the team file"
+        )
+
+
 def _listener(me: Robot, peer: str, number: int) -> socket.socket:
     """Listens for a peer, if need be at an address that the machine does not have (yet).
 

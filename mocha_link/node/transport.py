@@ -6,21 +6,21 @@ import contextlib
 import logging
 import socket
 import threading
+import time
 from collections.abc import Callable, Container, Hashable, Mapping
 
 import zmq
 
 from mocha_link.clock import Instant
-from mocha_link.errors import Guard, ListenError
+from mocha_link.errors import Guard
 from mocha_link.links.metrics import LinkEvent
-from mocha_link.node import kernel
 from mocha_link.node.connection import Connection
 from mocha_link.node.curve import MAX_STRANGERS, ZapHandler
 from mocha_link.node.dialer import OBSERVE_S, Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.open_port import Callers, OpenPort
-from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort
+from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort, provide_descriptors
 from mocha_link.sync.protocol import (
     Action,
     Connect,
@@ -37,6 +37,7 @@ from mocha_link.team.team import Team
 
 TICK_MS = 20  # with a simulated clock, which may run fast
 LOOK_S = 1.0  # who was sent away
+YIELD_S = 0.0  # a thread that waits for the lock would not get it from one that takes it at once
 CLOSE_S = 0.9
 LINK_DESCRIPTORS = 2  # a connection each way
 OWN_DESCRIPTORS = 16
@@ -133,18 +134,11 @@ class Transport:
 
     def _provide_descriptors(self) -> None:
         """Without enough of them libzmq waits for ever, or ends the process."""
-        peers = len(self._me.peers)
-        needed = OWN_DESCRIPTORS + peers * LINK_DESCRIPTORS + (MAX_STRANGERS if self._secret else 0)
+        needed = OWN_DESCRIPTORS + (MAX_STRANGERS if self._secret else 0)
         for peer in self._me.peers:
             kind = ProtectedPort if self._secret and peer in self._keys else OpenPort
-            needed += kind.DESCRIPTORS
-        lacking = kernel.descriptors_lacking(needed)
-        if lacking:
-            raise ListenError(
-                f"{self._me.name} needs {needed} open files for {peers} peers, {lacking} more than "
-                "this process may have; raise the limit (ulimit -n, LimitNOFILE= of a systemd "
-                "unit), or list fewer clients in the team file"
-            )
+            needed += kind.DESCRIPTORS + LINK_DESCRIPTORS
+        provide_descriptors(self._me, needed)
 
     def wake(self) -> None:
         """Have the thread look at the gossip now; from any thread."""
@@ -236,6 +230,7 @@ class Transport:
             with self._guard, self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
             self._act()
+            time.sleep(YIELD_S)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
             opened = seal.open(packet) if seal else packet
@@ -294,15 +289,17 @@ class Transport:
     def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
         arrived = connection.turn(now.steady_s)
         rtt_s = connection.rtt_s() if arrived else None
+        with self._lock:  # another thread may have begun a new pull, now or between two replies
+            if arrived and not self._gossip.leaves(peer):
+                self._gossip.progress(peer, now, rtt_s)
+        for parts in connection.replies():
+            with self._guard, self._lock:
+                if not self._gossip.leaves(peer):
+                    self._gossip.reply(peer, parts, self._now())
+            time.sleep(YIELD_S)
         with self._lock:
-            if not self._gossip.leaves(peer):  # another thread may have begun a new pull
-                if arrived:
-                    self._gossip.progress(peer, now, rtt_s)
-                for parts in connection.replies():
-                    with self._guard:
-                        self._gossip.reply(peer, parts, self._now())
-                if connection.failure and not self._gossip.leaves(peer):
-                    self._gossip.lost(peer, connection.failure, now)
+            if connection.failure and not self._gossip.leaves(peer):
+                self._gossip.lost(peer, connection.failure, now)
         self._act()
         self._dialer.keep(peer, connection)
 

@@ -18,6 +18,7 @@ MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
 _LIMIT_BYTES = 128 * 1024 * 1024
 _MAX_MESSAGES = 4_096  # each is looked at when a pull begins
 _BLOCK_BYTES = 32_768  # growing what is larger would copy it too often
+MAX_SEGMENTS = 16_384  # of a message in such pieces as no node sends: it begins anew then
 _SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
 _ENTRY_COST = 600
 STALL_S = 2.0  # a peer of which nothing of a message has come for so long does not bring it,
@@ -83,6 +84,9 @@ class Fragment:
             if isinstance(last, bytearray) and len(last) < _BLOCK_BYTES:
                 last += piece
             elif piece:
+                if len(segments) >= MAX_SEGMENTS:
+                    segments.clear()
+                    self.held = place = 0
                 kept = piece if is_alone(piece) else bytearray(piece)
                 segments.insert(place, _Segment(offset, kept, peer))
             self.held += len(piece)

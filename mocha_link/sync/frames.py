@@ -23,7 +23,7 @@ OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW, NEWS = range(1, 11
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a message, but for the last part
-MAX_CHUNKS = 65_535  # of each sort in one frame
+MAX_CHUNKS = 1_024  # of each sort in one frame: while it is taken in, nothing else is done
 LARGE_BYTES = 32_768  # data from this size on are parts of their own, where frames have parts
 MAX_LARGE = 48  # of them in one frame
 

@@ -42,7 +42,7 @@ MIN_WINDOW = 32 * 1024
 FIRST_WINDOW = 64 * 1024
 KNOWN_WINDOW = 512 * 1024  # the most at first: the link may be a worse one than last time
 MAX_WINDOW = 32 * 1024 * 1024
-MIN_CHUNK, MAX_CHUNK = 2816, 4 * 1024 * 1024  # at least: two segments of TCP
+MIN_CHUNK, MAX_CHUNK = 2816, 1024 * 1024  # at least: two segments of TCP
 _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
 _GROWTH = 1.5  # so much more than the rate so far, as it may rise
 _CHUNKS = 32  # in a window: what a cut leaves of one is lost
@@ -210,15 +210,15 @@ class Peer:
         """The peer says all that it holds: what it said before is nothing."""
         self._held.clear()
 
-    def holds(self, message_id: int) -> None:
-        """The peer holds a message."""
-        key, stamp_ms = message_id >> 48, message_id & wire.STAMP_MASK
-        held = self._held.get(key)
-        if held is None:
-            self._held[key] = (stamp_ms,)
-        elif stamp_ms not in held:
-            stamps = sorted((*held, stamp_ms), reverse=True)
-            self._held[key] = tuple(stamps[: self._histories.get(key, 1)])
+    def holds(self, *message_ids: int) -> None:
+        """The peer holds these messages."""
+        listed: dict[int, set[int]] = {}
+        for message_id in message_ids:
+            listed.setdefault(message_id >> 48, set()).add(message_id & wire.STAMP_MASK)
+        for key, stamps in listed.items():
+            stamps.update(self._held.get(key, ()))
+            newest = sorted(stamps, reverse=True)[: self._histories.get(key, 1)]
+            self._held[key] = tuple(newest)
 
     @property
     def newest(self) -> dict[int, int]:

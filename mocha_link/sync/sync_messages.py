@@ -21,6 +21,8 @@ VERSION = 3
 MAX_NEWS = 32  # message ids in a NEWS, which is one small frame
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
+MAX_OPENED = 4_096  # in an OPEN: more than any node lists there
+MAX_ROBOTS = 256
 
 # Version, sort of knowledge, boot id, budget, configuration hash, address token.
 _OPEN = struct.Struct(">BBQQQQ")
@@ -247,8 +249,10 @@ def encode_answers(answers: Iterable[Answer]) -> bytes:
 def decode_answers(content: bytes) -> list[Answer]:
     """The reverse of `encode_answers`. Raises SyncFrameError."""
     reader = _Reader(content)
-    answers = []
+    answers: list[Answer] = []
     while not reader.at_end:
+        if len(answers) == MAX_ROBOTS:
+            raise SyncFrameError("more answers than there can be robots")
         robot_id, groups, count = reader.read(_ANSWER)
         table = reader.table(_TOPIC_STAMP, count)
         message_ids = [
@@ -315,6 +319,8 @@ class _Reader:
 
     def message_ids(self) -> tuple[int, ...]:
         (count,) = self.read(_COUNT)
+        if count > MAX_OPENED:
+            raise SyncFrameError(f"{count} messages in an OPEN")
         message_ids = struct.unpack(f">{count}Q", self._take(8 * count))
         if any(message_id & STAMP_MASK >= STAMPS_MS for message_id in message_ids):
             raise SyncFrameError("a stamp that is no time")

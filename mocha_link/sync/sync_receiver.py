@@ -18,7 +18,7 @@ from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError
 from mocha_link.sync.holdings import Holdings
-from mocha_link.sync.peer import Peer, check_type
+from mocha_link.sync.peer import MAX_CHUNK, Peer, check_type
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Have, Reception, Since
 
@@ -53,8 +53,9 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
     end = middle + piece_count * sync.PIECE.size
     view = memoryview(frame)
     covered = view[sync.COVERED : end]
-    if end > len(frame) or kind != sync.CHUNKS or zlib.crc32(covered, kind) != checksum:
-        raise SyncFrameError("a damaged frame")
+    many = max(whole_count, piece_count) > sync.MAX_CHUNKS
+    if many or end > len(frame) or kind != sync.CHUNKS or zlib.crc32(covered, kind) != checksum:
+        raise SyncFrameError(f"a frame with {whole_count} messages" if many else "a damaged frame")
     wholes = list(sync.WHOLE.iter_unpack(view[sync.CHUNKS_BYTES : middle]))
     pieces = list(sync.PIECE.iter_unpack(view[middle:end]))
     for message_id, total, offset, length in pieces:
@@ -66,7 +67,7 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
     parts: list[memoryview] = [view[end:]]
     parts.extend(map(memoryview, more))
     room = sum(map(len, parts))
-    if sum(sizes) != room:
+    if sum(sizes) != room or room > MAX_CHUNK:  # it might unpack to 255 times as much
         raise SyncFrameError(f"chunks of {sum(sizes)} bytes in a frame with {room}")
     contents: list[memoryview] = []
     index = at = 0

@@ -246,7 +246,7 @@ class SyncSender:
         new: Iterable[Record] = ()
         match opening.knowledge:
             case Since(epoch, sequence, message_ids):
-                self._note(message_ids)
+                self._peer.holds(*message_ids)
                 if self._database.remembers(epoch, sequence):
                     self.named = message_ids
                     new = self._database.since(sequence)
@@ -254,7 +254,7 @@ class SyncSender:
                     self._unknown = True
             case Have(message_ids):
                 self._peer.forget()
-                self._note(message_ids)
+                self._peer.holds(*message_ids)
                 new = self._database.kept()
             case Digest(digests):
                 self._peer.forget()
@@ -273,10 +273,6 @@ class SyncSender:
         peer = self._peer
         return Hello(reception, peer.node.config_hash, address_token=peer.next_token).encode()
 
-    def _note(self, message_ids: Iterable[int]) -> None:
-        for message_id in message_ids:
-            self._peer.holds(message_id)
-
     def _compare(
         self, digests: dict[int, int]
     ) -> tuple[list[Record], list[tuple[int, tuple[int, ...]]]]:
@@ -289,16 +285,21 @@ class SyncSender:
             new = [each for each in self._database.kept() if each.header.robot_id in absent]
         return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
 
-    def _answer(self, answers: Iterable[sync_messages.Answer]) -> None:
+    def _answer(self, answers: Sequence[sync_messages.Answer]) -> None:
         if not self._asked:
             return
-        for _, _, message_ids in answers:
-            self._note(message_ids)
+        self._peer.holds(*(message_id for each in answers for message_id in each.message_ids))
+        differing = dict.fromkeys(self._asked, 0)  # groups, a bit each; none is looked at twice
         for robot_id, groups, _ in answers:
-            if robot_id in self._asked:
-                for group in range(GROUPS):
-                    if groups >> group & 1:
-                        self._queue.add(self._database.headers_in(robot_id, group))
+            if robot_id in differing:
+                differing[robot_id] |= groups
+        self._queue.add(
+            record
+            for robot_id, groups in differing.items()
+            for group in range(GROUPS)
+            if groups >> group & 1
+            for record in self._database.headers_in(robot_id, group)
+        )
         self._asked = frozenset()
         if not self._queue.frames:
             self._queue.put_one_first()

@@ -3,6 +3,7 @@
 import pytest
 
 from mocha_link.clock import Instant
+from mocha_link.links import link_table as links_table
 from mocha_link.links.link_table import LinkTable, throughput_bytes_s
 from mocha_link.links.metrics import (
     Contact,
@@ -89,6 +90,16 @@ def test_counters_and_measures():
     assert (link.bytes_in, link.bytes_out, link.refused) == (10, 7, 1)
     assert (link.rtt_s, link.bandwidth_bytes_s, link.rssi_dbm) == (0.9, 1000.0, -60.0)
     assert link.rtt_smoothed_s == pytest.approx(0.2)
+
+
+def test_many_refusals_are_counted_without_a_copy_of_all_metrics(monkeypatch):
+    """A peer can have thousands of headers refused with one reply; meanwhile the node stands."""
+    link_table = LinkTable(("io",))
+    monkeypatch.delattr(links_table, "replace")
+    for number in range(1_000):
+        link_table.refuse("io", f"header {number}")
+    monkeypatch.undo()
+    assert link_table.links()["io"].refused == 1_000
 
 
 def test_the_signal_keeps_its_unit_and_source():

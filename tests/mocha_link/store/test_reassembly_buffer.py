@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mocha_link.store import reassembly_buffer
 from mocha_link.store.reassembly_buffer import (
     MAX_RANGES,
     SLOW_S,
@@ -116,6 +117,24 @@ def test_tiny_pieces_count_for_what_they_take():
         reassembly.add(1, 1_000, place, piece(place, place + 1))
     assert len(reassembly) <= 1
     assert reassembly.cost <= 100_000
+
+
+def test_a_message_in_too_many_pieces_begins_anew(monkeypatch):
+    """Each would take longer than the one before; and who brings it well must not find it full."""
+    monkeypatch.setattr(reassembly_buffer, "MAX_SEGMENTS", 100)
+    reassembly = ReassemblyBuffer()
+    for place in range(0, 998, 2):
+        reassembly.add(1, 1_000, place, piece(place, place + 1), "hostile")
+        ((_, fragment),) = reassembly.of("hostile")
+        assert fragment.held <= 100
+        assert reassembly.cost == fragment.cost
+    assert fragment.held == 499 % 100
+    whole = None
+    while whole is None:
+        ((_, fragment),) = reassembly.of("other")
+        start, end = fragment.missing()[0]
+        whole = reassembly.add(1, 1_000, start, piece(start, end), "other")
+    assert whole == WHOLE
 
 
 @given(st.lists(st.tuples(st.integers(0, 999), st.integers(1, 400), st.sampled_from("abc"))))
