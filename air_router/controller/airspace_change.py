@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from geo.airspace.airspace import FENCE
+from geo.airspace.airspace import FENCE, Airspace
 
 
 def among(router: Router, mission: Mission) -> bool:
@@ -30,3 +33,25 @@ def difference(before: Mission, now: Mission) -> str:
     if before.fences != now.fences:
         words.append("the fence is another")
     return ", ".join(words) or "to those that are not on board yet"
+
+
+def among_both(router: Router, mission: Mission, off_m: float) -> bool:
+    """Whether a router plans also among what applies so far above, or below, the cruise."""
+    kept = _names(router.graph.mission.planning_airspace)
+    return _names(_at_both(mission, off_m)) <= kept
+
+
+def widened_router(mission: Mission, off_m: float) -> Router:
+    """Plans among what applies from the cruise altitudes to so far above or below them."""
+    planning = _at_both(mission, off_m).with_margin(mission.planner.tracking_margin_m)
+    return Router(WaypointGraph(replace(mission, planning_airspace=planning)))
+
+
+def _at_both(mission: Mission, off_m: float) -> Airspace:
+    edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
+    return mission.airspace_at(edge_m + off_m)
+
+
+def _names(airspace: Airspace) -> frozenset[str]:
+    """Its zones: as many may be others."""
+    return frozenset(zone.name for zone in airspace.zones)

@@ -2,7 +2,8 @@
 
 What counts changes at once. Then, in this order: a leg that is not clear any more is held for; a
 vehicle that is in a new zone leaves it; the autopilot gets its new fence, which would act at once
-on a vehicle inside; and only when that is read back the mission goes on, by ways planned anew.
+on a vehicle inside; and only when that is read back the mission goes on, by ways planned anew. A
+return that the battery demands does not wait for that.
 
 With its altitude in doubt the vehicle holds until there are ways that are clear at both altitudes.
 """
@@ -13,7 +14,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.controller.airspace_change import among, difference, names_of_new
+from air_router.controller.airspace_change import (
+    among,
+    among_both,
+    difference,
+    names_of_new,
+    widened_router,
+)
+from air_router.controller.envelope import ReturnMonitor
 from air_router.controller.model.actions import (
     FlyToNode,
     FlyToPoint,
@@ -60,6 +68,7 @@ class AirspaceUpdate:
         gate: Stops the vehicle.
         navigator: Leads it out of a new zone.
         exploration: Waypoints in a zone, or behind one, are left out of it.
+        returns: Whether the battery demands that it comes home.
 
     Attributes:
         prepared: The router among other zones, if it was made elsewhere.
@@ -69,6 +78,7 @@ class AirspaceUpdate:
     _gate: CommandGate
     _navigator: Navigator
     _exploration: Exploration
+    _returns: ReturnMonitor
     prepared: Router | None = None
     _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
     _way_out: Goal | None = None  # where it leaves a zone drawn over it
@@ -111,7 +121,10 @@ class AirspaceUpdate:
 
     def objection(self) -> str | None:
         """Why nothing may be put on board any more; None if it may."""
-        return "the vehicle is not flown by us any more" if self._put_off else None
+        if self._put_off:
+            return "the vehicle is not flown by us any more"
+        waited_for = self._context.zones is ZoneChange.UPLOADING
+        return None if waited_for else "the mission goes on without it"
 
     def _skip_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""
@@ -181,7 +194,10 @@ class AirspaceUpdate:
 
     def go_on(self, telemetry: Telemetry) -> None:
         """Go on with the change that is under way; everything else waits."""
-        gate = self._gate
+        gate, in_haste = self._gate, self._in_haste(telemetry)
+        if in_haste and self._context.zones is ZoneChange.UPLOADING:
+            self._go_without()
+            return
         leaves = self._context.zones is ZoneChange.LEAVING and not self._context.has_to_stop
         if gate.pending is not None and not (leaves and isinstance(gate.pending, HoldHere)):
             return  # on the way out no hold is waited for: what was asked meanwhile may need one
@@ -202,6 +218,21 @@ class AirspaceUpdate:
             return
         if not (stopping and moves):
             self._upload()
+            if in_haste:
+                self._go_without()
+
+    def _in_haste(self, telemetry: Telemetry) -> bool:
+        """Whether it comes home, or lands, and has no charge to wait here; that stays so."""
+        ending = self._context.ending
+        if ending is None or ending.in_haste:
+            return ending is not None
+        in_haste = self._returns.due(telemetry, by_time=False) is not None
+        self._context.ending = replace(ending, in_haste=in_haste)
+        return in_haste
+
+    def _go_without(self) -> None:
+        """Come home among the zones of now, by points, whatever is on board."""
+        self.plan_renewed(PlanRenewed("it comes home at once, for its battery"))
 
     def upload_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""
@@ -291,9 +322,9 @@ class AirspaceUpdate:
         context, router, off_m = self._context, self._context.router, self._off_m
         if not context.spec.cruises:  # a pilot has it, or it lands; it is looked at in cruise again
             return False
-        self._looked, kept = router, _names(router.graph.mission.planning_airspace)
+        self._looked = router
         doubted = off_m != 0.0 and not context.trusts_altitude
-        if not doubted or _names(_at_both(context.mission, off_m)) <= kept:
+        if not doubted or among_both(router, context.mission, off_m):
             return False
         context.zones = ZoneChange.PLANNING
         context.actions.append(WidenRoutes(off_m))
@@ -313,19 +344,3 @@ class AirspaceUpdate:
         context.router = router
         context.zones, context.has_to_stop = None, False
         context.handler.replan()
-
-
-def widened_router(mission: Mission, off_m: float) -> Router:
-    """Plans among what applies from the cruise altitudes to so far above or below them."""
-    planning = _at_both(mission, off_m).with_margin(mission.planner.tracking_margin_m)
-    return Router(WaypointGraph(replace(mission, planning_airspace=planning)))
-
-
-def _at_both(mission: Mission, off_m: float) -> Airspace:
-    edge_m = mission.cruise.upper_m if off_m > 0 else mission.cruise.lower_m
-    return mission.airspace_at(edge_m + off_m)
-
-
-def _names(airspace: Airspace) -> frozenset[str]:
-    """Its zones: as many may be others."""
-    return frozenset(zone.name for zone in airspace.zones)

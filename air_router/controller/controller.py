@@ -116,7 +116,7 @@ class Controller:
         self.returns = ReturnMonitor(context, states.reachability)
         self._deviations = Deviations(context, gate, self.returns)
         authority = self._authority = ControlAuthority(context, gate, climb, self._monitor)
-        self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration)
+        self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
         self._home.doubted = self.airspace_update.altitude_doubted
         commands = self._commands = CommandHandler(
             context,

@@ -125,10 +125,8 @@ class HeightWatch:
     def _off(self, altitude_m: float) -> str:
         band = self._context.mission.cruise
         side = "low" if altitude_m < band.lower_m else "high"
-        return (
-            f"{side}: {altitude_m:.0f} m above home, {band.lower_m:.0f} to {band.upper_m:.0f} m "
-            "is flown"
-        )
+        flown = f"{band.lower_m:.0f} to {band.upper_m:.0f} m is flown"
+        return f"{side}: {altitude_m:.0f} m above home, {flown}"
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
@@ -327,8 +325,8 @@ class ReturnMonitor:
             if why is not None:
                 context.come_home(why)
 
-    def due(self, telemetry: Telemetry) -> str | None:
-        """Why the vehicle comes home now; None to stay out."""
+    def due(self, telemetry: Telemetry, *, by_time: bool = True) -> str | None:
+        """Why the vehicle comes home now, for its battery or its time; None to stay out."""
         context, mission, charge = self._context, self._context.mission, telemetry.battery
         need_home = None
         if context.pace.endurance_s is not None:
@@ -340,6 +338,8 @@ class ReturnMonitor:
                 f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
                 f"{LANDING_MARGIN:.0%} are to be left on the ground"
             )
+        if not by_time:
+            return None
         airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
         if mission.duration_s is not None and airborne_s >= mission.duration_s:
             return f"{mission.duration_s:.0f} s of mission are over"

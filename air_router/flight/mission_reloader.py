@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Final
 
-from air_router.controller.airspace_update import widened_router
+from air_router.controller.airspace_change import widened_router
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import ReadAgain, RenewPlan, WidenRoutes
 from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed, RoutesWidened
@@ -142,6 +142,7 @@ class MissionReloader:
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
         self._at_work = 0  # readings and uploads under way
+        self._uploads = 0  # begun; the newest counts
 
     def plan_on_board(self) -> None:
         """The plan itself is on board: what has changed since may follow."""
@@ -208,17 +209,29 @@ class MissionReloader:
         return ReloadReport(under_way=False, why=why)
 
     async def board(self) -> None:
-        """Put the changed plan on board; if that fails, what was there before."""
+        """Put the changed plan on board; if that fails, what was there before.
+
+        One that is not waited for any more ends with the list under way. What became of it is told
+        unless another was begun meanwhile.
+        """
+        self._uploads += 1
+        number = self._uploads
         await self._uploaded.wait()
+
+        def objection() -> str | None:
+            newer = number != self._uploads
+            return "a newer one follows" if newer else self._controller.airspace_update.objection()
+
         plan = FlightPlan.of(self._controller.context.mission)
-        why_not = await self._renew(plan)
+        why_not = await self._renew(plan, objection)
         if why_not is None:
             self._on_board = plan
-        elif await self._renew(self._on_board) is None:
+        elif await self._renew(self._on_board, objection) is None:
             why_not += "; the one before is"
         else:
             why_not += "; and the one before is not back"
-        self._deliver(PlanRenewed(why_not))
+        if number == self._uploads:
+            self._deliver(PlanRenewed(why_not))
 
     async def widen(self, off_m: float) -> None:
         """Make the router among the zones of two altitudes, beside the flight."""
@@ -226,11 +239,11 @@ class MissionReloader:
         update.prepared = await asyncio.to_thread(widened_router, mission, off_m)
         self._deliver(RoutesWidened(off_m))
 
-    async def _renew(self, plan: FlightPlan) -> str | None:
+    async def _renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> str | None:
         """Put a plan on board; returns why that failed, if it did."""
         try:
             async with asyncio.timeout(BOARD_S):
-                await self._vehicle.renew(plan, self._controller.airspace_update.objection)
+                await self._vehicle.renew(plan, objection)
         except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
             return str(error) or f"not within {BOARD_S:.0f} s"
         return None

@@ -62,11 +62,13 @@ class Ending:
         why: In words.
         by_request: Such a return may be called off.
         place: Where it lands, in words.
+        in_haste: The battery demands it: it waits for nothing that is put on board.
     """
 
     why: str
     by_request: bool = False
     place: str = "at home"
+    in_haste: bool = False
 
 
 class Progress(Enum):
@@ -267,7 +269,9 @@ class MissionContext:
         if not self.knows(Signal.COME_HOME):
             requested = self.ending if self.state is State.HOME else None
             if requested is not None and requested.by_request and not by_request:
-                self.ending = Ending(f"{requested.why}; {why}")  # not to be called off any more
+                # It may not be called off any more.
+                words = f"{requested.why}; {why}"
+                self.ending = Ending(words, in_haste=requested.in_haste)
             return
         self.ending = Ending(why, by_request)
         if self.in_air:

@@ -112,6 +112,8 @@ class OnboardPlan:
     async def renew(self, plan: FlightPlan, objection: Callable[[], str | None]) -> None:
         """Put a changed fence on board, and what it makes of the items. See `Vehicle.renew`."""
         async with self.lock:
+            if (why := objection()) is not None:
+                raise PlanRefusedError(why)
             self._telemetry.leave_plan_alone()
             found: PlanIds | None = None
             self._objection = objection

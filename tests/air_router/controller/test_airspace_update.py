@@ -318,6 +318,61 @@ def test_nothing_more_is_put_on_board_once_the_pilot_has_it(pretend, mode, ready
     assert objection() == "the vehicle is not flown by us any more"
 
 
+@pytest.mark.parametrize("asked", [False, True])
+def test_with_its_battery_at_the_reserve_it_comes_home_without_waiting_for_an_upload(
+    pretend, asked
+):
+    flight = cruising(pretend, duration_s=2000.0)
+    zone = box(ahead(flight, 40.0))
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    if asked:
+        answer = flight.operator_asks(ComeHome())
+        assert "sets out once the changed zones are on board" in answer.why
+        flight.fly_for(5.0)
+        assert math.hypot(*flight.velocity) < 0.1
+    commanded = len(flight.motions)
+    flight.battery = flight.mission.battery_reserve
+    flight.fly_for(3.0)
+    assert flight.controller.state is State.HOME
+    assert math.hypot(*flight.velocity) > 1.0
+    assert {*map(type, moves(flight, commanded))} == {FlyToPoint}  # who knows what is on board
+    assert (
+        "the changed fence is not on board: it comes home at once, for its battery" in flight.said
+    )
+    assert flight.controller.airspace_update.objection() == "the mission goes on without it"
+    said = len(flight.said)
+    flight.give(PlanRenewed("the transfer did not end"))
+    assert flight.said[said:] == []
+    flight.lands(600.0)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_zones_that_change_on_a_way_home_for_the_battery_go_on_board_no_more(pretend):
+    flight = cruising(pretend, duration_s=2000.0)
+    flight.battery = flight.mission.battery_reserve
+    flight.fly_for(2.0)
+    zone = box(ahead(flight, 25.0), 5.0)
+    change(flight, zone)
+    assert isinstance(flight.motions[-1], HoldHere)
+    flight.fly_for(6.0)
+    assert flight.controller.context.zones is None
+    assert flight.controller.airspace_update.objection() is not None
+    assert isinstance(flight.motions[-1], FlyToPoint)
+    flight.lands(600.0)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_a_way_home_whose_time_has_come_waits_for_the_upload(pretend):
+    flight = cruising(pretend, duration_s=60.0)
+    change(flight, box(ahead(flight, 40.0)))
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    commanded = len(flight.motions)
+    flight.fly_for(90.0)
+    assert flight.controller.state is State.HOME
+    assert moves(flight, commanded) == []
+
+
 def test_brought_home_with_another_plan_on_board_it_uploads_none(pretend):
     flight = cruising(pretend)
     flight.plan_compared("8 items")
@@ -603,9 +658,8 @@ def test_the_battery_is_looked_at_while_zones_change(pretend):
     flight.step()
     assert flight.controller.state is State.HOME
     assert any(text.startswith("coming home: battery at") for text in flight.said)
-    flight.fly_for(10.0)
-    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere]  # it waits where it is
-    flight.give(PlanRenewed())
+    # In one decision: of motions that wait only the last leaves.
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere, FlyToPoint]
     flight.lands(600.0)
 
 

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from air_router.controller.model.actions import ReadAgain
+from air_router.controller.model.actions import ReadAgain, RenewPlan
+from air_router.controller.model.events import PlanRenewed
 from air_router.controller.model.requests import Reload
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
@@ -264,6 +265,39 @@ def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(fi
     assert vehicle.plan == FlightPlan.of(load_mission(file))
     assert "zones changed: to those that are not on board yet" in said()
     assert "the changed fence is on board" in said()
+
+
+def test_of_two_uploads_only_what_became_of_the_newest_is_told(pennovation):
+    """The first was not waited for any more, and its list still goes over a poor link."""
+
+    class SlowLink:
+        def __init__(self):
+            self.lock, self.over = asyncio.Lock(), asyncio.Event()
+            self.objections = []
+
+        async def renew(self, plan, objection):
+            async with self.lock:
+                await self.over.wait()
+                if objection() is not None:
+                    self.objections.append(objection())
+                    raise PlanRefusedError(objection())
+
+    async def script():
+        events, link = [], SlowLink()
+        update = SimpleNamespace(objection=lambda: None)
+        context = SimpleNamespace(mission=pennovation)
+        controller = SimpleNamespace(context=context, airspace_update=update)
+        reader = rereading.MissionReloader(controller, link, events.append, events.append)
+        reader.plan_on_board()
+        uploads = [asyncio.ensure_future(reader.work(RenewPlan())) for _ in range(2)]
+        await asyncio.sleep(0)
+        link.over.set()
+        await asyncio.gather(*uploads)
+        return events, link.objections
+
+    events, objections = asyncio.run(script())
+    assert events == [PlanRenewed()]
+    assert {*objections} == {"a newer one follows"}
 
 
 @pytest.mark.parametrize("verb", ["connect", "upload"])

@@ -188,3 +188,14 @@ def test_what_is_objected_to_is_not_put_on_board_any_more(pennovation, before):
         )
     assert len(begun) == before
     asyncio.run(onboard.upload(plan))
+
+
+def test_a_plan_that_is_not_waited_for_any_more_reads_nothing_and_leaves_the_watch(pennovation):
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    asyncio.run(onboard.upload(plan))
+    board.guarded = "ours"
+    board.after_read = lambda: pytest.fail("the link is needed for the way home")
+    with pytest.raises(PlanRefusedError, match="the mission goes on without it"):
+        asyncio.run(onboard.renew(plan, lambda: "the mission goes on without it"))
+    assert board.guarded == "ours"
