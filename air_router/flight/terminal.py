@@ -13,6 +13,7 @@ import math
 import os
 import shutil
 import signal
+import stat
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -78,10 +79,11 @@ class StatusLine:
 
 
 class _Screen(io.TextIOBase):
-    """A terminal that goes without what it does not take at once, after Ctrl-S or while SSH stalls.
+    """What goes without what it does not take at once, after Ctrl-S or while SSH stalls.
 
     Args:
-        path: Of the terminal; opened once more, since for other programs it is to stay as it is.
+        path: Of the terminal or pipe; opened once more, since for other programs it is to stay as
+            it is.
     """
 
     def __init__(self, path: str) -> None:
@@ -100,9 +102,12 @@ class _Screen(io.TextIOBase):
 
 
 def _patient(out: TextIO) -> TextIO | _Screen:
-    """The same terminal, as one that keeps nothing waiting; what is none stays as it is."""
+    """The same terminal or pipe, as one that keeps nothing waiting; others stay as they are."""
     try:
-        return _Screen(os.ttyname(out.fileno()))
+        descriptor = out.fileno()
+        if stat.S_ISFIFO(os.fstat(descriptor).st_mode):  # `| less`, and `| tee` while SSH stalls
+            return _Screen(f"/proc/self/fd/{descriptor}")
+        return _Screen(os.ttyname(descriptor))
     except OSError:
         return out
 

@@ -2,6 +2,7 @@ import asyncio
 import os
 import pty
 import signal
+import threading
 
 import pytest
 
@@ -53,6 +54,21 @@ def test_a_terminal_that_takes_nothing_keeps_nothing_waiting(terminal):
         status.say(os.fsdecode(b"fl\xfcge.mcap"))  # a path need not be UTF-8
         for number in range(2_000):  # far more than it buffers, and nothing reads it
             status.say(f"line {number} {'x' * 60}")
+
+
+def test_a_pipe_that_is_not_read_keeps_nothing_waiting():
+    read, write = os.pipe()
+    os.set_blocking(read, False)
+    with os.fdopen(read, "rb") as reader, os.fdopen(write, "w") as pipe:
+        status = StatusLine(pipe)
+        lines = [f"line {number} {'x' * 60}" for number in range(2_000)]
+        saying = threading.Thread(target=lambda: [status.say(line) for line in lines], daemon=True)
+        saying.start()
+        saying.join(20.0)
+        waits, first = saying.is_alive(), reader.read(8)
+        while saying.is_alive():
+            reader.read()
+    assert (waits, first) == (False, b"line 0 x")
 
 
 def test_a_terminal_stops_no_flight():
