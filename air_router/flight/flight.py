@@ -275,7 +275,7 @@ class Flight:
             elif isinstance(event, PlanReplaced | PlanCompared):
                 self._early.append(event)
             return
-        if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
+        if isinstance(event, LinkSilent) and event.silent_s > LOST_S and not event.over:
             self.loop.end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
         if isinstance(event, Telemetry) and self._too_late(event):
             return

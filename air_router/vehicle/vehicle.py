@@ -155,10 +155,12 @@ class LinkSilent:
     Attributes:
         time_s: The vehicle's clock when it was last heard.
         silent_s: Wall-clock seconds since then.
+        over: It was heard again just now.
     """
 
     time_s: float
     silent_s: float
+    over: bool = False
 
 
 VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent

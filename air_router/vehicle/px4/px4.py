@@ -192,7 +192,10 @@ class Px4Vehicle(Px4Motions, Vehicle):
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
+            began_s = loop.time()
             await asyncio.sleep(SILENT_S / 3)
+            if loop.time() - began_s > SILENT_S:
+                continue  # this program stood still, and what was said meanwhile waits
             silent_s = self._telemetry.silent_s()
             if silent_s > SILENT_S and self._callback is not None:
                 # Not from here: an error in what it leads to would end this watch, unseen.

@@ -189,7 +189,7 @@ class Px4Telemetry(Px4Messages):
     def _came_back(self, silent_s: float) -> None:
         """Tell of a silence that is over, also if this program stood still in it."""
         if silent_s > SILENT_S:
-            self._emit(LinkSilent(self.time_s, silent_s))
+            self._emit(LinkSilent(self.time_s, silent_s, over=True))
 
     def _handed(self, name: str, received: Received, handler: Handler) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""

@@ -445,10 +445,14 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
 
 
-@pytest.mark.parametrize(("silent_s", "code"), [(59.0, 0), (61.0, ExitCode.ENDED_OTHERWISE)])
-def test_a_vehicle_that_is_silent_for_a_minute_is_lost(rig, silent_s, code):
+@pytest.mark.parametrize(
+    ("silent_s", "over", "code"),
+    [(59.0, False, 0), (61.0, False, ExitCode.ENDED_OTHERWISE), (90.0, True, 0)],
+)
+def test_a_vehicle_that_is_silent_for_a_minute_is_lost(rig, silent_s, over, code):
     flight = rig(duration_s=200.0)
-    flight.plan((150.0, lambda: flight.vehicle.callback(LinkSilent(150.0, silent_s))))
+    silent = LinkSilent(150.0, silent_s, over)
+    flight.plan((150.0, lambda: flight.vehicle.callback(silent)))
     result = flight.run()
     assert result.exit_code == code
     assert ("silent" in result.outcome) == bool(code)

@@ -76,6 +76,20 @@ def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
     assert len(samples) == pytest.approx((going - stopped) * 25, abs=2)
 
 
+def test_a_companion_that_stood_still_for_more_than_a_minute_goes_on(monkeypatch):
+    monkeypatch.setattr(Scene, "schedule", lambda _: [ScheduledFault(5.0, "stall", 75.0, "INIT")])
+    verdict = judge(SimulatedFlight(Scene(Fault.STOPPED, 0), PENNOVATION).fly())
+    assert (verdict.violations, verdict.end) == ((), End.LANDED)
+
+
+def test_a_pilot_who_takes_it_while_the_companion_stands_still_keeps_it(monkeypatch):
+    happen = [ScheduledFault(9.2, "stall", 12.0, "COMM")]
+    happen += [ScheduledFault(14.8, "pilot", "AUTO_LAND", "COMM")]
+    monkeypatch.setattr(Scene, "schedule", lambda _: happen)
+    verdict = judge(SimulatedFlight(Scene(Fault.PILOT, 111), PENNOVATION).fly())
+    assert (verdict.violations, verdict.end) == ((), End.PILOT)
+
+
 def test_whatever_can_happen_happens(monkeypatch):
     """Every fault that any scene has, one after the other in a single flight."""
     kinds = {m.what: m for s in scenes() for m in s.schedule() if m.what not in LAST}
