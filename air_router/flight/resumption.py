@@ -27,7 +27,8 @@ NEWEST: Final = 5
 
 APART_S: Final = 30.0
 APART_SHARE: Final = 0.2
-"""By so much the vehicle's clock and ours may differ in what has passed since the record ended."""
+"""By so much the vehicle's clock and ours may differ in what has passed since the record ended. One
+that has landed since, and was not switched off, has taken off after the flight of the record."""
 
 
 async def recognised(
@@ -93,7 +94,7 @@ def flown_before(  # noqa: PLR0913 - all that something is known by
         except (AirRouterError, OSError) as error:
             _log.info("%s: %s", path, error)
             continue
-        if recorded is not None:
+        if recorded is not None and recorded[0].airborne_s >= (info.took_off_s or 0.0):
             words = _words(mission, recorded[0], telemetry, f"by its record {path}")
             return Resumption(*recorded, words)
     visited = _before(mission, telemetry.item)

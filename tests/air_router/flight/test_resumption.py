@@ -88,6 +88,21 @@ def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, la
     assert "by its record" not in words
 
 
+@pytest.mark.parametrize(("later_s", "by_record"), [(-5.0, True), (20.0, False)])
+def test_the_record_of_a_flight_before_this_one_is_left_alone(
+    first, mission, tmp_path, later_s, by_record
+):
+    """The vehicle was not switched off between the two, and the companion of this one left none."""
+    took_off_s = first.flight.controller.flown.airborne_s + later_s
+    info = dataclasses.replace(INFO, took_off_s=took_off_s)
+    flown, home_amsl_m, words = flown_before(
+        mission, info, telemetry(first, later_s=30.0), folder=tmp_path, unix=lambda: 0.0
+    )
+    assert ("by its record" in words) is by_record
+    assert (home_amsl_m is not None) is by_record
+    assert by_record or flown.airborne_s == took_off_s
+
+
 def test_without_a_record_the_vehicle_is_asked(mission):
     item = FlightPlan.of(mission).item_of(4)
     heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
