@@ -166,10 +166,13 @@ class ShortestPaths:
             return self._pocket_path(start, end)
         if here is None or there is None or here[1] != there[1]:
             return None
-        path = self._between(self.mesh, here[0], there[0])
+        back = end < start  # looked for in one direction, it is the same path in both
+        one, other = (there[0], here[0]) if back else (here[0], there[0])
+        path = self._between(self.mesh, one, other)
         if path is None:
             return None
-        return self._closer(path, path_length_m(here[0]) + path_length_m(there[0]))
+        path = self._closer(path, path_length_m(one) + path_length_m(other))
+        return path[::-1] if back else path
 
     def _between(self, mesh: Mesh, here: Path, there: Path) -> Path | None:
         """The shortest path in a mesh between the ends of two paths that lead there."""
@@ -248,12 +251,9 @@ class ShortestPaths:
 
     def _clear_and_blunt(self, path: Path) -> Path | None:
         """A path along arcs as one that turns less often, where that is clear; else as it is."""
-        if len(path) > 3:
-            back = path[0] > path[-1]  # the same corners both ways
-            blunt = _blunted(path[::-1] if back else path, self._kept_m)
-            blunt = blunt[::-1] if back else blunt
-            if len(blunt) < len(path) and self._all_clear(blunt):
-                return blunt
+        blunt = _blunted(path, self._kept_m) if len(path) > 3 else path
+        if len(blunt) < len(path) and self._all_clear(blunt):
+            return blunt
         return path if self._all_clear(path) else None
 
     def _path_by_doors(
