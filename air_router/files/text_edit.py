@@ -140,15 +140,26 @@ class _Change(YamlText):
         elif place.is_word and not isinstance(new, list | dict):
             gap = " " if self.source[start - 1 : start] == ":" else ""
             in_quotes = isinstance(new, str) and self.source[start : start + 1] in ('"', "'")
-            self.put(start, end, gap + (quoted(new) if in_quotes else yaml_flow(new)))
+            text = gap + (quoted(new) if in_quotes else yaml_flow(new))
+            self.put(start, end, text + self._remark_of_block(place))
         elif place.is_word or place.flow:
             self.put(start, end, yaml_flow(new))
         else:
             self.put(start, end, self.lines(block(new, place.indent)).lstrip(" "))
 
+    def _remark_of_block(self, place: YamlValue) -> str:
+        """The remark behind the mark of a text in lines of its own, which goes with these lines."""
+        if not isinstance(place.node, yaml.ScalarNode) or place.node.style not in ("|", ">"):
+            return ""
+        remark = self.after(place.start).partition(" ")[2].strip()
+        return f"  {remark}" if remark else ""
+
     def _fill(self, place: YamlValue, new: Any) -> None:
         """Write a value in the place of null, or of an empty list or mapping."""
         start, end = place.start, self.end(place.node)
+        if place.flow and "#" in self.source[start:end]:  # remarks between the brackets stay there
+            self.put(start + 1, start + 1, yaml_flow(new)[1:-1])
+            return
         if place.key_end is None or place.in_flow:
             self.put(start, end, yaml_flow(new))
             return

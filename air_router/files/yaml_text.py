@@ -141,8 +141,9 @@ class YamlText:
         return end - 1 if self.source[max(end - 1, at) : end] == "\r" else end
 
     def next_line(self, at: int) -> int:
-        """The first character of the line below."""
-        return min(self.line_end(at) + len(self.newline), len(self.source))
+        """The first character of the line below; line breaks of a file may differ."""
+        end = self.source.find("\n", at)
+        return len(self.source) if end < 0 else end + 1
 
     def remove_lines(self, start: int, end: int) -> None:
         """Take out the lines on which these characters are, and all between them."""

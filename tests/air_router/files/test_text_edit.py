@@ -234,6 +234,10 @@ def test_what_is_used_twice_is_left_alone():
             "w:\n  - {position: [1, 2], h: 3}  # 1\n",
         ),
         ("t: {s: 1, u: 2}  # all\n", {"t": {"s": 1}}, "t: {s: 1}  # all\n"),
+        ("z: [  # none\n  ]\n", {"z": [{"n": 1}]}, "z: [{n: 1}  # none\n  ]\n"),
+        ("n: >-  # long\n  a\n  b\nm: 1\n", {"n": "c", "m": 1}, "n: c  # long\nm: 1\n"),
+        ("n: |-  \n  a\nm: 1\n", {"n": "c", "m": 1}, "n: c\nm: 1\n"),
+        ("w:\r\n- a\n# one\r\n- b\n", {"w": ["b"]}, "w:\r\n# one\r\n- b\n"),
     ],
 )
 def test_each_way_of_writing_has_a_place_for_the_change(text, change, after):
