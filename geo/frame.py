@@ -142,9 +142,14 @@ ARC_ERROR_M = 0.5
 _DEGREE_M = 111_000.0
 
 STEP_M = 1_000.0
-"""No side of a dense ring is longer, but for hundredths of one of more than 100 km."""
+"""No side of a dense ring is longer, but for parts of one that is cut into as many as there may be.
 
-_MOST_STEPS = 100
+Towards the poles, where what is straight in degrees is bent more and more, they are shorter.
+"""
+
+_MOST_STEPS = 2_000
+_BENT = 3.0  # tangent of the latitude from which on sides are shorter: 72 degrees
+_STEEPEST_DEG = 89.99
 
 
 def circle_around(centre: Geodetic, radius_m: float, segments: int = 64) -> tuple[Geodetic, ...]:
@@ -215,12 +220,23 @@ def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodeti
     for start, end in zip(ring, [*ring[1:], *ring[:1]], strict=True):
         lat_deg = end.latitude_deg - start.latitude_deg
         lon_deg = (end.longitude_deg - start.longitude_deg + 180) % 360 - 180
-        east_m = lon_deg * math.cos(math.radians(start.latitude_deg)) * _DEGREE_M
-        length_m = math.hypot(lat_deg * _DEGREE_M, east_m)
-        steps = min(max(math.ceil(length_m / step_m), 1), _MOST_STEPS)
         dense.append(start)
+        steps = _steps(start.latitude_deg, end.latitude_deg, lon_deg, step_m)
         for step in range(1, steps):
             share = step / steps
             lon = (start.longitude_deg + share * lon_deg + 180) % 360 - 180
             dense.append(Geodetic(start.latitude_deg + share * lat_deg, lon))
     return dense
+
+
+def _steps(from_lat_deg: float, to_lat_deg: float, lon_deg: float, step_m: float) -> int:
+    """Into how many a side has to be cut; as many the other way around."""
+    low_deg, high_deg = sorted((abs(from_lat_deg), abs(to_lat_deg)))
+    widest_deg = low_deg if from_lat_deg * to_lat_deg > 0 else 0.0
+    east_m = lon_deg * math.cos(math.radians(widest_deg)) * _DEGREE_M
+    length_m = math.hypot((to_lat_deg - from_lat_deg) * _DEGREE_M, east_m)
+    shorter = 1.0
+    if step_m <= STEP_M:  # longer ones keep a ring of thousands of corners small
+        bent = math.tan(math.radians(min(high_deg, _STEEPEST_DEG)))
+        shorter = math.sqrt(max(bent / _BENT, 1.0))
+    return min(max(math.ceil(length_m * shorter / step_m), 1), _MOST_STEPS)

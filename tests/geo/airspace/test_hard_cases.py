@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from shapely import LineString
+from shapely import Point as Spot
 
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Zone
@@ -118,6 +119,34 @@ def test_long_sides_that_are_straight_in_degrees_bend_on_the_ground(latitude):
         assert math.dist(here, there) < 1020
     assert dense[0] == ring[0]
     assert set(ring) <= set(dense)
+
+
+def bent_m(frame, start, end, shares):
+    """How far a side lies from the line in degrees between two corners, at parts of its length."""
+    ring = dense_ring([start, end])
+    side = LineString([frame.to_local(*place) for place in ring[: ring.index(end) + 1]])
+    lat_deg, lon_deg = (there - here for here, there in zip(start, end, strict=True))
+    on_map = [(start[0] + share * lat_deg, start[1] + share * lon_deg) for share in shares]
+    return max(side.distance(Spot(frame.to_local(*place))) for place in on_map)
+
+
+def test_a_border_of_thousands_of_kilometres_is_where_it_was_drawn_at_the_mission():
+    """The 49th parallel: with a corner every 20 km it was 9 m off."""
+    frame = LocalFrame(Geodetic(49.0, -110.0))
+    border = Geodetic(49.0, -123.0), Geodetic(49.0, -96.0)
+    assert bent_m(frame, *border, np.linspace(0.475, 0.49, 400)) < 0.03
+
+
+@pytest.mark.parametrize("latitude", [72.0, 80.0, 89.0, 89.9])
+def test_towards_a_pole_sides_bend_more(latitude):
+    frame = LocalFrame(Geodetic(latitude, 10.0))
+    half_deg = min(0.05 / math.cos(math.radians(latitude)), 60.0)
+    side = [Geodetic(latitude, 10.0 + lon_deg) for lon_deg in (-half_deg, half_deg)]
+    assert bent_m(frame, *side, np.linspace(0, 1, 997)) < 0.07
+    out = Geodetic(latitude - 0.01, 10.0 + half_deg)
+    assert bent_m(frame, side[0], out, np.linspace(0, 1, 997)) < 0.07
+    there, back = (len(dense_ring(ring)) for ring in ([side[0], out], [out, side[0]]))
+    assert there == back
 
 
 def test_short_rings_stay_as_they_are():
