@@ -5,16 +5,15 @@ Nothing here touches sockets: requests and datagrams in, replies and frames out.
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
-from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import Direction
 from mocha_link.store.trust import difference
 from mocha_link.store.wire import STAMP_MASK
+from mocha_link.sync.flows import Flows, suits_connection
 from mocha_link.sync.frames import HELLO, header_of, message_frame
 from mocha_link.sync.original import ServerSession
 from mocha_link.sync.peer import GRANT, Peer
@@ -24,7 +23,6 @@ from mocha_link.sync.protocol import (
     GHEAD,
     ID_BYTES,
     LINGER_S,
-    NEAR_S,
     PATIENCE_S,
     SERRM,
     SYNC1,
@@ -36,13 +34,10 @@ from mocha_link.sync.protocol import (
 from mocha_link.sync.sync_messages import MAX_NEWS, Hello, Reception
 from mocha_link.sync.sync_sender import SyncSender
 
-FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
-MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
 UNHEARD_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
-DEAF_S = 10.0  # datagrams open nothing for so long; connections do
 
 _HELLO_ROOM = 64
 
@@ -59,16 +54,12 @@ class Server:
         self._peer = peer
         self._session = ServerSession(peer)
         self._sync: SyncSender | None = None  # under way, or followed
-        self._flow: Flow | None = None  # of datagrams, of the newest sync
+        self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0  # of the last sync
         self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
-        self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
-        self._deaf_until_s = 0.0  # datagrams open nothing
         self._standing = False  # the sync began on the connection of the one before, which followed
-        self._rate_bytes_s: float | None = None  # of the last flow, for the next
-        self._rtt_s: float | None = None  # likewise
 
     def answer(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
         """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
@@ -82,7 +73,7 @@ class Server:
 
     def packet(self, packet: bytes, now: Instant) -> bool:
         """Take in a datagram; says whether the peer is where it came from: it is no copy."""
-        flow = self._flow
+        flow = self._flows.current
         token = packet[1 : 1 + ID_BYTES]
         if len(token) != ID_BYTES:
             return False
@@ -95,22 +86,23 @@ class Server:
                 self._look(now)
         if self._sync and flow.refused == refused:
             self._sync.heard_s = now.steady_s
+            self._use_datagrams(self._sync)
         return flow.arrived > arrived
 
     def transmit(self, now: Instant) -> list[bytes]:
         """The datagrams to send now."""
-        flow = self._flow
+        flow = self._flows.current
         if flow is None:
             return []
         packets = flow.transmit(now.steady_s)
         if self._sync is None and flow.settled:
-            self._close_flow()
+            self._flows.close()
         return packets
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` and `transmit` at the latest; None: the time brings nothing."""
-        sync, flow = self._sync, self._flow
+        sync, flow = self._sync, self._flows.current
         times = [self._session.wake_s, flow.wake_s if flow else None]
         if sync:
             times += [sync.heard_s + _patience_s(sync), self._doubt_s(sync)]
@@ -161,31 +153,40 @@ class Server:
 
         One that got all by datagrams follows by them, and closes its connection.
         """
-        flow = self._flow
+        flow = self._flows.current
         if not sync.by_datagram or flow is None:
             return False
-        near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
-        if sync.done or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
+        if sync.done or not suits_connection(flow):
             return True
         sync.by_datagram = sync.all_cast = False
         return False
 
+    def _use_datagrams(self, sync: SyncSender) -> None:
+        """Have them carry what the connection began as soon as they are known to reach a far peer.
+
+        Where packets are lost a connection moves little, and it was first only because the peer's
+        opening, or all that we answered, was among them.
+        """
+        flow = self._flows.current
+        if flow and flow.rtt_s is not None and not (sync.done or suits_connection(flow)):
+            sync.by_datagram = True
+
     def on_contact(self, now: Instant) -> None:
         """A new contact begins."""
-        if self._flow:
-            self._flow.on_contact(now.steady_s)
+        if self._flows.current:
+            self._flows.current.on_contact(now.steady_s)
 
     def tick(self, now: Instant) -> None:
         """What the peer's silence ends."""
         self._session.tick(now)
         sync = self._sync
-        if sync is None and self._flow and now.steady_s - self._ended_s > LINGER_S:
-            self._close_flow()
+        if sync is None and self._flows.current and now.steady_s - self._ended_s > LINGER_S:
+            self._flows.close()
         if sync is None:
             return
         doubt_s = self._doubt_s(sync)
-        if self._flow and doubt_s is not None and now.steady_s > doubt_s:
-            sync.leave_datagrams(self._flow.reclaim())
+        if self._flows.current and doubt_s is not None and now.steady_s > doubt_s:
+            sync.leave_datagrams(self._flows.current.reclaim())
         if now.steady_s - sync.heard_s > _patience_s(sync):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
@@ -195,7 +196,7 @@ class Server:
         Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
         takes no longer.
         """
-        flow = self._flow
+        flow = self._flows.current
         if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
             return None
         return sync.routed_s + 2 * (sync.routed_s - sync.began_s) + UNHEARD_S
@@ -222,7 +223,7 @@ class Server:
             self._standing = before is not None and before.follows and before.route == route
             self._begin(sync, now)
             return self._rejection(request_id)
-        if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
+        if code == SYNC1 and sync.sent and sync.route != route and self._flows.current is None:
             # Its first connection broke, with all that was sent and granted on it.
             sync = self._sync = SyncSender(self._peer, request_id, sync.began_s)
         sync.heard_s = now.steady_s
@@ -247,37 +248,37 @@ class Server:
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
-        if token in self._past or now.steady_s < self._deaf_until_s:
+        if token in self._past or self._flows.is_deaf(now):
             return False
         before = self._sync
         if before and before.id == token:
-            return False  # the connection was first, so it serves
+            return self._packet_beside_connection(before, packet, now)
         if before and not before.ended and now.steady_s - before.heard_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
         sync = SyncSender(self._peer, token, now.steady_s)
-        flow = Flow(
-            token,
-            sync.next_for_datagram,
-            rate_bytes_s=self._rate_bytes_s,
-            rtt_s=self._rtt_s,
-            first_number=int.from_bytes(os.urandom(4), "big") >> 2,
-            proven=False,
-        )
+        flow = self._flows.make(sync)
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
         if not frames or not all(sync.open(frame) for frame in frames):
             return False
         flow.proven = sync.admitted
-        reached = before and (before.route or (self._flow and self._flow.proven))
+        reached = before and (before.route or (self._flows.current and self._flows.current.proven))
         if reached and not flow.proven:
             return False  # nor ever what the peer gets; it may always begin anew by a connection
         sync.by_datagram = sync.all_cast = True
         self._standing = False
         self._begin(sync, now)
-        self._close_flow()
-        self._flow = flow
-        if self._unheard >= MOST_UNHEARD:
-            # An attacker may be opening in the name of the peer, which drowns in what we send it.
-            self._deaf_until_s = now.steady_s + DEAF_S
+        self._flows.begin(flow, now)
+        return True
+
+    def _packet_beside_connection(self, sync: SyncSender, packet: bytes, now: Instant) -> bool:
+        """The connection was first, so it serves until a probe has come back as a datagram."""
+        flow = self._flows.make(sync)
+        flow.receive(packet, now.steady_s)
+        if sync.done or flow.refused:
+            return False
+        flow.proven = sync.admitted
+        flow.on_contact(now.steady_s)
+        self._flows.begin(flow, now)
         return True
 
     def _begin(self, sync: SyncSender, now: Instant) -> None:
@@ -310,7 +311,7 @@ class Server:
 
     def _end(self, sync: SyncSender, now: Instant) -> None:
         sync.ended = True
-        if self._flow is None:
+        if self._flows.current is None:
             self._peer.renew_token()  # it has got one; a copy of what it began with is of no use
         if not sync.follows:
             self._sync = None
@@ -326,7 +327,9 @@ class Server:
         )
 
     def _break_off(self, sync: SyncSender, reason: str, now: Instant) -> None:
-        settled = sync.done and sync.all_cast and self._flow and self._flow.settled
+        settled = (
+            sync.done and sync.all_cast and self._flows.current and self._flows.current.settled
+        )
         if settled and not sync.ended:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
@@ -337,13 +340,4 @@ class Server:
     def _let_go(self, sync: SyncSender) -> None:
         self._sync = None
         self._past.append(sync.id)
-        self._close_flow()
-
-    def _close_flow(self) -> None:
-        flow, self._flow = self._flow, None
-        if flow:
-            self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
-        if flow and flow.rtt_s is not None:
-            self._peer.renew_token()
-            self._rtt_s = flow.rtt_s
-            self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s
+        self._flows.close()

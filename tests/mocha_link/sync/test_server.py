@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
+from mocha_link.datagram.packet import parse
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store import wire
 from mocha_link.store.database import Database
@@ -97,6 +98,12 @@ class Asker:
         self.flow = Flow(
             self.id, lambda _: self.outbox.pop(0) if self.outbox else None, rate_bytes_s=rate
         )
+        self.flow.on_contact(now.steady_s)
+        self.pass_on(now)
+
+    def cast_probe(self, now: Instant) -> None:
+        """What it sends when nothing of what it began with was answered."""
+        self.flow = Flow(self.id, lambda _: self.outbox.pop(0) if self.outbox else None)
         self.flow.on_contact(now.steady_s)
         self.pass_on(now)
 
@@ -349,13 +356,64 @@ def test_a_near_peer_is_moved_to_the_connection(server, io, database):
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
 
 
-def test_the_connection_first_then_late_datagrams(server, io, database):
+def test_the_connection_serves_until_late_datagrams_are_known_to_reach_the_peer(
+    server, io, database
+):
+    fill(database)
+    io.open(GRANT.pack(3_000, 1_400))
+    assert io.drain()
+    io.cast(at(0))
+    (probe,) = server.transmit(at(0))
+    assert parse(probe).frames == []
+    io.ask(b"SYNCC" + GRANT.pack(6_000, 1_400))
+    assert io.drain()
+    assert io.flow.receive(probe, at(0.05).steady_s) == []
+    io.pass_on(at(0.1))
+    io.ask(b"SYNCC" + PLENTY, now=at(0.1))
+    assert io.drain() == []
+    assert any(parse(each).frames for each in server.transmit(at(0.1)))
+    assert [type(event) for event in told_by(server)] == [SyncStarted]
+
+
+def test_datagrams_of_a_near_peer_change_nothing_for_its_connection(server, io, database):
+    fill(database)
     io.open(GRANT.pack(3_000, 1_400))
     io.drain()
     io.cast(at(0))
-    assert server.transmit(at(0)) == []
-    io.ask(b"SYNCC" + PLENTY)
-    assert [type(event) for event in told_by(server)] == [SyncStarted]
+    (probe,) = server.transmit(at(0))
+    io.flow.receive(probe, at(0.001).steady_s)
+    io.pass_on(at(0.002))
+    io.ask(b"SYNCC" + PLENTY, now=at(0.002))
+    assert io.drain()
+    assert not any(parse(each).frames for each in server.transmit(at(0.1)))
+
+
+@pytest.mark.parametrize("content", [True, False])
+def test_what_a_connection_began_goes_on_by_datagrams_far_away(server, io, database, content):
+    """The opening by datagrams, or all of them but a probe, came late or was lost."""
+    fill(database, size=20_000)
+    io.open(GRANT.pack(3_000, 1_400))
+    io.read()
+    io.cast(at(0)) if content else io.cast_probe(at(0))
+    io.run(0, 0.05)
+    assert len(io.frames) == 3
+    assert io.got == all_of(database)
+    assert io.receiver.complete
+    assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+
+
+def test_datagrams_that_were_in_doubt_carry_again_once_one_is_acknowledged(server, io, database):
+    fill(database, size=20_000)
+    io.cast(at(0))
+    lost = server.transmit(at(0))
+    assert lost
+    io.open(GRANT.pack(3_000, 1_400), now=at(0.05))
+    server.tick(at(0.3))
+    io.ask(b"SYNCC" + GRANT.pack(6_000, 1_400), now=at(0.3))
+    assert io.drain()
+    io.run(0.4, 0.05)
+    assert io.got == all_of(database)
+    assert io.receiver.complete
 
 
 def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):

@@ -1,0 +1,70 @@
+"""The flows of datagrams that answer one peer: one at a time, and what each leaves for the next."""
+
+from __future__ import annotations
+
+import os
+
+from mocha_link.clock import Instant
+from mocha_link.datagram.datagram import Flow
+from mocha_link.sync.peer import Peer
+from mocha_link.sync.protocol import NEAR_S
+from mocha_link.sync.sync_sender import SyncSender
+
+FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
+MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
+DEAF_S = 10.0  # datagrams open nothing for so long; connections do
+
+
+def suits_connection(flow: Flow) -> bool:
+    """Whether what it shows of the peer, near or behind a fast link, is better left to TCP."""
+    near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
+    return near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S
+
+
+class Flows:
+    """Makes, keeps and closes the flow of a peer's newest sync.
+
+    Attributes:
+        current: the flow, if there is one.
+    """
+
+    def __init__(self, peer: Peer) -> None:
+        self.current: Flow | None = None
+        self._peer = peer
+        self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
+        self._deaf_until_s = 0.0  # datagrams open nothing before that steady time
+        self._rate_bytes_s: float | None = None  # of the last flow, for the next
+        self._rtt_s: float | None = None  # likewise
+
+    def make(self, sync: SyncSender) -> Flow:
+        """A flow for the frames of a sync; it is not the current one before `begin`."""
+        return Flow(
+            sync.id,
+            sync.next_for_datagram,
+            rate_bytes_s=self._rate_bytes_s,
+            rtt_s=self._rtt_s,
+            first_number=int.from_bytes(os.urandom(4), "big") >> 2,
+            proven=False,
+        )
+
+    def begin(self, flow: Flow, now: Instant) -> None:
+        """Put it in the place of the current one."""
+        self.close()
+        self.current = flow
+        if self._unheard >= MOST_UNHEARD:
+            # An attacker may be opening in the name of the peer, which drowns in what we send it.
+            self._deaf_until_s = now.steady_s + DEAF_S
+
+    def is_deaf(self, now: Instant) -> bool:
+        """Whether datagrams open nothing at the moment."""
+        return now.steady_s < self._deaf_until_s
+
+    def close(self) -> None:
+        """End the current one, and keep what it showed of the way to the peer."""
+        flow, self.current = self.current, None
+        if flow:
+            self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
+        if flow and flow.rtt_s is not None:
+            self._peer.renew_token()
+            self._rtt_s = flow.rtt_s
+            self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s
