@@ -7,6 +7,7 @@ import dataclasses
 import gc
 import sys
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -25,6 +26,7 @@ from air_router.errors import PictureError, RefusedError
 from air_router.files.settings import SEEK_POLICIES
 from air_router.flight.flight import Flight
 from air_router.flight.flight_stats import FlightResult
+from air_router.flight.resumption import as_begun
 from air_router.flight.terminal import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
@@ -84,6 +86,12 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
     mission = dataclasses.replace(mission, uav=uav)
     folder, source = folder_of(arguments), arguments.pace_from
     clock = VehicleClock(ceiling=None if source is None else source.speed)
+    status = StatusLine()
+    if arguments.resume:
+        now = datetime.fromtimestamp(clock.now_s(), UTC)
+        mission, hours = as_begun(mission, folder, now)
+        if hours:
+            status.say(hours)
     mapper = Mapper(mission)
     gossip = Gossip(
         mission.frame,
@@ -95,7 +103,6 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
         keys=arguments.keys,
         goals_from=mission.goals_from,
     )
-    status = StatusLine()
     with (
         PaceClient(source, uav) as pace,
         viewing(arguments.foxglove, uav) as viewer,

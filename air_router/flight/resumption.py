@@ -8,14 +8,17 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from air_router.controller.controller import Controller
 from air_router.controller.model.events import FlownBefore
+from air_router.controller.model.flight_setup import FlightSetup
 from air_router.errors import AirRouterError, PlanRefusedError, RefusedError
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.mission import Mission
+from air_router.mission.mission import FlightWindow, Mission
 from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
@@ -29,6 +32,45 @@ APART_S: Final = 30.0
 APART_SHARE: Final = 0.2
 """By so much the vehicle's clock and ours may differ in what has passed since the record ended. One
 that has landed since, and was not switched off, has taken off after the flight of the record."""
+
+
+def as_begun(mission: Mission, folder: Path | None, now: datetime) -> tuple[Mission, str]:
+    """A mission among the zones that count in a flight of it that is under way, and how so.
+
+    Zones with hours were chosen as it began: chosen anew, the plan on board would be another. The
+    newest record of the mission tells when that was, unless such a flight must be over by now.
+
+    Args:
+        mission: As it would begin now.
+        folder: Where records are; None where nothing is recorded.
+        now: By our clock.
+    """
+    if all(zone.validity is None for zone in mission.zones):
+        return mission, ""
+    for path in _newest(folder, None):
+        try:
+            setup = _setup(path)
+        except (AirRouterError, OSError) as error:
+            _log.info("%s: %s", path, error)
+            continue
+        if setup is None or _identity(setup.mission) != _identity(mission):
+            continue
+        window = _moved(mission.window, setup.mission.window)
+        if window.end is not None and now > window.end:
+            break
+        mission = replace(mission, window=window)
+        mission = mission.with_areas(mission.fences, mission.zones)
+        return mission, f"no-fly zones with hours count from {window}, by the record {path}"
+    return mission, "no-fly zones with hours count as for a flight that begins now"
+
+
+def _moved(window: FlightWindow, began: FlightWindow) -> FlightWindow:
+    """The window of a flight that began earlier, and was perhaps to stay out for longer."""
+    later = began.start - window.start
+    end, latest = (None if t is None else t + later for t in (window.end, window.latest_start))
+    if end is not None and (began.end is None or began.end > end):
+        end = began.end
+    return FlightWindow(began.start, end, latest)
 
 
 async def recognised(
@@ -120,7 +162,7 @@ def _recorded(
 ) -> tuple[FlownBefore, float | None] | None:
     """What a record knew at its end, and how high home was; None if that was another flight."""
     since_s = max(0.0, unix_s - path.stat().st_mtime) * rate
-    setup = next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
+    setup = _setup(path)
     if setup is None or _identity(setup.mission) != _identity(mission):
         return None
     controller = Controller(setup)
@@ -132,6 +174,11 @@ def _recorded(
         return None
     amsl_m = None if last is None else last.altitude_amsl_m
     return flown, None if last is None or amsl_m is None else amsl_m - last.altitude_m
+
+
+def _setup(path: Path) -> FlightSetup | None:
+    """What was flown, by a record."""
+    return next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
 
 
 def _identity(mission: Mission) -> tuple[object, ...]:
