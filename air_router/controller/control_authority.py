@@ -36,6 +36,9 @@ COMPARED_S: Final = 60.0
 _TOLD_S: Final = 10.0
 """How often something that goes on is told."""
 
+_SILENCE_S: Final = 3.0
+"""A silence that was shorter is not told."""
+
 LATE_S: Final = 2.5
 """A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
 
@@ -170,7 +173,7 @@ class ControlAuthority:
         if not 0.0 < context.silent_s <= silent_s:  # it was heard meanwhile
             self._silence_told_s = -math.inf
         context.silent_s = silent_s
-        if silent_s >= self._silence_told_s + _TOLD_S:
+        if silent_s >= max(self._silence_told_s + _TOLD_S, _SILENCE_S):
             self._silence_told_s = silent_s
             context.say(f"nothing heard from the vehicle for {silent_s:.0f} s")
 

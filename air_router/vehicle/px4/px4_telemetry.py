@@ -9,7 +9,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_messages import SILENT_S, Handler, PlanIds, Px4Messages
+from air_router.vehicle.px4.px4_messages import Handler, PlanIds, Px4Messages
 from air_router.vehicle.px4.px4_streams import (
     LIFTED_M,
     Continuity,
@@ -188,8 +188,7 @@ class Px4Telemetry(Px4Messages):
 
     def _came_back(self, silent_s: float) -> None:
         """Tell of a silence that is over, also if this program stood still in it."""
-        if silent_s > SILENT_S:
-            self._emit(LinkSilent(self.time_s, silent_s, over=True))
+        self._emit(LinkSilent(self.time_s, silent_s, over=True))
 
     def _handed(self, name: str, received: Received, handler: Handler) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
