@@ -148,12 +148,25 @@ Towards the poles, where what is straight in degrees is bent more and more, they
 """
 
 _MOST_STEPS = 2_000
+_MOST_SEGMENTS = 10_000
 _BENT = 3.0  # tangent of the latitude from which on sides are shorter: 72 degrees
 _STEEPEST_DEG = 89.99
 
 
-def circle_around(centre: Geodetic, radius_m: float, segments: int = 64) -> tuple[Geodetic, ...]:
-    """The corners of a polygon around a circle, counterclockwise; no corner cuts into it."""
+_SEGMENTS = 64  # of a circle that is not too large for so few
+
+
+def circle_around(
+    centre: Geodetic, radius_m: float, segments: int | None = None
+) -> tuple[Geodetic, ...]:
+    """The corners of a polygon around a circle, counterclockwise; no side cuts into it.
+
+    By itself it has so many that its sides are straight on the ground and in degrees.
+    """
+    if segments is None:
+        farthest_deg = abs(centre.latitude_deg) + radius_m / _DEGREE_M
+        sides = math.tau * radius_m / step_at_m(farthest_deg)
+        segments = max(_SEGMENTS, math.ceil(min(sides, _MOST_SEGMENTS)))
     reach_m = radius_m / math.cos(math.pi / segments)
     azimuths_deg = -np.arange(segments) * 360.0 / segments
     return _from_centre(centre, azimuths_deg, np.full(segments, reach_m))
@@ -229,14 +242,18 @@ def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodeti
     return dense
 
 
+def step_at_m(latitude_deg: float) -> float:
+    """How long a side may be there before it is cut: up to here straight is straight everywhere."""
+    bent = math.tan(math.radians(min(abs(latitude_deg), _STEEPEST_DEG)))
+    return STEP_M / math.sqrt(max(bent / _BENT, 1.0))
+
+
 def _steps(from_lat_deg: float, to_lat_deg: float, lon_deg: float, step_m: float) -> int:
     """Into how many a side has to be cut; as many the other way around."""
     low_deg, high_deg = sorted((abs(from_lat_deg), abs(to_lat_deg)))
     widest_deg = low_deg if from_lat_deg * to_lat_deg > 0 else 0.0
     east_m = lon_deg * math.cos(math.radians(widest_deg)) * _DEGREE_M
     length_m = math.hypot((to_lat_deg - from_lat_deg) * _DEGREE_M, east_m)
-    shorter = 1.0
     if step_m <= STEP_M:  # longer ones keep a ring of thousands of corners small
-        bent = math.tan(math.radians(min(high_deg, _STEEPEST_DEG)))
-        shorter = math.sqrt(max(bent / _BENT, 1.0))
-    return min(max(math.ceil(length_m * shorter / step_m), 1), _MOST_STEPS)
+        step_m *= step_at_m(high_deg) / STEP_M
+    return min(max(math.ceil(length_m / step_m), 1), _MOST_STEPS)

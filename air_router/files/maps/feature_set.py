@@ -14,13 +14,13 @@ from air_router.files.maps.zone_reading import (
 )
 from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.zone import Circle, Ring
-from geo.frame import STEP_M, Geodetic, LocalFrame, Point, stepped
+from geo.frame import Geodetic, LocalFrame, Point, step_at_m, stepped
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
 _ON_LINE_DEG = 2e-9
 _FRAME_STEP_DEG = 10.0
-_LONG_SIDE_M = 1.1 * STEP_M  # longer than any side that was straight on the map
+_LONG = 1.1  # of that step: longer than any side that was straight on the map
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +107,10 @@ def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
         return places
     corners: list[Point] = []
     for index, after in zip(kept, (*kept[1:], kept[0]), strict=True):
+        farthest_deg = max(places[index].latitude_deg, places[after].latitude_deg, key=abs)
         alone = (index + 1) % len(ring) == after
-        corners += stepped(ring[index], ring[after], _LONG_SIDE_M if alone else math.inf)
+        step_m = _LONG * step_at_m(farthest_deg) if alone else math.inf
+        corners += stepped(ring[index], ring[after], step_m)
     return _on_map(corners, frame)
 
 

@@ -281,7 +281,18 @@ def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
         assert distances[1] <= radius_m / math.cos(math.pi / segments) + 1e-6
 
 
-@pytest.mark.parametrize("latitude_deg", [0.0, 47.0, -69.0])
+@pytest.mark.parametrize(("latitude_deg", "radius_m"), [(0, 9e5), (47, 2e5), (-69, 5e4), (89, 5e3)])
+def test_large_circles_are_covered_by_what_kml_says_of_them(latitude_deg, radius_m):
+    """Sides of 20 km that are straight in degrees were up to 8 m within the circle."""
+    centre = Geodetic(latitude_deg, 8.0)
+    ring = dense_ring(circle_around(centre, radius_m))
+    geod = Geod(ellps="WGS84")
+    away_m = [geod.inv(8.0, latitude_deg, *place[::-1])[2] for place in ring]
+    assert radius_m - 0.06 < min(away_m)
+    assert max(away_m) < 1.0013 * radius_m
+
+
+@pytest.mark.parametrize("latitude_deg", [0.0, 47.0, -69.0, 89.8])
 def test_long_sides_of_a_mission_in_metres_stay_where_they_are(latitude_deg):
     frame = LocalFrame(Geodetic(latitude_deg, 179.99))
     ring = tuple(Point(*corner) for corner in [(-9e3, 0), (9e3, 100), (9e3, 7e3), (-9e3, 7e3)])
