@@ -75,7 +75,9 @@ class Period:
             return True
         if last is None or last - first >= _WEEK:
             return any(hours.days for hours in self.daily)
-        ago = range((last.date() - first.date()).days + 2)  # days before the last one
+        ago = range(
+            min((last.date() - first.date()).days + 2, last.toordinal())
+        )  # days before last
         return any(
             _meets_on(last.date() - timedelta(days=n), hours, first, last)
             for n in ago
@@ -114,9 +116,9 @@ def _meets_on(day: date, hours: Hours, first: datetime, last: datetime) -> bool:
         return False
     start = datetime.combine(day, hours.start, UTC)
     end = datetime.combine(day, hours.end, UTC)
-    if hours.end <= hours.start:  # on the next day, which may be none: files say 9999-12-31
-        first -= timedelta(days=1)
-    return start <= last and first <= end
+    # On the next day, perhaps, of which there may be none: files say 9999-12-31.
+    later = timedelta(days=1 if hours.end <= hours.start else 0)
+    return start <= last and first - end <= later
 
 
 def _hours_words(hours: Hours) -> str:

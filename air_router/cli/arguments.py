@@ -84,6 +84,8 @@ def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
     return read
 
 
+_FIRST_YEAR, _LAST_YEAR = 1970, 9000  # of flights: before and after there is time left to reckon
+
 MORE_THAN_0, ANY_FINITE = sys.float_info.min, sys.float_info.max
 speed_factor = number("a speed between 0.1 and 100", 0.1, 100.0)
 """Of a simulation or a recorded flight, times real time."""
@@ -119,9 +121,13 @@ def moment(text: str) -> datetime:
     """An argument that is a time with its time zone.
 
     Raises:
-        argparse.ArgumentTypeError: it is none.
+        argparse.ArgumentTypeError: it is none, or at an end of the calendar.
     """
     try:
-        return moment_of(text)
+        given = moment_of(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text} is {error}") from None
+    if not _FIRST_YEAR <= given.year <= _LAST_YEAR:
+        years = f"the years {_FIRST_YEAR} to {_LAST_YEAR}"
+        raise argparse.ArgumentTypeError(f"{text} is not in {years}")
+    return given

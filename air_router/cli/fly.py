@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Final
 
 from air_router.cli.arguments import (
-    ANY_FINITE,
     MORE_THAN_0,
     add_uav,
     moment,
@@ -212,7 +211,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument(
         "--duration",
-        type=number("a positive number of seconds", MORE_THAN_0, ANY_FINITE),
+        type=number("a positive number of seconds, at most 1e9", MORE_THAN_0, 1e9),
         metavar="S",
         help="come home after so many seconds in the air, on the vehicle's clock",
     )

@@ -107,3 +107,10 @@ def test_nights_until_the_last_day_that_there_is():
     last = datetime(9999, 12, 31, 21, tzinfo=UTC)
     assert Period(last - timedelta(hours=18), last, nights).meets(FRIDAY, None)
     assert not Period(last - timedelta(hours=16), last, nights).meets(FRIDAY, None)
+
+
+def test_nights_from_the_first_day_that_there_is():
+    nights = Period(daily=(Hours(EVERY_DAY, time(22), time(4)),))
+    first = datetime(1, 1, 1, tzinfo=UTC)
+    assert nights.meets(first, first + timedelta(hours=22))
+    assert not nights.meets(first + timedelta(hours=5), first + timedelta(hours=21))

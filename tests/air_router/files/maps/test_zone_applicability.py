@@ -137,6 +137,11 @@ def test_by_day_it_is_refused_and_by_night_it_flies(tmp_path, capsys):
     for wrong in ("noon", "2026-11-20T20:00:00", "20:00"):
         assert main([*command, wrong]) == ExitCode.USAGE
         assert "is not a time with its time zone" in capsys.readouterr().err
+    for wrong in ("9999-12-31T23:59:59Z", "0001-01-01T00:00:00Z"):
+        assert main([*command, wrong]) == ExitCode.USAGE
+        assert "is not in the years 1970 to 9000" in capsys.readouterr().err
+    assert main(["fly", str(path), "--duration", "1e12"]) == ExitCode.USAGE
+    assert "at most 1e9" in capsys.readouterr().err
 
 
 def test_home_and_rally_points_keep_what_counts_from_the_ground_up(tmp_path):
