@@ -26,6 +26,12 @@ REBOOT_S: Final = 1.0
 _SILENCE_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
 
+_SET_S: Final = 2.0
+"""A vehicle's Unix time that is so much ahead of what it was by its first was set since."""
+
+_STEADY_S: Final = 0.2
+"""By less two messages differ of a clock that runs with the vehicle's; they come each second."""
+
 
 def loop_s() -> float:
     """Seconds on the running event loop's clock, `time.monotonic` on an ordinary one.
@@ -66,6 +72,7 @@ class VehicleClock:
         self._window_rate = 0.0  # what the last window alone told
         self._mark: tuple[float, float] | None = None  # both clocks where the rate was measured
         self._epoch_s: float | None = None  # Unix time at boot
+        self._told_unix = (0.0, math.inf)  # time since boot, and Unix time at boot, as told last
         self._synchronised = False  # the vehicle told it
         self._told_s = 0.0  # the latest answer: never runs back
 
@@ -108,12 +115,19 @@ class VehicleClock:
         """A message said that it is `unix_s` on the vehicle's GPS clock.
 
         The first one counts: from then on both clocks run together, whatever a simulated GPS
-        says (PX4's tells the wall's time, also at ten times real time).
+        says (PX4's tells the wall's time, also at ten times real time). But a clock that was set
+        ahead since, as it is once GPS knows the time, and runs with the vehicle's, is the right
+        one.
         """
+        epoch_s = unix_s - boot_s
         with self._lock:
-            if not self._synchronised:
+            before_s, before_epoch_s = self._told_unix
+            steady = boot_s > before_s and abs(epoch_s - before_epoch_s) <= _STEADY_S
+            behind = self._epoch_s is None or epoch_s > self._epoch_s + _SET_S
+            if not self._synchronised or (steady and behind):
                 self._synchronised = True
-                self._epoch_s = unix_s - boot_s
+                self._epoch_s = epoch_s
+            self._told_unix = (boot_s, epoch_s)
 
     def boot_s(self) -> float:
         """Seconds since the vehicle booted, never running backwards; 0 before it was heard."""

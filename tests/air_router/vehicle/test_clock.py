@@ -61,6 +61,25 @@ def test_a_rebooted_vehicle_starts_anew():
     assert clock.boot_s() == pytest.approx(2.0)
 
 
+def test_a_unix_time_that_was_set_since_counts_once_it_runs_with_the_vehicle_s_clock():
+    """A PX4 without a fix tells the time of its own clock; with one, that of the satellites."""
+    clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
+    clock.heard(10.0)
+    clock.heard_unix(1.2e9, 10.0)
+    told = []
+    for boot_s, unix_s in (
+        (11.0, 1.7e9),
+        (11.0, 1.7e9),
+        (12.0, 1.2e9),
+        (13.0, 1.7e9),
+        (14.0, 1.7e9 + 1),
+    ):
+        clock.heard(boot_s)
+        clock.heard_unix(unix_s, boot_s)
+        told.append(clock.now_s())
+    assert told == pytest.approx([1.2e9 + 1, 1.2e9 + 1, 1.2e9 + 2, 1.2e9 + 3, 1.7e9 + 1])
+
+
 def test_unix_time_is_the_vehicle_s_once_it_has_told_it():
     clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
     clock.heard(10.0)
