@@ -162,6 +162,8 @@ class _GeozoneReader(GeometryReader, ABC):
             if high.metres <= max(least_m, 0.0):
                 message = f"it ends at {high.metres:g} m, where it begins: read as without end"
                 self.reading.note((*layer, self.upper[0]), message, "no-height")
+                if low is not None and high.metres < least_m:
+                    low = high  # they may be exchanged
                 high = None
         return Altitudes(low, high) if low or high else None
 

@@ -220,6 +220,17 @@ def test_a_ceiling_at_the_ground_is_none_whatever_the_floor_counts_from(tmp_path
     assert codes(reading) == ["no-height"]
 
 
+@pytest.mark.parametrize("floor_m", [120, 150])
+def test_a_ceiling_at_or_below_the_floor_is_none_and_the_lower_of_the_two_the_floor(
+    tmp_path, floor_m
+):
+    limits = {"lowerLimit": floor_m, "upperLimit": 120, "uomDimensions": "M"}
+    limits |= dict.fromkeys(("lowerVerticalReference", "upperVerticalReference"), "AGL")
+    reading = read_written(tmp_path, [ed269(limits)])
+    assert reading.zones[0].terms.altitudes == Altitudes(AltitudeLimit(120, GROUND))
+    assert codes(reading) == ["no-height"]
+
+
 def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
     reading = read_written(tmp_path, {"type": "FeatureCollection", "features": [ed269()]})
     assert (reading.kind, len(reading.zones)) == ("ED-269", 1)
