@@ -32,6 +32,14 @@ def bytes_within(path: Path, max_bytes: int) -> bytes:
     return bytes_of(path, max_bytes, "cut out the part that the mission needs")
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file, no folder, at a path; none is where it is too long for one."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def write_whole(
     path: Path, text: str | bytes, *, replace: bool, check: Callable[[], None] = lambda: None
 ) -> None:

@@ -11,6 +11,7 @@ from typing import Final
 
 from air_router.errors import RefusedError
 from air_router.files.mission_document import Keys, MissionDocument
+from air_router.files.whole_file import is_file
 from air_router.messages import GOALS_TOPIC, JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC, SEEK_TOPIC
 from air_router.mission.mission import Mission
 from mocha_link.team.document import Document, DocumentError
@@ -142,7 +143,7 @@ def check_team(draft: MissionDocument) -> None:
 
     Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
     """
-    if draft.world is not None and not draft.world.is_file():
+    if draft.world is not None and not is_file(draft.world):
         draft.report(
             ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
         )
@@ -151,7 +152,7 @@ def check_team(draft: MissionDocument) -> None:
         draft.report(("seek", "robots"), message, "named-twice")
     if draft.team is None:
         return
-    if not draft.team.is_file():
+    if not is_file(draft.team):
         draft.report(("team",), f"there is no file {draft.team}; correct the path", "no-such-file")
         return
     try:

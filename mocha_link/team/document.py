@@ -237,6 +237,8 @@ def _scalar(node: yaml.Node) -> Any:
     kind = node.tag.removeprefix(TAG)
     if kind not in _READERS:
         raise ValueError(_strange(node))
+    if any("\ud800" <= letter <= "\udfff" for letter in node.value):
+        raise ValueError("half a character (a lone surrogate) in text; remove it")
     try:
         return _READERS[kind](node.value)
     except (KeyError, ValueError, OverflowError):

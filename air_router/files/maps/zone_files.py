@@ -29,7 +29,7 @@ from air_router.files.maps.zone_reading import (
     unique_names,
 )
 from air_router.files.mission_document import Area, Keys, MissionDocument
-from air_router.files.whole_file import PlacedSource, bytes_within
+from air_router.files.whole_file import PlacedSource, bytes_within, is_file
 from air_router.files.xml_document import kml_in
 from geo.airspace.zone import Shape
 from geo.frame import LocalFrame, Point
@@ -95,7 +95,7 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
     """
     if draft.frame is None:
         return
-    if keys and not path.exists():
+    if keys and not is_file(path):
         draft.report(keys, f"there is no file {path}; correct the path", "no-such-file")
         return
     try:

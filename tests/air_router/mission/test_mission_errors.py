@@ -114,6 +114,11 @@ WRONG = [
     ("battery_reserve: 0.3", "no_fly_files: [§nowhere.geojson]", "no-such-file"),
     ("battery_reserve: 0.3", "no_fly_files: [§{allow: [x]}]", "missing-key"),
     ("battery_reserve: 0.3", "team: §nowhere.yaml", "no-such-file"),
+    ("battery_reserve: 0.3", f"team: §{'far' * 100}.yaml", "no-such-file"),
+    ("battery_reserve: 0.3", f"world: §{'far' * 100}.yaml", "no-such-file"),
+    ("battery_reserve: 0.3", f"no_fly_files: [§{'far' * 100}.kml]", "no-such-file"),
+    ("battery_reserve: 0.3", "no_fly_files: [§.]", "no-such-file"),
+    ("battery_reserve: 0.3", 'name: §"\\udc00"', "wrong-value"),
     ("battery_reserve: 0.3", "seek: §[a, a]", "named-twice"),
 ]
 """What is changed into what, with a mark (§) at the problem's place, and its code."""

@@ -156,6 +156,8 @@ def test_every_problem_is_reported_in_file_order():
         ("a: !thing x", "1:4: YAML tag !thing is not read; remove it", "wrong-value"),
         ("? [a]\n: 1", "1:3: a key must be a word", "wrong-type"),
         ("a: &x {b: 1}\nc: {<<: *x}", "2:5: merge keys (<<) are not read", "yaml-feature"),
+        ('a: "\\ud800"', "1:4: half a character (a lone surrogate) in text", "wrong-value"),
+        ('"\\udfff": 1', "1:1: half a character (a lone surrogate) in text", "wrong-value"),
         ("a: .inf", "1:4: '.inf' is not a finite float value", "wrong-value"),
         ("a: 1e999", "1:4: '1e999' is not a finite float value", "wrong-value"),
         ("a: " + "9" * 5000, "1:4: ", "wrong-value"),
