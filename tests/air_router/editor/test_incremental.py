@@ -5,6 +5,7 @@ The random edits wander over all kinds, and now and then leave a mission that ca
 
 import contextlib
 import copy
+import gc
 import json
 import random
 from functools import partial
@@ -116,3 +117,18 @@ def test_another_altitude_leaves_the_paths_as_they_are(session):
     after = MissionAnalysis.of(session.editable).graph
     assert after.mission.cruise != before.mission.cruise
     assert after.paths is before.paths
+
+
+def test_edits_leave_no_garbage_in_circles(session):
+    """The program that serves the page does not search for any."""
+    chance = random.Random(5)
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(STEPS):
+            edit = any_edit(chance, session.view())
+            with contextlib.suppress(EditError):
+                session.edit(edit) if not isinstance(edit, str) else getattr(session, edit)()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
