@@ -21,7 +21,8 @@ from shapely import LineString, MultiPoint
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
-from geo.airspace.zone import Circle, Fence, Outline, Ring, Shape, Zone, rounded
+from geo.airspace.fence import Fence
+from geo.airspace.zone import Circle, Outline, Ring, Shape, Zone, rounded
 from geo.airspace.zone_index import (
     TOLERANCE_M,
     Flags,
@@ -29,7 +30,6 @@ from geo.airspace.zone_index import (
     ZoneIndex,
     leg_line,
     leg_lines,
-    threshold_m,
 )
 from geo.frame import Point
 
@@ -75,8 +75,7 @@ class Airspace:
         # to keep, by zone
         self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
         self.fence_distance_m = self._kept_m(None)  # to keep from fences
-        self._fences = tuple(Fence(shape) for shape in self.fences)
-        self._fence_threshold_m = threshold_m(self.fence_distance_m)  # with rounding allowed for
+        self._fences = tuple(Fence(shape, self.fence_distance_m) for shape in self.fences)
         self._index = ZoneIndex(self.zones, self.distances_m)
         # the last leg, and whether it is clear: a route asks for the straight one three times
         self._asked: tuple[Point, Point, bool] | None = None
@@ -115,8 +114,8 @@ class Airspace:
         leg = leg_line(start, end)
         far = self._index.far(leg)
         zones = (zone for zone, clear in zip(self.zones, far, strict=True) if clear)
-        things, threshold_m = np.array([leg], dtype=object), self._fence_threshold_m
-        return self._of([f.shape for f in self._fences if f.keeps(things, threshold_m)[0]], zones)
+        things = np.array([leg], dtype=object)
+        return self._of([fence.shape for fence in self._fences if fence.keeps(things)[0]], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
         """The airspace with only the zones that come nearer than this to a point."""
@@ -169,7 +168,7 @@ class Airspace:
             starts, ends = (np.where(clear[:, None], places, 0.0) for places in (starts, ends))
         lines = leg_lines(starts, ends)
         for fence in self._fences:
-            clear[clear] = fence.keeps(lines[clear], self._fence_threshold_m)
+            clear[clear] = fence.keeps(lines[clear])
         rest = np.flatnonzero(clear)
         clear[rest[self._index.legs_close(starts[rest], ends[rest], lines[rest])]] = False
         return clear
@@ -278,7 +277,7 @@ class Airspace:
     def _within_fences(self, shape: BaseGeometry) -> bool:
         things = np.array([shape], dtype=object)
         for fence in self._fences:  # noqa: SIM110 - asked for every leg; a generator takes longer
-            if not fence.keeps(things, self._fence_threshold_m)[0]:
+            if not fence.keeps(things)[0]:
                 return False
         return True
 

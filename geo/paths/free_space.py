@@ -14,7 +14,7 @@ a path too near. Exact along straight sides; at corners of polygons
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import cast
 
 import numpy as np
@@ -103,13 +103,8 @@ class FreeSpace:
 
     @cached_property
     def _lean_zones(self) -> Shapes:
-        grown: Shapes = shapely.buffer(
-            self._zones, self._reaches_m, join_style="mitre", mitre_limit=BEVEL
-        )
-        for index, zone in enumerate(self._airspace.zones):
-            if isinstance(zone.shape, Circle):
-                grown[index] = _circle(zone.shape, float(self._reaches_m[index]))
-        return grown
+        reaches = zip(self._airspace.zones, self._reaches_m.tolist(), strict=True)
+        return np.array([_lean(zone.shape, reach_m) for zone, reach_m in reaches], dtype=object)
 
     def _grown_tight(self, zones: Indices) -> Shapes:
         """Mitred and round shapes are both large enough, so what they have in common is."""
@@ -209,6 +204,13 @@ class FreeSpace:
             Polygon(part.exterior, [*part.interiors, *more]) if len(more) else part
             for part, more in zip(parts, holes, strict=True)
         ]
+
+
+@lru_cache(maxsize=4_000)  # a zone that is drawn or moved leaves the others as they are
+def _lean(shape: Shape, reach_m: float) -> BaseGeometry:
+    if isinstance(shape, Circle):
+        return _circle(shape, reach_m)
+    return shape.polygon.buffer(reach_m, join_style="mitre", mitre_limit=BEVEL)
 
 
 def _shrunk(fence: Shape, reach_m: float) -> BaseGeometry:

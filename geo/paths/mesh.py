@@ -62,10 +62,12 @@ class Mesh:
         dead_ends = _dead_ends(back)
         closed = np.append(np.isin(np.arange(back.size), dead_ends), False)  # -1 is the last
         left, right = np.where(closed[left], -1, left), np.where(closed[right], -1, right)
-        numbers = list(range(-1, max(back.size, east_m.size)))  # each is one object in all lists
+        # Each number is one object in all lists; -1 finds the last.
+        numbers = np.append(np.arange(max(back.size, east_m.size)), -1).astype(object)
 
         def listed(values: Integers) -> list[int]:
-            return list(map(numbers.__getitem__, (values + 1).ravel().tolist()))
+            found: list[int] = numbers[values.ravel()].tolist()
+            return found
 
         self.back = listed(back)
         self._dead_ends = listed(dead_ends)  # entry into each triangle of one; else -1

@@ -253,6 +253,20 @@ def test_in_bulk_the_answers_are_the_same(drawn, fences, places, clearance_m):
         assert answer == (space.leg_clear(a, b) if a != b else space.point_clear(a))
 
 
+def test_near_a_fence_the_answers_in_bulk_are_the_same():
+    ring = (Point(0, 0), Point(100, 10), Point(90, 80), Point(40, 50), Point(-10, 90))
+    hole = (Point(30, 20), Point(50, 20), Point(45, 35))
+    space = Airspace(Outline(ring, (hole,)), [], clearance_m=3)
+    chance = np.random.default_rng(1)
+    starts = chance.uniform(-15, 105, (500, 2))
+    ends = starts + chance.normal(0, 8, (500, 2))
+    clear = space.legs_clear_between(starts, ends)
+    assert 100 < clear.sum() < 400
+    assert clear.tolist() == [
+        space.leg_clear(Point(*a), Point(*b)) for a, b in zip(starts, ends, strict=True)
+    ]
+
+
 @given(zones, st.lists(shapes, max_size=2), distances, place)
 def test_drawn_free_space_is_clear_and_hardly_smaller(drawn, fences, clearance_m, probe):
     space = Airspace(fences, drawn, clearance_m)
