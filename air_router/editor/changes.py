@@ -96,7 +96,8 @@ def ring_of(value: Any, keys: Keys) -> Ring | None:
     """The corners of a list of pairs; None if it is none."""
     if not isinstance(value, list):
         return None
-    corners = [handle_of(pair, (*keys, i), (*keys, i)) for i, pair in enumerate(value)]
+    names = [(*keys, index) for index in range(len(value))]
+    corners = map(handle_of, value, names, names)
     known = tuple(corner for corner in corners if corner)
     return Ring(keys, known) if len(known) == len(value) else None
 

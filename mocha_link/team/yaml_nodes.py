@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import lru_cache
 
 import yaml
 
@@ -11,6 +12,9 @@ MAX_DEPTH = 60
 _LARGE = 50_000
 """Characters from which on an error is told in the words of the quick parser: the other one takes
 a second for so many."""
+
+_MOST_KEPT = 20_000
+"""Words of which it is remembered whether they are text, numbers or what else."""
 
 TAG = "tag:yaml.org,2002:"
 """Before the names of YAML's own types."""
@@ -61,6 +65,8 @@ if yaml.__with_libyaml__:
         """The same in C: ten times as quick, but it overflows the stack where nesting is deep."""
 
         yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+        # Asked for every value; of a text that is edited nearly all are the same as before.
+        resolve = staticmethod(lru_cache(_MOST_KEPT)(Loader("").resolve))
 
 
 def compose(text: str) -> yaml.Node | None:
