@@ -1,4 +1,4 @@
-"""The messages of one PX4: what goes to it, when its own came, and what it says in words."""
+"""The messages of one PX4: what goes to it, when its own came, which of them are old, its words."""
 
 import asyncio
 import json
@@ -18,7 +18,6 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 from air_router.vehicle.clock import VehicleClock, loop_s
 from air_router.vehicle.px4.mavsdk_bridge import Received, call, message, subscribe
 from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
-from air_router.vehicle.px4.px4_streams import Backlog
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +38,60 @@ class PlanIds(NamedTuple):
     mission_id: int
     fence_id: int
     rally_points_id: int
+
+
+PAUSE_S: Final = 1.5
+"""After a longer pause the first messages may be of its beginning. Slow links have shorter ones."""
+
+BACKLOG_S: Final = 0.5
+"""For so long, on our clock, these are left out where they do not tell the vehicle's time."""
+
+_CAUGHT_UP: Final = 0.8
+"""A message is of now if the vehicle's time has gone on by so much of the pause."""
+
+_LIVE: Final = 0.7
+"""Messages that take so much of the time that they tell of come from a link that is slower now."""
+
+
+class Backlog:
+    """Finds messages of before a pause: a socket keeps them while this program stands still.
+
+    They tell of a vehicle that a pilot may have taken since. All that follows a pause is of before
+    until one tells a time that has gone on as ours has, they do not come all at once, or
+    `BACKLOG_S` have passed.
+
+    Attributes:
+        pause_s: How long the latest pause was, on our clock.
+    """
+
+    def __init__(self) -> None:
+        self.pause_s = 0.0
+        self._came_s: float | None = None  # when anything came last, monotonic
+        self._boot_s = 0.0  # the latest time that the vehicle told
+        self._fresh_s = 0.0  # from this time of the vehicle on nothing is of before
+        self._first: tuple[float, float] | None = None  # time told first after it, and when
+        self._until_s = -math.inf  # monotonic; all that comes later is of now
+
+    def holds(self, fields: Mapping[str, Any], arrived_s: float, rate: float) -> bool:
+        """Whether a message is of before a pause.
+
+        Args:
+            fields: Of the message.
+            arrived_s: When it came.
+            rate: Of the vehicle's time against ours.
+        """
+        if self._came_s is not None and arrived_s - self._came_s > PAUSE_S:
+            self.pause_s = arrived_s - self._came_s
+            self._fresh_s = self._boot_s + _CAUGHT_UP * self.pause_s * rate
+            self._until_s, self._first = arrived_s + BACKLOG_S, None
+        self._came_s = arrived_s
+        if (boot_ms := fields.get("time_boot_ms")) is not None:
+            boot_s = self._boot_s = boot_ms / 1e3
+            self._first = self._first or (boot_s, arrived_s)
+            told_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
+            if boot_s >= self._fresh_s or took_s >= _LIVE * told_s > 0.0:
+                self._until_s = -math.inf
+        return arrived_s < self._until_s
 
 
 class Px4Messages:

@@ -241,53 +241,6 @@ class Streams:
         return armed and (word or high)
 
 
-PAUSE_S: Final = 1.5
-"""After a longer pause the first messages may be of its beginning. Slow links have shorter ones."""
-
-BACKLOG_S: Final = 1.0
-"""For so long, on our clock, these are left out where they do not tell the vehicle's time."""
-
-_CAUGHT_UP: Final = 0.8
-"""A message is of now if the vehicle's time has gone on by so much of the pause."""
-
-
-class Backlog:
-    """Finds messages of before a pause: a socket keeps them while this program stands still.
-
-    They tell of a vehicle that a pilot may have taken since. All that follows a pause is of before
-    until one tells a time that has gone on as ours has, or `BACKLOG_S` have passed.
-
-    Attributes:
-        pause_s: How long the latest pause was, on our clock.
-    """
-
-    def __init__(self) -> None:
-        self.pause_s = 0.0
-        self._came_s: float | None = None  # when anything came last, monotonic
-        self._boot_s = 0.0  # the latest time that the vehicle told
-        self._fresh_s = 0.0  # from this time of the vehicle on nothing is of before
-        self._until_s = -math.inf  # monotonic; all that comes later is of now
-
-    def holds(self, fields: _Fields, arrived_s: float, rate: float) -> bool:
-        """Whether a message is of before a pause.
-
-        Args:
-            fields: Of the message.
-            arrived_s: When it came.
-            rate: Of the vehicle's time against ours.
-        """
-        if self._came_s is not None and arrived_s - self._came_s > PAUSE_S:
-            self.pause_s = arrived_s - self._came_s
-            self._fresh_s = self._boot_s + _CAUGHT_UP * self.pause_s * rate
-            self._until_s = arrived_s + BACKLOG_S
-        self._came_s = arrived_s
-        if (boot_ms := fields.get("time_boot_ms")) is not None:
-            self._boot_s = boot_ms / 1e3
-            if self._boot_s >= self._fresh_s:
-                self._until_s = -math.inf
-        return arrived_s < self._until_s
-
-
 BACK_S: Final = 1.0
 """So far back messages may overtake each other, on the vehicle's clock."""
 

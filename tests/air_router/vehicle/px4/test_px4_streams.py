@@ -102,11 +102,20 @@ def test_a_link_that_passes_all_at_once_now_and_then_is_heard(px4, every_s):
         assert px4.boot_s - px4.telemetry.time_s < 0.15
 
 
-def test_a_vehicle_whose_time_does_not_come_is_heard_a_second_after_a_pause(px4):
+def test_a_link_that_is_slower_from_now_on_is_heard_at_once(px4):
+    px4.wall_s += 1.8  # all that is said takes so much longer
+    px4.mode = HOLD
+    px4.run(0.2)
+    assert px4.boot_s - px4.telemetry.time_s < 0.15
+    px4.says("HEARTBEAT")
+    assert px4.telemetry.mode is FlightMode.HOLD
+
+
+def test_a_vehicle_whose_time_does_not_come_is_heard_half_a_second_after_a_pause(px4):
     px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
     px4.wall_s += 10.0
     px4.mode = HOLD
-    px4.run(0.8)
+    px4.run(0.4)
     assert px4.telemetry.mode is FlightMode.MISSION
     px4.run(1.5)
     assert px4.telemetry.mode is FlightMode.HOLD
