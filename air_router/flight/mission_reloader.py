@@ -11,6 +11,7 @@ import dataclasses
 import logging
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, Final
 
 from air_router.controller.airspace_change import widened_router
@@ -29,6 +30,7 @@ from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Vehicle
+from geo.airspace.zone import Zone
 from mocha_link.team.document import DocumentError
 
 _log = logging.getLogger(__name__)
@@ -66,9 +68,14 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
     draft = read_draft(mission.path)
     if mission.layers and mission.uav is not None:
         choose(draft, mission.uav)
-    draft.start = mission.window.start  # the zones of this flight, not of one that begins now
+    latest, today = mission.window.latest_start, datetime.now(UTC)
+    late = latest is not None and today > latest  # its window may be over before it is
+    # The zones of this flight, not of one that begins now.
+    draft.start = today if late else mission.window.start
     draft.duration_s = mission.duration_s
     now = checked(draft, besides=DRAWN_OVER)
+    if late:
+        now = now.with_areas(now.fences, _whatever_the_hour(now))
     follows = ("cruise", "climb_corridors")
     fields = sorted(dataclasses.fields(mission), key=lambda field: field.name in follows)
     others = [
@@ -92,6 +99,17 @@ def changed_areas(mission: Mission, on_board: FlightPlan | None = None) -> Airsp
             f"{FENCE_POINTS}; draw circles, and polygons with fewer corners"
         )
     return AirspaceChanged(now.fences, now.zones)
+
+
+def _whatever_the_hour(mission: Mission) -> tuple[Zone, ...]:
+    """The zones of a mission, those that apply in its window without their hours."""
+    start, end = mission.window.start, mission.window.end
+    return tuple(
+        dataclasses.replace(zone, validity=None)
+        if zone.validity is not None and zone.validity.active_between(start, end)
+        else zone
+        for zone in mission.zones
+    )
 
 
 @dataclass(frozen=True, slots=True)

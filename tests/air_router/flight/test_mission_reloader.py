@@ -5,6 +5,7 @@ import dataclasses
 import math
 import shutil
 import threading
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -101,6 +102,31 @@ def test_a_file_that_is_gone_or_lays_a_zone_over_home_changes_nothing(file):
     file.unlink()
     with pytest.raises(DocumentError):
         changed_areas(mission)
+
+
+@pytest.mark.parametrize(
+    ("waited_h", "begins_h", "applies", "hours"),
+    [
+        (5.0, -0.5, True, False),  # loaded in the morning, flown and drawn in the afternoon
+        (5.0, 3.0, False, True),
+        (0.5, -0.5, True, True),
+        (0.5, 3.0, False, True),
+    ],
+)
+def test_a_zone_that_is_drawn_to_apply_now_does_however_long_the_flight_waited_for_its_pilot(
+    file, waited_h, begins_h, applies, hours
+):
+    mission = load_mission(file, start=datetime.now(UTC) - timedelta(hours=waited_h))
+    begins = datetime.now(UTC) + timedelta(hours=begins_h)
+    ends = begins + timedelta(hours=1.0)
+    period = f"{{from: {begins:%FT%TZ}, until: {ends:%FT%TZ}}}"
+    add_zone(file, f"{ZONE}    active: [{period}]\n")
+    changed = changed_areas(mission)
+    (crane,) = (zone for zone in changed.zones if zone.name == "crane")
+    airspace = mission.with_areas(changed.fences, changed.zones).airspace
+    assert (crane in airspace.zones, crane.validity is not None) == (applies, hours)
+    with pytest.raises(NotReloadedError, match="are as they were"):
+        changed_areas(mission.with_areas(changed.fences, changed.zones))
 
 
 def test_a_fence_that_does_not_fit_on_board_is_not_taken(file):
