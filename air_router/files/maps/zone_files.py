@@ -22,6 +22,7 @@ from air_router.files.maps.gpx import read_gpx_zones
 from air_router.files.maps.kml import read_kml
 from air_router.files.maps.openair import read_openair
 from air_router.files.maps.zone_reading import (
+    AllowedZones,
     MapArea,
     MapCircle,
     MapOutline,
@@ -31,6 +32,7 @@ from air_router.files.maps.zone_reading import (
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.whole_file import PlacedSource, bytes_within, is_file
 from air_router.files.xml_document import kml_in
+from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
 from geo.frame import LocalFrame, Point
 from mocha_link.team.problem import DocumentError, Problem, text_in
@@ -69,7 +71,7 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
     if suffix == ".kmz":
         raw, suffix = kml_in(raw, path, MAX_BYTES), ".kml"
     if suffix in _XML_READERS or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _XML_READERS.get(suffix, read_kml)(raw, path)
+        return _without_kinds(_XML_READERS.get(suffix, read_kml)(raw, path), allow)
     if suffix in _OPENAIR_SUFFIXES:
         return read_openair(raw, path, allow)
     document = json_from_text(text_in(raw, path), path)
@@ -79,13 +81,19 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
         raise DocumentError([document.problem((), message, "unknown-format")])
     reading = read_geozones(document, allow)
     if reading is None and isinstance(data, dict) and isinstance(data.get("type"), str):
-        reading = read_geojson(document)
+        reading = _without_kinds(read_geojson(document), allow)
     if reading is not None:
         return reading
     message = (
         "none of GeoJSON, KML, GPX, OpenAir and geozones (ED-269, ED-318); choose another file"
     )
     raise DocumentError([document.problem((), message, "unknown-format")])
+
+
+def _without_kinds(reading: ZoneReading, allow: Collection[str]) -> ZoneReading:
+    """The zones of a file that does not say of what kind they are: none can be allowed."""
+    AllowedZones(allow).tell(reading, f"restriction or class ({reading.kind} has none)")
+    return reading
 
 
 def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[str] = ()) -> None:
@@ -139,7 +147,8 @@ def _add_near(
             draft.problems.append(shape)
         elif around.distance_m(shape) <= around.reach_m:
             kept.append((zone, shape))
-    names = unique_names((zone.name for zone, _ in kept), (area.name for area in draft.zones))
+    taken = (FENCE, *(area.name for area in draft.zones))
+    names = unique_names((zone.name for zone, _ in kept), taken)
     for name, (zone, shape) in zip(names, kept, strict=True):
         here = zone.problem("", "")  # without the whole document that it was read from
         keys, source = (here.line, here.column), PlacedSource(here.path)

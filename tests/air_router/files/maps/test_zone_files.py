@@ -148,6 +148,14 @@ def test_what_is_allowed_in_vain_is_noted():
     assert "'CONDITONAL'" in reading.notes[-1].message
 
 
+@pytest.mark.parametrize("name", ["zones.geojson", "zones.kml", "walk.gpx"])
+def test_what_cannot_be_allowed_is_noted(name):
+    reading = read_zones(FILES / name, allow=["yard"])
+    assert len(reading.zones) == len(read_zones(FILES / name).zones)
+    (note,) = (note for note in reading.notes if note.code == "allow-unused")
+    assert "'yard'" in note.message
+
+
 def test_a_mission_allows_zones(tmp_path):
     entry = f"{{file: '{FILES}/geozones_ed318.json', allow: [PROHIBITED, XXA002, CONDITIONAL]}}"
     found = load_mission(mission(tmp_path, f"no_fly_files: [{entry}]\n"))
@@ -424,6 +432,12 @@ def test_a_zone_around_half_the_earth_is_not_left_out_as_far(tmp_path, west_deg)
     (problem,) = draft.problems
     assert problem.code == "too-wide"
     assert "'z0'" in problem.message
+
+
+def test_a_zone_of_a_file_may_be_called_fence(tmp_path):
+    draft = draft_at(Geodetic(47.0, 8.0))
+    names = add(tmp_path, draft, (square(8.0, 47.001), {"name": "fence"}))
+    assert names == ["fence (2)"]
 
 
 def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
