@@ -21,10 +21,18 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely import GeometryType, Polygon, STRtree
+from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from geo.airspace.airspace import Airspace
-from geo.airspace.zone import ARC_EXCESS, ARC_STEPS, Circle, Shape, circle_ring, polygons_of
+from geo.airspace.zone import (
+    ARC_EXCESS,
+    ARC_STEPS,
+    Circle,
+    Shape,
+    circle_ring,
+    polygons_of,
+)
 
 Shapes = npt.NDArray[np.object_]
 Floats = npt.NDArray[np.float64]
@@ -55,6 +63,13 @@ class FreeSpace:
         # polygons
         self._zones: Shapes = np.array([zone.polygon for zone in airspace.zones], dtype=object)
         self._reaches_m = np.array(airspace.distances_m, dtype=float) + HAIR_M  # to keep from each
+        # What distances are measured from, and to keep from that: circles have their centres, as
+        # the polygons around them would close gaps of thousandths of their radii.
+        self._solids, self._spans_m = self._zones.copy(), self._reaches_m.copy()
+        for index, zone in enumerate(airspace.zones):
+            if isinstance(zone.shape, Circle):
+                self._solids[index] = ShapelyPoint(zone.shape.centre)
+                self._spans_m[index] += zone.shape.radius_m
 
     @cached_property
     def lean(self) -> list[Polygon]:
@@ -152,13 +167,13 @@ class FreeSpace:
 
         Between two shapes that are too close and meet in one piece there is no gap.
         """
-        grown, zones = self._lean_zones.copy(), self._zones
+        grown, solids = self._lean_zones.copy(), self._solids
         pinching = shapely.get_num_interior_rings(grown) > 0
         pinching[self._closing(grown)] = True
-        tight = np.zeros(len(zones), dtype=bool)
+        tight = np.zeros(len(grown), dtype=bool)
         one, other = self._tree.query(grown, predicate="intersects")
         one, other = one[one < other], other[one < other]
-        close = _dwithin(zones[one], zones[other], self._reaches_m[one] + self._reaches_m[other])
+        close = _dwithin(solids[one], solids[other], self._spans_m[one] + self._spans_m[other])
         changed = np.ones(len(one), dtype=bool)
         while True:
             meeting = shapely.intersection(grown[one[changed]], grown[other[changed]])
@@ -176,10 +191,9 @@ class FreeSpace:
         """The zones that may close a gap between them and a fence."""
         across = np.flatnonzero(~shapely.covers(self._inside, grown))
         closing = shapely.get_num_geometries(shapely.difference(grown[across], self._inside)) > 1
-        reach_m = self._reaches_m[across] + self._airspace.fence_distance_m + HAIR_M
+        spans_m = self._spans_m[across] + self._airspace.fence_distance_m + HAIR_M
         for fence in self._airspace.fences:
-            clear = shapely.covers(fence.polygon, self._zones[across])
-            closing |= clear & ~_dwithin(fence.polygon.boundary, self._zones[across], reach_m)
+            closing |= _far_within(fence, self._solids[across], spans_m)
         return across[closing]
 
     def _parts(self, grown: Shapes, inside: BaseGeometry) -> list[Polygon]:
@@ -211,6 +225,15 @@ def _lean(shape: Shape, reach_m: float) -> BaseGeometry:
     if isinstance(shape, Circle):
         return _circle(shape, reach_m)
     return shape.polygon.buffer(reach_m, join_style="mitre", mitre_limit=BEVEL)
+
+
+def _far_within(fence: Shape, solids: Shapes, distances_m: Floats) -> npt.NDArray[np.bool_]:
+    """Which points and polygons are inside of a fence, and each so far from its border."""
+    if isinstance(fence, Circle):
+        farthest_m = shapely.hausdorff_distance(solids, ShapelyPoint(fence.centre))  # of corners
+        return np.asarray(farthest_m < fence.radius_m - distances_m)
+    inside = shapely.covers(fence.polygon, solids)
+    return np.asarray(inside & ~_dwithin(fence.polygon.boundary, solids, distances_m))
 
 
 def _shrunk(fence: Shape, reach_m: float) -> BaseGeometry:

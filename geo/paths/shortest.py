@@ -51,7 +51,7 @@ class ShortestPaths:
     """Finds shortest clear paths, and which places are connected.
 
     A gap counts as open when it is wider than the distances to keep from both its sides by 0.2 mm;
-    between two pointed corners, by up to 0.6 % more.
+    between two pointed corners by up to 0.6 % more, beside a circle by 1 cm or 0.004 % of it.
     """
 
     def __init__(self, airspace: Airspace) -> None:

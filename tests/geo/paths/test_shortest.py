@@ -58,6 +58,29 @@ def test_a_gap_is_open_when_it_is_wider_than_twice_the_clearance(gap_m, open_):
     assert shortest_paths(space).connected(Point(-50, 50), Point(50, -50)) is open_
 
 
+@pytest.mark.parametrize(("more_m", "open_"), [(-0.001, False), (0.05, True)])
+@pytest.mark.parametrize("beyond", ["wall", "fence", "circle", "round fence"])
+def test_a_gap_beside_a_large_circle_is_as_wide_as_it_is(beyond, more_m, open_):
+    """Drawn with 48 sides it is 1 m larger."""
+    gap_m = 10 + more_m
+    reach_m, far_m = 500 + gap_m, 2_000
+    fence = box_ring(-far_m, -far_m, far_m, far_m)
+    zones = [Zone("circle", Circle(Point(0, 0), 500)), box("bar", -far_m, -1, -490, 1)]
+    if beyond == "wall":
+        zones.append(box("wall", reach_m, -far_m, far_m, far_m))
+    elif beyond == "fence":
+        fence = box_ring(-far_m, -far_m, reach_m, far_m)
+    elif beyond == "circle":
+        zones.append(Zone("other", Circle(Point(reach_m + 500, 0), 500)))
+        zones.append(box("other bar", reach_m + 990, -1, far_m, 1))
+    else:
+        fence = Circle(Point(0, 0), reach_m)
+    paths = ShortestPaths(Airspace(fence, zones, 5))
+    middle_m = 500 + gap_m / 2
+    assert paths.connected(Point(0, -middle_m), Point(0, middle_m)) is open_
+    assert (paths.path(Point(0, -middle_m), Point(0, middle_m)) is not None) is open_
+
+
 @pytest.mark.parametrize(
     ("clearance_m", "slit_m", "slant_m"),
     [(0, 0.0004, 0), (0, 0.0004, 6), (0, 0.0003, 9), (5, 0.0003, 3)],
