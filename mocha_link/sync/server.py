@@ -168,7 +168,9 @@ class Server:
         opening, or all that we answered, was among them.
         """
         flow = self._flows.current
-        if flow and flow.rtt_s is not None and not (sync.done or suits_connection(flow)):
+        if flow is None or flow.token != sync.id or sync.done:
+            return
+        if flow.rtt_s is not None and not suits_connection(flow):
             sync.by_datagram = True
 
     def on_contact(self, now: Instant) -> None:

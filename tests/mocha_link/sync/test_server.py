@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
-from mocha_link.datagram.packet import parse
+from mocha_link.datagram.packet import only_ack, parse
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store import wire
 from mocha_link.store.database import Database
@@ -400,6 +400,19 @@ def test_what_a_connection_began_goes_on_by_datagrams_far_away(server, io, datab
     assert io.got == all_of(database)
     assert io.receiver.complete
     assert [type(event) for event in told_by(server)] == [SyncStarted, SyncEnded]
+
+
+def test_what_comes_late_of_a_pull_that_is_over_takes_the_next_off_no_connection(server, database):
+    fill(database, size=20_000)
+    first, second = Asker(server, b"first."), Asker(server, b"second")
+    first.cast(at(0))
+    end_s = first.run(0, 0.05)
+    second.open(GRANT.pack(3_000, 1_400), now=at(end_s + 0.1))
+    assert second.drain()
+    late = only_ack(first.id, first.flow._arrivals.acknowledge(at(end_s + 0.2).steady_s))
+    server.packet(late, at(end_s + 0.2))
+    second.ask(b"SYNCC" + PLENTY, now=at(end_s + 0.2))
+    assert second.drain()
 
 
 def test_datagrams_that_were_in_doubt_carry_again_once_one_is_acknowledged(server, io, database):
