@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,26 @@ def test_levels_before_and_after_the_command():
     assert level("check m.yaml -vvvv") == logging.DEBUG
     assert level("-vv check m.yaml --log-level error") == logging.ERROR
     assert level("--log-level info check m.yaml") == logging.INFO
+
+
+@pytest.mark.parametrize("name", ["Zürich", "b\udcff"])  # the second: no UTF-8 in a file's name
+def test_letters_that_the_terminal_lacks_are_escaped(name, tmp_path, monkeypatch):
+    mission, raw = ROOT / "missions" / "pennovation" / "mission.yaml", io.BytesIO()
+    out = io.TextIOWrapper(raw, encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", out)
+    target = tmp_path / f"{name}.geojson"
+    assert air_router.cli.cli.main(["convert", str(mission), str(target)]) == 0
+    out.flush()
+    assert target.name.encode("ascii", "backslashreplace") in raw.getvalue()
+
+
+def test_without_a_standard_output_a_command_works_all_the_same(tmp_path, monkeypatch):
+    source = ROOT / "missions" / "pennovation" / "mission.yaml"
+    target = tmp_path / "map.geojson"
+    monkeypatch.setattr(sys, "stdout", None)
+    assert air_router.cli.cli.main(["convert", str(source), str(target)]) == 0
+    sys.stdout.close()
+    assert target.exists()
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -38,7 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
     if output is not None:
         if output.resolve() == log.path.resolve():
             raise UsageError(f"{output}: is the record itself; write the page elsewhere, -o F")
-        write_whole(output, page_of(summary, log.path.name), replace=True)
+        page = page_of(summary, log.path.name).encode(errors="replace")  # a name may be no UTF-8
+        write_whole(output, page, replace=True)
         print(f"the report: {output}", file=sys.stderr)
     if arguments.json:
         sys.stdout.write(json_of(summary.as_json()) + "\n")

@@ -86,10 +86,13 @@ class MissionFile:
         self._digest = hashlib.sha256(raw).digest()
 
     def keep_aside(self, text: str) -> Path:
-        """Write what was not saved into a file beside; gives its path. Raises SaveError."""
-        aside = MissionFile(self.path.with_name(f"{self.path.name}.unsaved"))
-        aside.write(text, overwrite=True)
-        return aside.path
+        """Write what was not saved into a new file beside; gives its path. Raises SaveError."""
+        aside, number = self.path.with_name(f"{self.path.name}.unsaved"), 1
+        while aside.exists():  # of another page on this file, or of the last time
+            number += 1
+            aside = self.path.with_name(f"{self.path.name}.unsaved-{number}")
+        MissionFile(aside).write(text, overwrite=True)
+        return aside
 
     def _check_unchanged(self) -> None:
         if self.changed():

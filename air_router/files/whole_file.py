@@ -46,7 +46,7 @@ def write_whole(
     """Write a file in one step; what was there stays until it is replaced, also in a power cut.
 
     Args:
-        path: The file; a link stays a link.
+        path: The file; a link stays a link. What is a device or a pipe is written to instead.
         text: What shall be in it.
         replace: Whether it may be there already.
         check: Called just before the file is replaced; what it raises leaves all as it was.
@@ -57,6 +57,9 @@ def write_whole(
     """
     if path.exists() and not replace:
         raise _refusal(path)
+    if path.is_char_device() or path.is_fifo():  # /dev/null, /dev/stdout: these stay what they are
+        path.write_bytes(text.encode() if isinstance(text, str) else text)
+        return
     path = path.resolve()  # a link stays a link
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)

@@ -51,7 +51,7 @@ class StatusLine:
         self._shown_s = now_s
         text = line()
         if self._live:
-            width = shutil.get_terminal_size().columns - 1  # one line must stay one line
+            width = max(shutil.get_terminal_size().columns - 1, 1)  # one line must stay one line
             text = text if len(text) <= width else f"{text[: width - 1]}…"
             self._write("\r" + text.ljust(self._width))
             self._width = len(text)

@@ -192,8 +192,8 @@ class Playback:
                 self._paused = paused
             case {"ask": "speed", "speed": int() | float() as speed} if 0 < speed <= MOST_SPEED:
                 self._speed = float(speed)
-            case {"ask": "go", "to_s": int() | float() as to_s} if math.isfinite(to_s):
-                self._wanted_s = min(max(float(to_s), self._recorded.begin_s), self._recorded.end_s)
+            case {"ask": "go", "to_s": int() | float() as to_s} if to_s == to_s:  # noqa: PLR0124 - NaN
+                self._wanted_s = min(max(to_s, self._recorded.begin_s), self._recorded.end_s)
             case _:
                 raise RequestError("the page asks for something that is not known; load it again")
         return {}

@@ -37,6 +37,8 @@ from mocha_link.node.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
 
+_LATEST_UNIX_S: Final = 1.8e10  # in the year 2540
+
 CLOCK, LINKS, MAP, GRID = "clock", "links", "map", "grid"
 EVERY_S: Final = {CLOCK: 10.0, LINKS: 1.0, MAP: 1.0, GRID: 30.0}
 """So often the vehicle's Unix time is noted beside its own clock, the links are looked at, the size
@@ -219,7 +221,7 @@ class Recorder(Closeable):
         try:
             if path.stat().st_size <= FILE_BYTES:
                 data, kind = path.read_bytes(), _MEDIA_TYPES.get(path.suffix, "text/plain")
-                self._file.attach(path.name, kind, int(self._unix_s() * 1e9), data)
+                self._file.attach(path.name, kind, _ns(self._unix_s()), data)
         except OSError as error:
             _log.warning("%s is not in the record: %s", path, error)
 
@@ -286,11 +288,11 @@ class Recorder(Closeable):
             if each.topic not in self._drawn:
                 self._drawn[each.topic] = RecordChannel(each.topic, each.schema, schema_text(each))
             stamp = each.message.get("timestamp")
-            time_ns = None if stamp is None else stamp["sec"] * 10**9 + stamp["nsec"]
+            time_ns = None if stamp is None else _ns(stamp["sec"]) + stamp["nsec"]
             self._send(self._drawn[each.topic], time_ns, each.message)
 
     def _add(self, channel: RecordChannel, now_s: float, message: dict[str, Any]) -> None:
-        self._send(channel, int(self._time_s(now_s) * 1e9), message)
+        self._send(channel, _ns(self._time_s(now_s)), message)
 
     def _send(self, channel: RecordChannel, time_ns: int | None, message: dict[str, Any]) -> None:
         if self._idle:
@@ -311,6 +313,11 @@ class Recorder(Closeable):
                 return self._unix_s()
             self._epoch_s = max(self._unix_s(), self._last_ns / 1e9) - now_s
         return self._epoch_s + now_s
+
+
+def _ns(unix_s: float) -> int:
+    """Nanoseconds as MCAP can hold them, in 64 bits: a vehicle may say any date."""
+    return int(min(max(unix_s, 0.0), _LATEST_UNIX_S) * 1e9)
 
 
 _MEDIA_TYPES: Final = {".yaml": "application/yaml", ".plan": "application/json"}

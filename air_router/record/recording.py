@@ -46,7 +46,8 @@ def record_of(arguments: argparse.Namespace) -> Path:
     if arguments.log is not None:
         return Path(arguments.log)
     folders = (LOCAL_FOLDER, default_folder())
-    records = [path for folder in folders for path in folder.rglob("*.mcap")]
+    found = (path for folder in folders for path in folder.rglob("*.mcap"))
+    records = [path for path in found if path.is_file()]  # no link to one that is gone
     if not records:
         raise UsageError(f"neither logs/ nor {default_folder()} has a record of a flight; name one")
     return max(records, key=lambda path: path.stat().st_mtime)

@@ -20,12 +20,23 @@ from importlib.resources.abc import Traversable
 from typing import Any, Final, NamedTuple
 
 from aiohttp import ClientConnectionResetError, WSMsgType, web
+from aiohttp.http import HttpProcessingError
 
 from air_router.web.guard import BACKLOG, TOKEN, ConnectionLimit, Guard, Handler, add_headers
 from air_router.web.serving import ServeError, Web
 from air_router.web.tile_file import Tile, TileError, TileFile
 
 _LOG = logging.getLogger(__name__)
+_SERVER_LOG = logging.getLogger(f"{__name__}.server")
+
+
+def _ours(record: logging.LogRecord) -> bool:
+    """Whether something is a fault of ours: it is no bytes of a client's that are no request."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, HttpProcessingError)
+
+
+_SERVER_LOG.addFilter(_ours)
 
 MAX_MESSAGE_BYTES: Final = 64 * 1024
 MAX_PAGES: Final = 32
@@ -161,6 +172,7 @@ class Site:
         runner = web.AppRunner(
             self._app,
             access_log=None,
+            logger=_SERVER_LOG,
             shutdown_timeout=_SHUTDOWN_S,
             keepalive_timeout=_KEEPALIVE_S,
             handle_signals=False,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import logging
 import os
 import re
@@ -134,6 +135,7 @@ class Program:
     def run(self, argv: Sequence[str] | None) -> int:
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
         leave_when_interrupted()  # a command is imported when it is asked for
+        prepare_output()
         words = self.prepared(sys.argv[1:] if argv is None else argv)
         if not words:
             self.parser(whole=False).print_help(sys.stderr)
@@ -245,6 +247,17 @@ def coloured(out: TextIO) -> bool:
     """Whether colours may be written there: to a terminal that has them, unless NO_COLOR is set."""
     dumb = os.environ.get("TERM", "dumb") == "dumb"
     return out.isatty() and not dumb and not os.environ.get("NO_COLOR")
+
+
+def prepare_output() -> None:
+    """Have a command's results go somewhere, whatever stdout is and whichever letters it takes.
+
+    What its encoding lacks is escaped, as on stderr. A closed one swallows what is printed.
+    """
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def drop_output() -> None:

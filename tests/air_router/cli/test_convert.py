@@ -365,6 +365,16 @@ def test_a_link_stays_a_link(tmp_path):
     assert target.read_text() == "new"
 
 
+def test_a_device_is_written_to_and_stays_a_device():
+    """`-o /dev/null` of root replaced it, for all programs of the machine."""
+    reader, screen = os.openpty()
+    with os.fdopen(reader, "rb", buffering=0) as reads, os.fdopen(screen, "wb"):
+        device = Path(os.ttyname(screen))
+        write_whole(device, "page", replace=True)
+        assert device.is_char_device()
+        assert reads.read(10) == b"page"
+
+
 def test_a_file_that_appears_meanwhile_stays(tmp_path, monkeypatch):
     target = tmp_path / "new.txt"
     real = os.fsync

@@ -123,6 +123,19 @@ def test_nothing_else_can_be_had(path):
     visit(path, talk)
 
 
+@pytest.mark.parametrize("line", ["/ HTTP/1.1", f"/{'a' * 9000} HTTP/1.1", "/\xff HTTP/1.1"])
+def test_what_is_no_request_is_refused_without_a_word_in_the_log(path, caplog, line):
+    async def talk(page):
+        host, port = page.address.split("/")[2].split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(f"GET {line}\r\n\r\n".encode("latin-1"))
+        assert b" 400 Bad Request" in await reader.readline()
+        writer.close()
+
+    visit(path, talk)
+    assert not caplog.records
+
+
 def test_other_sites_pages_are_kept_out(path):
     async def talk(page):
         for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[", "a:b"):

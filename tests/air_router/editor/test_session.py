@@ -420,3 +420,13 @@ def test_what_was_not_saved_is_kept_aside(path, session):
     kept = MissionFile(path).keep_aside(session.editable.text)
     assert kept.name == "mission.yaml.unsaved"
     assert kept.read_text() == session.editable.text
+
+
+def test_what_was_kept_aside_before_stays(path, session):
+    """Of another page on the same file, or of the last time."""
+    before = path.with_name("mission.yaml.unsaved")
+    before.write_text("hours of work")
+    kept = MissionFile(path).keep_aside(session.editable.text)
+    assert kept.name == "mission.yaml.unsaved-2"
+    assert MissionFile(path).keep_aside(session.editable.text).name == "mission.yaml.unsaved-3"
+    assert before.read_text() == "hours of work"

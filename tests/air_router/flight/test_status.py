@@ -1,6 +1,8 @@
 import dataclasses
 import io
 
+import pytest
+
 from air_router.controller.model.states import State
 from air_router.flight.flight_line import flight_line
 from air_router.flight.terminal import PLAIN_REFRESH_S, StatusLine
@@ -36,6 +38,14 @@ def test_on_a_terminal_the_line_is_drawn_over_and_news_stay():
     assert out.getvalue().split("\r")[1:3] == ["a long line", "short      "]
     assert "news\n" in out.getvalue()
     assert out.getvalue().endswith("again\n")
+
+
+@pytest.mark.parametrize("columns", [1, 2, 5])
+def test_on_a_narrow_terminal_the_line_stays_one_line(columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    out = Terminal()
+    StatusLine(out, Clock()).show(lambda: "a long line")
+    assert len(out.getvalue().strip("\r")) <= max(columns - 1, 1)
 
 
 def test_without_a_terminal_a_line_now_and_then():

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 
 import aiohttp
 import numpy as np
@@ -117,7 +118,9 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
                 await ask(ask="speed", speed=-1),
                 await ask(ask="go", to_s="x"),
                 await ask(ask="dance"),
+                await ask(ask="go", to_s=math.nan),
             ]
+            assert (await ask(ask="go", to_s=10**400))["type"] == "done"
             assert (await ask(ask="pause", paused=True))["type"] == "done"
             assert (await ask(ask="go", to_s=ended["begin_s"] + 20.0))["type"] == "done"
             await until(lambda m: m["type"] == "welcome")

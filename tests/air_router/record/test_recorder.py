@@ -105,6 +105,18 @@ def test_a_vehicle_whose_clock_is_behind_ours_has_its_times_in_their_distances(t
     assert times == pytest.approx([0.0, 1.0, 4.0], abs=1e-3)
 
 
+@pytest.mark.parametrize("unix_s", [1.8e13, -5.0])
+def test_a_vehicle_with_an_impossible_date_is_recorded(tmp_path, pennovation, unix_s):
+    """A message's time in the file has 64 bits: what went beyond ended the record."""
+    said = []
+    with Recorder(tmp_path, "m", unix_s=lambda: unix_s, trouble=said.append) as recorder:
+        recorder.begin(FlightSetup(pennovation, ()))
+        recorder.file(pennovation.path)
+        recorder.event(ComeHome(), 5.0)
+    assert [entry.value for entry in Log(recorder.path) if entry.kind == "event"] == [ComeHome()]
+    assert not said
+
+
 def test_two_flights_in_one_second_have_two_files(tmp_path):
     with Recorder(tmp_path, "m") as first, Recorder(tmp_path, "m") as second:
         assert first.path != second.path

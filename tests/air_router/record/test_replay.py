@@ -158,6 +158,8 @@ def test_without_a_name_it_is_the_newest_flight(flown, capsys, monkeypatch, tmp_
     there.parent.mkdir(parents=True)
     there.write_bytes(flown.read_bytes())
     os.utime(there, (2e9 + 1, 2e9 + 1))
+    there.with_name("gone.mcap").symlink_to("elsewhere.mcap")
+    there.with_name("folder.mcap").mkdir()
     assert record_of(argparse.Namespace(log=None)) == Path("logs/titan/sim-3.mcap")
 
 

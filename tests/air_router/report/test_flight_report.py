@@ -298,6 +298,13 @@ def test_the_command_writes_a_page_beside_the_record(record, capsys):
     assert not page.exists()
 
 
+def test_a_record_with_any_name_has_a_page(record, tmp_path):
+    odd = tmp_path / "b\udcff.mcap"  # bytes that are no UTF-8
+    odd.write_bytes(record.read_bytes())
+    assert main(["report", str(odd)]) == 0
+    assert "Made from b?.mcap." in odd.with_suffix(".html").read_text("utf-8")
+
+
 def test_numbers_on_axes():
     assert nice(0.0, 100.0) == [0, 20, 40, 60, 80, 100]
     assert nice(0.0, 0.0) == [0.0]
