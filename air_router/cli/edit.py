@@ -63,10 +63,12 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.no_open and _has_screen():
             webbrowser.open(address)
 
-    show(EditorServer(session, web), ready)
-    if session.dirty:
-        kept = file.keep_aside(session.editable.text)
-        say(f"what was not saved is in {kept}")
+    try:
+        show(EditorServer(session, web), ready)
+    finally:
+        if session.dirty:
+            kept = file.keep_aside(session.editable.text)
+            say(f"what was not saved is in {kept}")
     return ExitCode.DONE
 
 

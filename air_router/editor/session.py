@@ -1,7 +1,10 @@
 """The work on one mission: its file on the disk, edits, undo, redo, and saving."""
 
 import codecs
+import contextlib
 import hashlib
+import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,12 +89,27 @@ class MissionFile:
         self._digest = hashlib.sha256(raw).digest()
 
     def keep_aside(self, text: str) -> Path:
-        """Write what was not saved into a new file beside; gives its path. Raises SaveError."""
-        aside, number = self.path.with_name(f"{self.path.name}.unsaved"), 1
-        while aside.exists():  # of another page on this file, or of the last time
+        """Write what was not saved into a new file; gives its path.
+
+        It is beside, or where nothing can be written in the folder for temporary files.
+
+        Raises:
+            SaveError: nothing can be written there either.
+        """
+        try:
+            return self._kept_in(self.path.parent, text)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                return self._kept_in(Path(tempfile.gettempdir()), text)
+            why = f"{error.filename or self.path.parent}: {error.strerror}"
+            raise SaveError(f"what was not saved is lost: cannot write {why}") from None
+
+    def _kept_in(self, folder: Path, text: str) -> Path:
+        aside, number = folder / f"{self.path.name}.unsaved", 1
+        while os.path.lexists(aside):  # of another page on this file, or of the last time
             number += 1
-            aside = self.path.with_name(f"{self.path.name}.unsaved-{number}")
-        MissionFile(aside).write(text, overwrite=True)
+            aside = folder / f"{self.path.name}.unsaved-{number}"
+        write_whole(aside, text, replace=True)
         return aside
 
     def _check_unchanged(self) -> None:

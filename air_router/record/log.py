@@ -10,7 +10,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple, TypeVar
 
 from mcap.exceptions import EndOfFile, InvalidMagic
 from mcap.records import (
@@ -39,6 +39,9 @@ RECORD_BYTES: Final = 256 << 20
 
 LATEST_S: Final = 1e9
 """No vehicle is up for thirty years: a later time is none."""
+
+
+Part = TypeVar("Part")
 
 
 class LogError(AirRouterError):
@@ -92,8 +95,20 @@ class Log:
         Raises:
             LogError: it is no record of a flight, one of another version, or cannot be read.
         """
+        return self._readable(self._entries())
+
+    def messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
+        """Every message as it stands: its channel, Unix nanoseconds, and plain data.
+
+        Raises:
+            LogError: as when it is gone through.
+        """
+        return self._readable(self._messages())
+
+    def _readable(self, parts: Iterator[Part]) -> Iterator[Part]:
+        """The same, with every fault of the file told as one."""
         try:
-            yield from self._entries()
+            yield from parts
         except (TypeError, ValueError, RecursionError) as error:
             why = str(error)
         except KeyError as error:
@@ -102,12 +117,7 @@ class Log:
             return
         raise LogError(f"{self.path}: not written by this version of air_router: {why}")
 
-    def messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
-        """Every message as it stands: its channel, Unix nanoseconds, and plain data.
-
-        Raises:
-            LogError: as when it is gone through.
-        """
+    def _messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
         next(iter(self))  # it is a record, and of this format
         schemas: dict[int, tuple[str, str]] = {}
         channels: dict[int, RecordChannel] = {}

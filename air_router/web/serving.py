@@ -127,7 +127,7 @@ def page_port(text: str) -> int:
 
 
 def show(page: Served, say: Say) -> None:
-    """Serve a page until Ctrl-C or SIGTERM, or until it fails.
+    """Serve a page until Ctrl-C or SIGTERM, its terminal is closed, or it fails.
 
     Raises:
         ServeError: the address is taken, or none of this machine's.
@@ -137,6 +137,8 @@ def show(page: Served, say: Say) -> None:
         loop, end = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, end.set)
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as `nohup` has it
+            loop.add_signal_handler(signal.SIGHUP, end.set)
         async with page.serving(say):
             await end.wait()
 

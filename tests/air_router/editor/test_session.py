@@ -1,18 +1,25 @@
 """The work on a mission: edits, problems, undo, and saving without a loss."""
 
+import contextlib
 import difflib
+import gc
 import os
+import re
+import signal
 import stat
+import tempfile
 from pathlib import Path
 
 import pytest
 from shapely import LineString, Polygon, make_valid
 
+from air_router.cli import edit as edit_command
 from air_router.cli.arguments import home
 from air_router.cli.cli import main
 from air_router.editor import edits
 from air_router.editor.editable_mission import LegKind
 from air_router.editor.edits import EditError, read_edit
+from air_router.editor.server import EditorServer
 from air_router.editor.session import (
     ChangedOnDiskError,
     EditSession,
@@ -420,6 +427,43 @@ def test_what_was_not_saved_is_kept_aside(path, session):
     kept = MissionFile(path).keep_aside(session.editable.text)
     assert kept.name == "mission.yaml.unsaved"
     assert kept.read_text() == session.editable.text
+
+
+def test_where_the_folder_is_gone_work_is_kept_in_the_temporary_one(
+    path, session, tmp_path, monkeypatch
+):
+    """A stick that was pulled out, or a disk that is full."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    gone = MissionFile(path.parent / "gone" / "mission.yaml")
+    kept = gone.keep_aside(session.editable.text)
+    assert kept == tmp_path / "mission.yaml.unsaved"
+    assert kept.read_text() == session.editable.text
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(SaveError, match=re.escape(str(path.parent / "gone"))):
+        gone.keep_aside(session.editable.text)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_work_is_kept_however_the_program_is_ended(path, session, monkeypatch, number, capsys):
+    """SIGHUP: the terminal was closed."""
+    monkeypatch.setattr(edit_command, "EditSession", lambda _: session)
+    monkeypatch.setattr(gc, "freeze", lambda: None)
+    monkeypatch.setattr(gc, "set_threshold", lambda _: None)
+    before = signal.signal(signal.SIGHUP, lambda *_: pytest.fail("it would have been killed"))
+
+    @contextlib.asynccontextmanager
+    async def serving(server, say):
+        session.edit(move(waypoint(1), FREE))
+        signal.raise_signal(number)
+        yield ""
+
+    monkeypatch.setattr(EditorServer, "serving", serving)
+    try:
+        assert main(["edit", str(path), "--port", "0", "--no-open"]) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert "what was not saved is in" in capsys.readouterr().err
+    assert path.with_name("mission.yaml.unsaved").read_text() == session.editable.text
 
 
 def test_what_was_kept_aside_before_stays(path, session):

@@ -339,6 +339,19 @@ def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
         list(Log(path))
 
 
+def test_a_schema_that_is_no_text_is_told(tmp_path):
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata("air_router", {"format": "1"})
+        schema = writer.register_schema("x", "jsonschema", b"\xff")
+        writer.add_message(writer.register_channel("/x", "json", schema), 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(LogError, match="not written by this version"):
+        list(Log(path).messages())
+
+
 def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
     """Also where it makes the reader pass over a whole part of the file: a record's first byte."""
     with flown.open("rb") as file:
