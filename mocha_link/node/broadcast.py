@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import inspect
 import logging
 import threading
 import weakref
@@ -80,7 +81,16 @@ class Broadcast:
         self._lock = threading.Lock()
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
-        """Call back for every event from now on; the answer ends it."""
+        """Call back for every event from now on; the answer ends it.
+
+        Raises:
+            TypeError: it cannot be called, or is a coroutine function.
+        """
+        if not callable(callback) or inspect.iscoroutinefunction(callback):
+            raise TypeError(
+                f"{callback!r} is no plain function that takes an event; "
+                "a coroutine iterates over Node.events()"
+            )
         key = object()
         with self._lock:
             self._callbacks[key] = callback

@@ -293,7 +293,7 @@ class Node(Startable):
         """Call back on the node's thread for every event; call the answer to end it.
 
         The callback must be quick: the node does nothing else meanwhile. It may call any method
-        of the node. What it raises is logged and does not stop the node.
+        of the node. What it raises is logged and does not stop the node. TypeError: it is none.
         """
         return self._broadcast.subscribe(callback)
 

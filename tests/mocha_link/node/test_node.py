@@ -172,6 +172,17 @@ def join_node(name: str) -> None:
             thread.join(20)
 
 
+async def later(_event: object) -> None:
+    """It would never be awaited."""
+
+
+@pytest.mark.parametrize("callback", [None, later])
+def test_what_cannot_be_called_back_is_no_listener(field, callback):
+    titan, _, _ = field.node("titan")
+    with pytest.raises(TypeError, match=r"Node\.events"):
+        titan.subscribe(callback)
+
+
 def test_a_callback_may_close_its_node_and_nothing_is_told_after(field):
     titan, radio, _ = field.node("titan")
     heard = []
