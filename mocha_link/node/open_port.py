@@ -216,7 +216,10 @@ class OpenPort(Port):
             except BlockingIOError:
                 break
             except OSError:  # it has gone again, or there are no descriptors left
-                self._drop_oldest()
+                if self._inside:
+                    self._drop_oldest()
+                else:  # it would be ready all the time
+                    self._poller.register(self._listener.fileno(), 0)
                 break
             kernel.tune(connection, DEAD_PEER_S)
             name = b"\0" + next(self._names).to_bytes(8, "big")
@@ -274,6 +277,7 @@ class OpenPort(Port):
 
     def look(self, now_s: float) -> list[str]:
         """Who was sent away since the last call; call it now and then."""
+        self._poller.register(self._listener.fileno(), zmq.POLLIN, self)
         for caller in list(self._inside.values()):
             if not caller.ready and now_s - caller.began_s > HANDSHAKE_S:
                 self._drop(caller)

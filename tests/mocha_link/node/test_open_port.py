@@ -1,6 +1,7 @@
 """Clients that flood an open port: none fills the memory of the node, nor do several together."""
 
 import contextlib
+import errno
 import os
 import socket
 import struct
@@ -221,6 +222,32 @@ def test_all_ports_together_have_so_many(titan, monkeypatch):
         first, second = ports.values()
         assert list(callers.ports.values()) == [second, second]
         assert not first._inside
+
+
+class Full:
+    """A listener of a process that has no descriptor left."""
+
+    def __init__(self, listener: socket.socket) -> None:
+        self.fileno = listener.fileno
+
+    def accept(self) -> tuple[socket.socket, object]:
+        raise OSError(errno.EMFILE, "too many open files")
+
+
+def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, monkeypatch):
+    """The listener stays ready as long as it waits: turn followed turn without an end."""
+    port = shell.port
+    with dial(titan):
+        listener = port._listener
+        monkeypatch.setattr(port, "_listener", Full(listener))
+        assert listener.fileno() in shell.poller.poll(WAIT_MS)
+        assert shell.turn() == []
+        assert listener.fileno() not in shell.poller.poll(0)
+        monkeypatch.undo()
+        assert port.look(0.0) == []
+        assert listener.fileno() in shell.poller.poll(WAIT_MS)
+        shell.turn()
+        assert len(port._inside) == 1
 
 
 def test_who_says_nothing_at_all_does_not_stay(shell, titan):
