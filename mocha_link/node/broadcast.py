@@ -86,9 +86,10 @@ class Broadcast:
         Raises:
             TypeError: it cannot be called, or is a coroutine function.
         """
-        if not callable(callback) or inspect.iscoroutinefunction(callback):
+        given: object = callback  # whatever its type was said to be
+        if not callable(given) or inspect.iscoroutinefunction(given):
             raise TypeError(
-                f"{callback!r} is no plain function that takes an event; "
+                f"{given!r} is no plain function that takes an event; "
                 "a coroutine iterates over Node.events()"
             )
         key = object()
