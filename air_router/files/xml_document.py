@@ -136,8 +136,10 @@ class _Builder:
         return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
 
 
-def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
+def kml_in(raw: bytes, path: Path, max_bytes: int) -> tuple[bytes, list[str]]:
     """The KML of a KMZ file: `doc.kml`, or the first other one, as Google Earth takes it.
+
+    With it the names of the others.
 
     Raises:
         DocumentError: it is no zip archive, holds no KML, or one that is larger than `max_bytes`.
@@ -162,7 +164,7 @@ def kml_in(raw: bytes, path: Path, max_bytes: int) -> bytes:
     if len(kml) > max_bytes:
         message = f"unpacks to more than {max_bytes} bytes; cut out what the mission needs"
         raise DocumentError.at(path, message, "too-large")
-    return kml
+    return kml, [other for other in names if other != name]
 
 
 def kmz_of(kml: str) -> bytes:

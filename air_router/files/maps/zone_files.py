@@ -69,7 +69,12 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
     raw = bytes_within(path, MAX_BYTES)
     suffix = path.suffix.lower()
     if suffix == ".kmz":
-        raw, suffix = kml_in(raw, path, MAX_BYTES), ".kml"
+        kml, others = kml_in(raw, path, MAX_BYTES)
+        packed = _without_kinds(read_kml(kml, path), allow)
+        if others:
+            message = f"of its KML files one is read; left out: {', '.join(others)[:80]}"
+            packed.note((), message, "not-a-zone")
+        return packed
     if suffix in _XML_READERS or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return _without_kinds(_XML_READERS.get(suffix, read_kml)(raw, path), allow)
     if suffix in _OPENAIR_SUFFIXES:

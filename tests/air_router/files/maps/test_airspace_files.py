@@ -189,6 +189,15 @@ def test_a_kmz_is_the_kml_in_it(tmp_path):
     ]
 
 
+def test_other_kml_files_in_a_kmz_are_noted(tmp_path):
+    kml = (FILES / "zones.kml").read_text(encoding="utf-8")
+    path = tmp_path / "zones.kmz"
+    path.write_bytes(zipped(more_kml="<kml/>", doc_kml=kml, readme_txt="x"))
+    reading = read_zones(path)
+    assert len(reading.zones) == len(read_zones(FILES / "zones.kml").zones)
+    assert any("left out: more.kml" in note.message for note in reading.notes)
+
+
 def zipped(method=zipfile.ZIP_DEFLATED, **files):
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", method) as archive:
