@@ -52,6 +52,7 @@ _XML_READERS: Final = {".kml": read_kml, ".gpx": read_gpx_zones}
 _OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
 _DEGREE_M: Final = 111_000.0
 _HALF_TURN_DEG: Final = 180.0
+_TALL_DEG: Final = 20.0
 
 
 def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
@@ -187,7 +188,8 @@ def _too_wide(
 ) -> Iterator[Problem]:
     """What says of a zone that it is far only because sides lead around the Earth the short way.
 
-    A mask of the whole world would be a line along the edge of the map.
+    A mask of the whole world would be a line along the edge of the map. What is less tall is taken
+    for a zone that lies on the antimeridian.
     """
     near = {id(zone) for zone in kept}
     for zone in reading.zones:
@@ -196,7 +198,8 @@ def _too_wide(
         if id(zone) in near or not wide:
             continue
         sides_deg = np.abs(np.diff(corners[:, 1], append=corners[0, 1]))
-        if sides_deg.max() >= _HALF_TURN_DEG and around.may_reach_unwrapped(corners):
+        tall = np.ptp(corners[:, 0]) >= _TALL_DEG or np.ptp(corners[:, 1] % 360) == 0
+        if sides_deg.max() >= _HALF_TURN_DEG and tall and around.may_reach_unwrapped(corners):
             message = (
                 f"no-fly zone '{zone.name}' has a side over 180 degrees of longitude or more, "
                 "which is taken to lead over the antimeridian, far from the mission; draw it "

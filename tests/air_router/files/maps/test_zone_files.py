@@ -425,10 +425,12 @@ def rectangle(west_deg, south_deg, east_deg, north_deg):
     return {"type": "Polygon", "coordinates": [[[*corner] for corner in corners]]}
 
 
-@pytest.mark.parametrize("west_deg", [-180, -179, -120, -90])
-def test_a_zone_around_half_the_earth_is_not_left_out_as_far(tmp_path, west_deg):
+@pytest.mark.parametrize(
+    ("west_deg", "north_deg"), [(-180, 80), (-180, 48), (-179, 80), (-120, 80), (-90, 80)]
+)
+def test_a_zone_around_half_the_earth_is_not_left_out_as_far(tmp_path, west_deg, north_deg):
     draft = draft_at(Geodetic(47.0, 8.0))
-    add(tmp_path, draft, rectangle(west_deg, 0, -west_deg, 80))
+    add(tmp_path, draft, rectangle(west_deg, 40 if north_deg < 50 else 0, -west_deg, north_deg))
     (problem,) = draft.problems
     assert problem.code == "too-wide"
     assert "'z0'" in problem.message
@@ -444,6 +446,9 @@ def test_a_zone_across_the_antimeridian_is_far_from_other_places(tmp_path):
     draft = draft_at(Geodetic(47.0, 8.0))
     across = rectangle(170, -20, -170, -10)  # far, whichever way its sides lead
     add(tmp_path, draft, across, square(8.0, 47.001))
+    assert (draft.problems, [note.code for note in draft.notes]) == ([], ["zones-far"])
+    draft = draft_at(Geodetic(-15.0, 160.0))  # of the same latitude
+    assert add(tmp_path, draft, across, square(160.0, -15.001)) == ["z1"]
     assert (draft.problems, [note.code for note in draft.notes]) == ([], ["zones-far"])
     draft = draft_at(Geodetic(-15.0, 175.0))
     assert add(tmp_path, draft, across) == ["z0"]
