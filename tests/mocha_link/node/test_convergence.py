@@ -1,0 +1,84 @@
+"""Clocks that are set, robots that restart, contacts that break: the newest message still wins."""
+
+import random
+
+import pytest
+
+from tests.mocha_link.conftest import TEAM, team_of
+from tests.mocha_link.fuzz import EXPLORE
+from tests.mocha_link.network_sim import NAMES, NEAR_DBM, NetworkSim
+
+HISTORIES = TEAM.replace("priority: medium}", "priority: medium, history: 3}")
+TEAMS = [team_of(TEAM), team_of(HISTORIES)]
+DAY_S = 86_400.0
+CLOCKS_S = (0.0, -1.0, 50.0, -3_600.0, 7_200.0, -40_000.0, -3 * DAY_S, 30 * DAY_S, -1.6e9)
+CUTS = (None, 0, 1, 2, 5, 9, 20)  # so many pieces get through
+
+
+class Life:
+    """Three robots to which things happen.
+
+    Attributes:
+        said: by robot and topic what it said last since it was started.
+    """
+
+    def __init__(self, seed: int, *, datagrams: bool) -> None:
+        self.random = random.Random(seed)
+        delay_s = self.random.choice((0.0, 0.01, 0.1))
+        self.net = NetworkSim(TEAMS[seed % 2], datagrams=datagrams, delay_s=delay_s)
+        self.said: dict[tuple[str, str], bytes] = {}
+
+    def publish(self, number: int) -> None:
+        name = self.random.choice(NAMES)
+        topic = self.random.choice(self.net.team.topics_of(name)).name
+        data = f"{name}{topic} {number}".encode() * self.random.choice((1, 50, 3_000))
+        node, now = self.net.nodes[name], self.net.at(name)
+        node.publish(self.net.team.topic(name, topic), data, now, at_once=True)
+        node.tick(now)
+        self.said[name, topic] = data
+
+    def restart(self) -> None:
+        name = self.random.choice(NAMES)
+        self.net.wait(0.01)  # no two lives speak within one millisecond
+        self.net.restart(name)
+        self.said = {(who, topic): data for (who, topic), data in self.said.items() if who != name}
+
+    def meet(self) -> None:
+        net, (a, b) = self.net, self.random.sample(NAMES, 2)
+        net.left = self.random.choice((None, 3, 10))
+        net.nodes[a].heard(b, NEAR_DBM, net.at(a))
+        net.wait(self.random.choice((0.05, 1.0, 3.0)))
+        net.left = None
+        net.nodes[a].heard(b, None, net.at(a))
+
+    def happen(self, number: int) -> None:
+        what = self.random.random()
+        if what < 0.4:
+            self.publish(number)
+        elif what < 0.6:
+            self.net.pull(*self.random.sample(NAMES, 2), cut_after=self.random.choice(CUTS))
+        elif what < 0.75:
+            self.net.wait(self.random.choice((0.1, 1.0, 5.0, 20.0, 70.0)))
+        elif what < 0.85:
+            self.restart()
+        elif what < 0.95:
+            self.net.offset_s[self.random.choice(NAMES)] = self.random.choice(CLOCKS_S)
+        else:
+            self.meet()
+
+
+@pytest.mark.parametrize("datagrams", [False, True])
+@pytest.mark.parametrize("seed", range(2_000 if EXPLORE else 12))
+def test_all_hold_in_the_end_what_each_has_said_last(seed, datagrams):
+    life = Life(seed, datagrams=datagrams)
+    for number in range(life.random.randint(5, 50)):
+        life.happen(number)
+    for _ in range(4):  # rounds in which nothing breaks
+        life.net.wait(15.0)
+        for client in NAMES:
+            for server in NAMES:
+                if client != server:
+                    life.net.pull(client, server)
+    held = [life.net.held(name) for name in NAMES]
+    assert held[0] == held[1] == held[2]
+    assert life.said.items() <= held[0].items()
