@@ -39,7 +39,8 @@ MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may st
 PREFIX = 2
 STAMPS_MS = 2**47
 STAMP_MASK = (1 << 48) - 1  # of a message id
-TAKEN_MS = STAMPS_MS - 2**44  # what comes from others is earlier: its maker must have some left
+# 139 years from now: our clock may not be set, and what was forged for then has a later time soon.
+FUTURE_MS = 2**42
 MAGIC = b"\xd6mcl"
 VERSION = 2  # version 1: the checksum does not say whose message it is
 SIGNATURE_BYTES = 64
@@ -135,6 +136,11 @@ def as_ms(unix_s: float) -> int:
 def latest_ms(now_s: float) -> int:
     """The latest stamp that a header may stand for at Unix `now_s`; no stamp is before 1970."""
     return max(as_ms(now_s) + AHEAD_MS, WRAP_MS - 1)
+
+
+def is_taken(stamp_ms: int, now_s: float) -> bool:
+    """Whether a message of that time may come from others at Unix `now_s`."""
+    return stamp_ms < as_ms(now_s) + FUTURE_MS
 
 
 class PayloadError(MochaLinkError):

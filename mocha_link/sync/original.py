@@ -187,7 +187,7 @@ class ClientSession:
         try:
             trailer = wire.check(body, (header.robot_id, header.topic_id))
             if trailer:
-                _check_time(header, trailer.stamp_ms)
+                _check_time(header, trailer.stamp_ms, now.unix_s)
             stamp_ms = trailer.stamp_ms if trailer else header.stamp_ms(now.unix_s)
             record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
             self.messages += self._peer.take_in(known, record, trailer)
@@ -219,10 +219,10 @@ class ClientSession:
         return requests if self._asked else [self._request(now, DENDT)]
 
 
-def _check_time(header: Header, stamp_ms: int) -> None:
+def _check_time(header: Header, stamp_ms: int, now_s: float) -> None:
     if stamp_ms % WRAP_MS != header.wrapped_ms:
         raise PayloadError("it carries the time of another message")
-    if stamp_ms >= wire.TAKEN_MS:
+    if not wire.is_taken(stamp_ms, now_s):
         raise PayloadError("of an impossible time")
 
 

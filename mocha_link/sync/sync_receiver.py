@@ -13,7 +13,7 @@ from mocha_link.store import wire
 from mocha_link.store.reassembly_buffer import is_alone
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.trust import difference
-from mocha_link.store.wire import TAKEN_MS, UNSAFE_MS, WRAP_MS, Header, PayloadError
+from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, PayloadError
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError
@@ -306,7 +306,8 @@ class SyncReceiver:
     def _is_impossible(self, message_id: int) -> bool:
         """Whether a message is of nothing that the team has, or of an impossible time; told so."""
         stamp_ms = message_id & wire.STAMP_MASK
-        safe = stamp_ms < TAKEN_MS and stamp_ms % WRAP_MS > UNSAFE_MS
+        taken = wire.is_taken(stamp_ms, self._now.unix_s)
+        safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
         if safe and message_id >> 48 in self._topics:
             return False
         self._refuse(

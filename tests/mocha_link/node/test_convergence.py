@@ -4,6 +4,10 @@ import random
 
 import pytest
 
+from mocha_link.node.publisher import LEAP_MS
+from mocha_link.store import wire
+from mocha_link.store.record import Record
+from mocha_link.store.wire import FUTURE_MS, STAMPS_MS, UNSAFE_MS, WRAP_MS, Header, as_ms
 from tests.mocha_link.conftest import TEAM, team_of
 from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NAMES, NEAR_DBM, NetworkSim
@@ -82,3 +86,26 @@ def test_all_hold_in_the_end_what_each_has_said_last(seed, datagrams):
     held = [life.net.held(name) for name in NAMES]
     assert held[0] == held[1] == held[2]
     assert life.said.items() <= held[0].items()
+
+
+@pytest.mark.parametrize("latest", [True, False])
+@pytest.mark.parametrize("original", [True, False])
+def test_a_robot_outlives_what_was_forged_in_its_name_for_the_far_future(team, original, latest):
+    """Its own messages have to be later still, and the others must take them."""
+    net = NetworkSim(team.with_robots({"callisto": {"original": original}}))
+    net.publish("titan", "/map", b"true")
+    robot_id, topic = net.nodes["titan"].me.robot_id, team.topic("titan", "/map")
+    stamp_ms = STAMPS_MS - 2**44 - 1 if latest else as_ms(net.now.unix_s) + FUTURE_MS - 1
+    stamp_ms += 2 * UNSAFE_MS if stamp_ms % WRAP_MS <= UNSAFE_MS else 0
+    ids = (robot_id, topic.topic_id)
+    body = wire.pack(topic.dtype, topic.priority, b"forged", stamp_ms=stamp_ms, ids=ids)
+    forged = Record(Header.at(*ids, stamp_ms), topic.priority, body, stamp_ms, net.now.unix_s)
+    assert net.nodes["callisto"].database.insert(forged, net.now.unix_s)
+    net.pull("io", "callisto")
+    net.pull("titan", "callisto")
+    net.pull("titan", "io")
+    net.publish("titan", "/map", b"truer")
+    net.wait(LEAP_MS / 1000)
+    net.publish("titan", "/map", b"truest")
+    net.pull("io", "titan")
+    assert net.held("io")["titan", "/map"] == b"truest"
