@@ -16,6 +16,7 @@ from shapely import Point as ShapelyPoint
 from shapely import Polygon, STRtree
 
 from geo.frame import Point
+from geo.paths.triangles import triangles_of
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.intp]
@@ -53,8 +54,7 @@ class Mesh:
     """
 
     def __init__(self, parts: Sequence[Polygon]) -> None:
-        cut = shapely.constrained_delaunay_triangles(np.array(parts, dtype=object))
-        pieces, part = shapely.get_parts(cut, return_index=True)
+        pieces, part = triangles_of(parts)
         outlines = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
         triangles, east_m, north_m = _vertices(outlines)
         back, left, right = _neighbours(triangles, len(east_m))
