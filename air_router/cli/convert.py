@@ -56,6 +56,7 @@ _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _KMZ: lambda feature_set: kmz_of(kml_text(feature_set)),
 }
 _RECORD: Final = ".mcap"
+_LOSING: Final = frozenset({_RECORD, ".yaml", ".yml"})  # written anew they lack something
 _MISSIONS: Final = frozenset({".plan", ".yaml", ".yml", ".waypoints"})
 
 _EPILOG = """\
@@ -113,6 +114,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{target}: unknown kind of file; TO ends with one of {known}")
     if target.exists() and not arguments.force:
         raise UsageError(f"{target} is already there; --force replaces it")
+    if target.suffix.lower() in _LOSING and target.resolve() == source.resolve():
+        raise UsageError(f"{target} is the file that is read, and would lose; write another one")
     report = _Report(source, target)
     read = _zones
     if source.suffix.lower() in _MISSIONS or arguments.altitude is not None:

@@ -294,6 +294,8 @@ def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
     [
         (["town.yaml", "x.txt"], 2, "unknown kind of file"),
         (["town.yaml", "there.kml"], 2, "is already there; --force replaces it"),
+        (["town.yaml", "town.yaml", "--force"], 2, "is the file that is read"),
+        (["flight.mcap", "./flight.mcap", "--force"], 2, "is the file that is read"),
         (["town.yaml", "x.kml", "--altitude", "9"], 2, "--altitude is for a FROM in GPX"),
         (["walk.gpx", "x.yaml"], 2, "add --altitude M, above home"),
         (["walk.gpx", "x.yaml", "--altitude", "0"], 2, "0 is not an altitude above 0 metres"),
@@ -318,6 +320,7 @@ def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
         (tmp_path / f"{name}.geojson").write_text(json.dumps(polygon))
     (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')
     (tmp_path / "there.kml").write_text("mine")
+    (tmp_path / "flight.mcap").write_text("a record")
     before = sorted(path.name for path in tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
     assert convert(*arguments) == code
@@ -325,6 +328,8 @@ def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
     assert (out, words in err) == ("", True), err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     assert (tmp_path / "there.kml").read_text() == "mine"
+    assert (tmp_path / "flight.mcap").read_text() == "a record"
+    assert (tmp_path / "town.yaml").read_bytes() == (FILES / "town.yaml").read_bytes()
 
 
 def test_an_invalid_file_is_told_to_scripts(tmp_path, capsys):
