@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mocha_link.datagram.datagram import PACKET_BYTES
 from mocha_link.store import reassembly_buffer
 from mocha_link.store.reassembly_buffer import (
     MAX_RANGES,
@@ -15,6 +16,7 @@ from mocha_link.store.reassembly_buffer import (
     Fragment,
     ReassemblyBuffer,
 )
+from mocha_link.store.wire import MAX_BODY_BYTES
 
 WHOLE = random.Random(1).randbytes(1_000)
 
@@ -135,6 +137,17 @@ def test_a_message_in_too_many_pieces_begins_anew(monkeypatch):
         start, end = fragment.missing()[0]
         whole = reassembly.add(1, 1_000, start, piece(start, end), "other")
     assert whole == WHOLE
+
+
+def test_the_largest_message_comes_whole_though_every_second_datagram_is_late():
+    """Late pieces are parts of their own between the others, which are there already."""
+    total, size = MAX_BODY_BYTES, PACKET_BYTES - 100
+    fragment = Fragment(total)
+    data = bytes(size)
+    for first in (0, size):
+        for start in range(first, total, 2 * size):
+            fragment.add(start, memoryview(data)[: total - start], "io" if first else "titan")
+    assert fragment.held == total
 
 
 @given(st.lists(st.tuples(st.integers(0, 999), st.integers(1, 400), st.sampled_from("abc"))))
