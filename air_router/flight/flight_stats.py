@@ -23,6 +23,7 @@ from air_router.errors import ExitCode
 from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
+from air_router.vehicle.clock import REBOOT_S
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
@@ -61,8 +62,8 @@ class FlightStats:
 
     def step(self, event: Event, actions: Iterable[Action], now_s: float) -> None:
         """Take in what happened, and what was decided on it."""
-        self._now_s = max(self._now_s, now_s)
         self.flown.event(event, now_s)
+        self._now_s = self.flown.now_s
         if isinstance(event, LinkEvent):
             self.interactions.take(self._now_s, event)
         match event:
@@ -185,6 +186,7 @@ class FlownTrack:
         distance_m: Along them.
         armed_s: When it was first seen armed, on its clock; None if it was not.
         ours: It is flown by us, not by a pilot.
+        now_s: The newest time that was heard, on its clock.
     """
 
     mission: Mission
@@ -192,7 +194,7 @@ class FlownTrack:
     distance_m: float = 0.0
     armed_s: float | None = None
     ours: bool = True
-    _now_s: float = 0.0  # vehicle's clock
+    now_s: float = 0.0
     _changed: Mission | None = None  # mission whose zones are not in force yet
     _boarding: bool = False  # until the plan is renewed the controller refuses other zones
     _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # of each airspace
@@ -202,7 +204,9 @@ class FlownTrack:
 
     def event(self, event: Event, now_s: float) -> None:
         """Take in what happened."""
-        self._now_s = max(self._now_s, now_s)
+        if self.armed_s is None and now_s < self.now_s - REBOOT_S:
+            self.now_s = now_s  # before take-off a vehicle may reboot
+        self.now_s = max(self.now_s, now_s)
         match event:
             case Telemetry(armed=True):
                 self._fly(event)
@@ -226,7 +230,7 @@ class FlownTrack:
     @property
     def duration_s(self) -> float:
         """Seconds on the vehicle's clock since it was first seen armed."""
-        return 0.0 if self.armed_s is None else self._now_s - self.armed_s
+        return 0.0 if self.armed_s is None else self.now_s - self.armed_s
 
     def closest_approach(self) -> tuple[float, str] | None:
         """Closest distance of the flown track to any zone or fence border, and to which.
@@ -255,7 +259,7 @@ class FlownTrack:
     def _fly(self, telemetry: Telemetry) -> None:
         place = telemetry.position
         if self.armed_s is None:
-            self.armed_s = self._now_s
+            self.armed_s = self.now_s
         if not telemetry.in_air or not all(map(math.isfinite, place)):
             return
         step_m = math.dist(self.points[-1], place) if self.points else 0.0

@@ -18,6 +18,7 @@ from air_router.gossip.interactions import Interactions
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
+from air_router.vehicle.clock import REBOOT_S
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.outlines import area_beside, buffer, degrees
 from air_router.words import wind_words
@@ -105,6 +106,8 @@ class LiveScene:
 
     def step(self, event: Event, actions: Collection[Action], now_s: float) -> None:
         """Take in what happened, and what was decided on it."""
+        if now_s < self._now_s - REBOOT_S:
+            self._now_s, self._sampled_s = now_s, -math.inf
         self._now_s = max(self._now_s, now_s)
         match event:
             case Telemetry():

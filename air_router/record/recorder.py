@@ -32,6 +32,7 @@ from air_router.record.serialization import (
     note_channel,
 )
 from air_router.record.values import TYPE_KEY, encode
+from air_router.vehicle.clock import REBOOT_S
 from mocha_link.links.metrics import LinkMetrics
 from mocha_link.node.lifetime import Closeable
 
@@ -106,6 +107,7 @@ class Recorder(Closeable):
         self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None  # Unix time of the vehicle's clock at 0
         self._last_ns = 0  # of the newest message; never runs back
+        self._heard_s = -math.inf  # when the newest event was, vehicle's clock
         self._done_s: dict[str, float] = {}  # when each of `EVERY_S` was, vehicle's clock
         self._maps = self._grid_cells = self._motions = 0  # versions, cells and motions recorded
         self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)  # motions and their numbers
@@ -143,6 +145,10 @@ class Recorder(Closeable):
         if self._idle:
             return
         self._flown = True
+        if now_s < self._heard_s - REBOOT_S:  # times go on from where they were
+            self._epoch_s = None
+            self._done_s.clear()
+        self._heard_s = now_s
         self._write("event", event, now_s)
         if self._due(CLOCK, now_s):
             self.note("Clock", now_s, {"unix_s": self._unix_s()})

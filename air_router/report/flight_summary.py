@@ -6,7 +6,7 @@ and north of the mission's origin.
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
@@ -19,6 +19,7 @@ from air_router.flight.flight_stats import FlownTrack
 from air_router.mission.mission import Mission
 from air_router.record.log import Note, RecordEntry
 from air_router.report.exchanges import Exchanges
+from air_router.vehicle.clock import REBOOT_S
 from air_router.vehicle.vehicle import Telemetry
 from mocha_link.links.metrics import LinkEvent
 
@@ -139,7 +140,11 @@ class FlightSummary:
         if math.isnan(self.from_s):
             self.from_s = t
             self.states = [StateInterval(State.READY.name, t, t, None, "")]
-        self.to_s = t
+        elif t < self.to_s - REBOOT_S and self.flown.armed_s is None:
+            self.from_s = self.to_s = t  # the vehicle has rebooted before take-off
+            self.states = [replace(self.states[-1], from_s=t, to_s=t)]
+            self.unix_offset_s = None
+        self.to_s = max(t, self.from_s)
 
     def _note(self, t: float, note: Note) -> None:
         fields = note.fields

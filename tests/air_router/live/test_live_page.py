@@ -19,6 +19,7 @@ from air_router.gossip.interactions import Interactions
 from air_router.gossip.mapper import Mapper
 from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage, MapFeed
+from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import HERE, add_web, web_of
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
@@ -171,6 +172,14 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     ]
     flight.controller.handle(HoldNow(), flight.now_s)
     assert scene.vehicle()["what"] == State.HOLD.value
+
+
+def test_after_a_reboot_of_the_vehicle_the_page_goes_on(flight):
+    scene = LiveScene(flight.mission, flight.controller, "titan")
+    for t in (1000.0, 999.9, 5.0, 7.0):
+        scene.step(Telemetry(t, Point(0.0, 0.0), 40.0), (), t)
+    assert scene.now_s == 7.0
+    assert [row[0] for row in scene.rows.since()] == [1000.0, 5.0, 7.0]
 
 
 def test_a_position_that_others_carried_is_as_old_as_it_is(flight):

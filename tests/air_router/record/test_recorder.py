@@ -117,6 +117,18 @@ def test_a_vehicle_with_an_impossible_date_is_recorded(tmp_path, pennovation, un
     assert not said
 
 
+def test_after_a_reboot_of_the_vehicle_times_go_on(tmp_path):
+    with Recorder(tmp_path, "m", unix_s=lambda: UNIX_S) as recorder:
+        for t in (1000.0, 1005.0, 3.0, 7.0):
+            recorder.event(ComeHome(), t)
+    with recorder.path.open("rb") as file:
+        messages = [(c.topic, m.log_time / 1e9) for _, c, m in make_reader(file).iter_messages()]
+    times = [t - UNIX_S for topic, t in messages if topic == "/event/ComeHome"]
+    assert times == pytest.approx([0.0, 5.0, 5.0, 9.0], abs=1e-3)
+    notes = [entry.t for entry in Log(recorder.path) if entry.kind == "note"]
+    assert notes == [1000.0, 3.0]  # what is noted now and then
+
+
 def test_two_flights_in_one_second_have_two_files(tmp_path):
     with Recorder(tmp_path, "m") as first, Recorder(tmp_path, "m") as second:
         assert first.path != second.path

@@ -29,7 +29,7 @@ from air_router.controller.model.events import (
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import Signal, State
-from air_router.record.log import Note, RecordEntry
+from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.report.charts import figures
 from air_router.report.exchanges import Exchanges
@@ -296,6 +296,26 @@ def test_the_command_writes_a_page_beside_the_record(record, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["uav"] == "titan"
     assert not page.exists()
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_a_vehicle_that_reboots_has_a_report_of_the_flight(pennovation, tmp_path, armed):
+    """Its clock begins anew; before take-off nothing of the time before counts."""
+    with Recorder(tmp_path, "m", unix_s=lambda: 1.7e9) as recorder:
+        recorder.begin(FlightSetup(pennovation, ()))
+        recorder.event(Telemetry(1000.0, Point(1.0, 2.0), 0.0, armed=armed), 1000.0)
+        recorder.event(SyncStarted("io", 1.7e9, Direction.OUT), 1001.0)
+        for t in (5.0, 15.0):
+            place = Point(t, 2.0)
+            recorder.event(Telemetry(t, place, 40.0, armed=True, in_air=True), t)
+        recorder.event(SyncEnded("io", 1.7e9, Direction.OUT, 1, 10, 1.0, complete=True), 15.0)
+    summary = summary_of(Log(recorder.path))
+    summary.end(None)
+    assert page_of(summary, "x").startswith("<!doctype html>")
+    facts = summary.as_json()
+    if not armed:
+        assert (facts["from_s"], facts["to_s"], facts["duration_s"]) == (5.0, 15.0, 10.0)
+        assert [(stay["from_s"], stay["to_s"]) for stay in facts["states"]] == [(5.0, 15.0)]
 
 
 def test_a_record_with_any_name_has_a_page(record, tmp_path):
