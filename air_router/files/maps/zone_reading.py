@@ -17,6 +17,8 @@ MAX_RADIUS_M = 1_000_000.0
 MAX_ALTITUDE_M = 100_000.0
 MAX_CORNERS = 20_000
 
+_POLE_DEG, _HALF_TURN_DEG = 90.0, 180.0
+
 MapRing = tuple[Geodetic, ...]
 """The corners of an outline in degrees; the last one joins the first."""
 
@@ -108,6 +110,26 @@ def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
     return answer
 
 
+def _without_map_edge(places: list[Geodetic]) -> list[Geodetic]:
+    """A ring around a pole without the way up one edge of the map, over the pole, and down again.
+
+    GeoJSON leads it so. On the ground both edges are one line.
+    """
+    poles = [place for place in places if abs(place.latitude_deg) == _POLE_DEG]
+    edges = {place.longitude_deg for place in poles}
+    if not edges >= {-_HALF_TURN_DEG, _HALF_TURN_DEG} or len({p.latitude_deg for p in poles}) > 1:
+        return places
+    kept = [place for place in places if place not in poles]
+    nexts = [*kept[1:], *kept[:1]]
+    return [here for here, there in zip(kept, nexts, strict=True) if not _same(here, there)]
+
+
+def _same(one: Geodetic, other: Geodetic) -> bool:
+    """Whether two places are one, on both edges of the map."""
+    edges = {one.longitude_deg, other.longitude_deg}
+    return edges == {-_HALF_TURN_DEG, _HALF_TURN_DEG} and one.latitude_deg == other.latitude_deg
+
+
 @dataclass(slots=True)
 class ZoneReading:
     """What has been read from a file so far.
@@ -177,6 +199,7 @@ class ZoneReading:
         """Corners as a ring; None, with a problem noted, if they are too few or too many."""
         if len(places) > 1 and places[0] == places[-1]:
             places = places[:-1]
+        places = _without_map_edge(places)
         different = len(set(places))
         if different < 3:
             message = f"a ring has {different} different corners, an area needs 3; draw it again"

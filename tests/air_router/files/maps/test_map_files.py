@@ -21,10 +21,12 @@ from air_router.files.maps.feature_set import (
 )
 from air_router.files.maps.geojson import geojson_of, geojson_text, read_geojson
 from air_router.files.maps.kml import kml_text, read_kml
+from air_router.files.maps.zone_files import read_zones
 from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft
+from geo.airspace.zone import Outline
 from geo.frame import FrameError, Geodetic, LocalFrame, Point, circle_around, dense_ring
 from geo.validity import Hours, Period, Validity
 
@@ -186,6 +188,21 @@ def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
     assert found.area == pytest.approx(area)
     assert found.is_valid
     assert len(getattr(found, "geoms", [found])) == pieces
+
+
+@pytest.mark.parametrize("pole_deg", [90, -90])
+def test_a_zone_around_a_pole_comes_back(pole_deg, tmp_path):
+    lat_deg = 0.9 * pole_deg
+    ring = tuple(Geodetic(lat_deg, lon_deg) for lon_deg in (-150.0, -30.0, 80.0, 170.0))
+    path = tmp_path / "cap.geojson"
+    path.write_text(geojson_text(FeatureSet("any", zones=[MapArea("cap", MapOutline(ring))])))
+    frame = LocalFrame(Geodetic(float(pole_deg), 0.0))
+    reading = read_zones(path)
+    assert reading.problems == []
+    (zone,) = reading.zones
+    shape, drawn = zone.placed(frame), Outline(local_ring(ring, frame))
+    assert shape.polygon.area == pytest.approx(drawn.polygon.area, rel=1e-4)
+    assert shape.polygon.contains(shapely.Point(0, 0))
 
 
 def test_a_hole_across_the_antimeridian():
