@@ -15,9 +15,16 @@ from mocha_link.errors import needs_extra
 
 
 def default_folder() -> Path:
-    """Where records go by default: below the user's state, as other programs' logs."""
+    """Where records go by default: below the user's state, as other programs' logs.
+
+    Raises:
+        UsageError: the user has no home.
+    """
     state = os.environ.get("XDG_STATE_HOME", "")
-    home = Path(state) if state.startswith("/") else Path.home() / ".local" / "state"
+    try:
+        home = Path(state) if state.startswith("/") else Path.home() / ".local" / "state"
+    except RuntimeError:
+        raise UsageError("this user has no home folder; set HOME, or say --log-dir D") from None
     return home / "air-router" / "flights"
 
 

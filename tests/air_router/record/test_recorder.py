@@ -22,6 +22,7 @@ from mcap.writer import Writer
 
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import ComeHome
+from air_router.errors import UsageError
 from air_router.record import record_file
 from air_router.record.log import Log, LogError
 from air_router.record.recorder import Recorder
@@ -381,6 +382,18 @@ def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
         shorter += found < good
         assert found == good or log.ending is not None
     assert shorter > len(chunks)
+
+
+def test_a_user_without_a_home_is_told_what_to_say(monkeypatch):
+    """As in a container that runs as a number."""
+
+    def none():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", none)
+    with pytest.raises(UsageError, match="set HOME, or say --log-dir D"):
+        default_folder()
 
 
 def test_records_go_below_the_users_state(monkeypatch):
