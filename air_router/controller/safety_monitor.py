@@ -265,7 +265,8 @@ class SafetyMonitor:
     _plan: FlightPlan
     _foreign_since_s: float | None = None  # an order that is not ours shows
     _jumped: tuple[FlightMode, FlyToNode, int | None] | None = None  # seen to fly to that item
-    _held: tuple[HoldHere, float, Point | None] | None = None  # hold, since when, target
+    # hold, since when, target, its altitude
+    _held: tuple[HoldHere, float, Point | None, float | None] | None = None
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
 
@@ -301,8 +302,8 @@ class SafetyMonitor:
                 if telemetry.item not in {None, self._plan.item_of(jump.node)}:
                     return "a pilot or ground station chose another plan item"
                 self._jumped = (mode, jump, telemetry.item)
-            case FlyToPoint(position=position) if mode is FlightMode.HOLD:
-                return _elsewhere(telemetry, position)
+            case FlyToPoint(position, altitude_m) if mode is FlightMode.HOLD:
+                return _elsewhere(telemetry, position, altitude_m)
             case HoldHere() as hold if mode is FlightMode.HOLD:
                 return self._moved_from_hold(hold, telemetry)
             case None:  # it did not follow: it may do so yet, or goes on with what was before
@@ -313,17 +314,17 @@ class SafetyMonitor:
 
     def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
         if self._held is None or self._held[0] is not hold:
-            self._held = (hold, telemetry.told_s, None)
-        _, since_s, place = self._held
+            self._held = (hold, telemetry.told_s, None, None)
+        _, since_s, place, altitude_m = self._held
         if place is not None:
-            return _elsewhere(telemetry, place)
+            return _elsewhere(telemetry, place, altitude_m)
         if telemetry.told_s - since_s >= BRAKED_S:
             target, speed_m_s = telemetry.target, math.hypot(*telemetry.velocity_m_s)
             off_m = 0.0 if target is None else math.dist(target, telemetry.position)
             if off_m > BRAKING_M:
                 return _ELSEWHERE
             if off_m <= HOVERS_M and speed_m_s <= HOVERS_M_S:
-                self._held = (hold, since_s, target)
+                self._held = (hold, since_s, target, telemetry.target_altitude_m)
         return None
 
     def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
@@ -343,8 +344,5 @@ class SafetyMonitor:
         return f"breach of {', '.join(holders)}" if holders else None
 
 
-def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
-    target = telemetry.target
-    if target is None or math.dist(target, ours) <= FOREIGN_TARGET_M:
-        return None
-    return _ELSEWHERE
+def _elsewhere(telemetry: Telemetry, ours: Point, altitude_m: float | None) -> str | None:
+    return None if telemetry.bound_for(ours, altitude_m, FOREIGN_TARGET_M) else _ELSEWHERE

@@ -101,6 +101,12 @@ class HeightFrame:
         self.home_amsl_m = home_amsl_m
         return None if self._heard is None else self._above_take_off(*self._heard)
 
+    def above_m(self, amsl_m: float | None) -> float | None:
+        """How high above that home another height is; None: unknown."""
+        if self._heard is None or amsl_m is None:
+            return None
+        return amsl_m - self._heard[0] + self._above_take_off(*self._heard)
+
     def _above_take_off(self, amsl_m: float, above_home_m: float, home: Point | None) -> float:
         home_amsl_m = self.home_amsl_m or 0.0
         up_m = amsl_m - above_home_m - home_amsl_m

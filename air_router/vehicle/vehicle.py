@@ -5,6 +5,7 @@ shell with another. Positions are east/north metres in the mission's local frame
 metres above home; times are seconds on the vehicle's own clock.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -56,6 +57,10 @@ class Ages:
     target_s: float = 0.0
 
 
+TARGET_UP_M: Final = 6.0
+"""A target that is no farther up or down is there: PX4 corrects the altitude of home by less."""
+
+
 @dataclass(frozen=True, slots=True)
 class Telemetry:
     """What the vehicle said of itself last; one value for everything that changes steadily.
@@ -84,6 +89,7 @@ class Telemetry:
         ages: How old each of these is.
         voltage_v: Of the battery; None when unknown.
         satellites: That the receiver uses; None when unknown.
+        target_altitude_m: How high above home, as that was at take-off, `target` is; None: unknown.
     """
 
     time_s: float
@@ -107,6 +113,21 @@ class Telemetry:
     ages: Ages = Ages()
     voltage_v: float | None = None
     satellites: int | None = None
+    target_altitude_m: float | None = None
+
+    def bound_for(self, place: Point, altitude_m: float | None, aside_m: float) -> bool:
+        """Whether it flies to a place, or hovers there, as far as it tells.
+
+        Args:
+            place: Metres east/north of the mission's origin.
+            altitude_m: Metres above home; None: at any.
+            aside_m: So far beside it is there.
+        """
+        target, target_m = self.target, self.target_altitude_m
+        if target is None:
+            return True
+        up_m = 0.0 if target_m is None or altitude_m is None else target_m - altitude_m
+        return math.dist(target, place) <= aside_m and abs(up_m) <= TARGET_UP_M
 
     @property
     def told_s(self) -> float:

@@ -58,6 +58,7 @@ class Px4Telemetry(Px4Messages):
         self._last_reached: tuple[int, int | None] | None = None  # seq, item that was current then
         self._continuity = Continuity()
         self._target: Point | None = None  # of POSITION_TARGET, in the mission frame
+        self._target_amsl_m: float | None = None  # its height; None: not told
         self._unix: tuple[float, float] | None = None  # Unix time, when heard
         self._heights = HeightFrame()  # home of the take-off
         self._gps_height: tuple[float, float] | None = None  # metres AMSL, receiver's time
@@ -184,6 +185,7 @@ class Px4Telemetry(Px4Messages):
             ages=self._streams.ages(),
             voltage_v=self.voltage_v,
             satellites=None if self.gps is None else self.gps.satellites,
+            target_altitude_m=self._heights.above_m(self._target_amsl_m),
         )
 
     def _came_back(self, silent_s: float) -> None:
@@ -328,6 +330,7 @@ class Px4Telemetry(Px4Messages):
         self.wind_m_s = (east_m_s, north_m_s) if known else None
 
     def _on_target(self, fields: dict[str, Any]) -> None:
+        self._target_amsl_m = fields["alt"]
         place = fields["lat_int"] / 1e7, fields["lon_int"] / 1e7
         try:
             self._target = self._frame.to_local(*place) if any(place) else None  # 0, 0: none

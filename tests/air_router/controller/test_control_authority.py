@@ -372,6 +372,28 @@ def test_a_vehicle_that_holds_already_is_not_told_again_before_hands_are_off(awa
     assert (flight.controller.state, len(flight.motions)) == (State.PASSIVE, commanded)
 
 
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("up_m", [-9.0, 9.0, 5.0])
+def test_another_altitude_that_a_ground_station_gives_a_hovering_vehicle_is_the_pilot_s(
+    airborne, held, up_m
+):
+    flight = airborne()
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
+    place = flight.position
+    flight.operator_asks(HoldNow() if held else GoTo((place._replace(east_m=place[0] + 20.0),)))
+    flight.fly_for(7.0)
+    level = {"target": flight.position, "target_altitude_m": 40.0}
+    flight.shown = level
+    flight.fly_for(4.0)
+    commanded = len(flight.motions)
+    flight.shown = {**level, "target_altitude_m": 40.0 + up_m}
+    flight.fly_for(1.0)
+    flight.altitude_m += up_m / 2
+    flight.fly_for(2.0)
+    assert (flight.controller.state is State.PASSIVE) is (abs(up_m) > 6.0)
+    assert flight.motions[commanded:] == []
+
+
 def test_the_operator_s_hold_while_a_plan_is_compared_stays(away):
     flight = away()
     flight.give(PlanReplaced(flight.now_s))

@@ -112,6 +112,7 @@ class Px4:
                 "time_boot_ms": boot_ms,
                 "lat_int": place["lat"],
                 "lon_int": place["lon"],
+                "alt": 6.7 + self.height_m,
             },
             "SYSTEM_TIME": {"time_unix_usec": 0, "time_boot_ms": boot_ms},
         }

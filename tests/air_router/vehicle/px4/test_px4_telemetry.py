@@ -65,6 +65,14 @@ def test_heights_count_from_the_home_of_the_take_off(px4):
     assert (told.altitude_m, told.home_moved) == (40.0, None)
 
 
+def test_the_height_of_a_target_counts_from_the_home_of_the_take_off_too(px4):
+    at(px4, 65.0, home_m=HOME_AMSL_M - 25.0)
+    px4.says("POSITION_TARGET_GLOBAL_INT", alt=HOME_AMSL_M + 48.0)
+    assert px4.telemetry.snapshot().target_altitude_m == pytest.approx(48.0)
+    px4.says("POSITION_TARGET_GLOBAL_INT", alt=None)  # MAVSDK's word for NaN
+    assert px4.telemetry.snapshot().target_altitude_m is None
+
+
 def test_a_home_moved_aside_is_told(px4):
     moves_home(px4, 0.0)
     at(px4)
