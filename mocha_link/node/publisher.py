@@ -12,7 +12,7 @@ from math import inf
 
 from mocha_link.store import wire
 from mocha_link.store.database import Database
-from mocha_link.store.message import pack_batch
+from mocha_link.store.message import LENGTH_BYTES, pack_batch
 from mocha_link.store.record import Record
 from mocha_link.store.wire import UNSAFE_MS, WRAP_MS, Header, as_ms
 from mocha_link.team.team import Robot, Topic
@@ -83,7 +83,7 @@ class Publisher:
         Raises:
             PayloadError: larger than any node would accept.
         """
-        wire.check_size(data)
+        wire.check_size(data, LENGTH_BYTES if topic.aggregate else 0)
         stored = []
         draft = self._held.get(topic.name)
         if draft and topic.aggregate and draft.size + len(data) > FULL_BYTES:

@@ -17,6 +17,7 @@ from mocha_link.store.wire import Header
 from mocha_link.team.team import Priority, Team
 
 _LENGTH = struct.Struct(">I")
+LENGTH_BYTES = _LENGTH.size  # before each message of a batch
 
 
 class BatchError(MochaLinkError):

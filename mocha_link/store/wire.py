@@ -206,9 +206,9 @@ def compress(data: bytes) -> bytes:
     return frame
 
 
-def check_size(data: bytes) -> None:
-    """Raise PayloadError if data are larger than any node would accept."""
-    size = memoryview(data).nbytes  # TypeError for what is not bytes
+def check_size(data: bytes, more: int = 0) -> None:
+    """Raise PayloadError if data, and `more` bytes, are larger than any node would accept."""
+    size = memoryview(data).nbytes + more  # TypeError for what is not bytes
     if size > MAX_BYTES:
         raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
 

@@ -196,6 +196,17 @@ def test_early_messages_wait_together(gatherer, database, gathered):
     assert parts(database, gathered) == (b"6", b"7")
 
 
+def test_what_no_batch_can_hold_is_refused_at_once(gatherer, database, gathered, monkeypatch):
+    """It was promised a header, and lost when its interval was over."""
+    monkeypatch.setattr(wire, "MAX_BYTES", 100)
+    gatherer.publish(gathered, b"1", T, at_once=False)
+    with pytest.raises(PayloadError, match="101 bytes"):
+        gatherer.publish(gathered, bytes(97), T + 1, at_once=False)
+    gatherer.publish(gathered, bytes(96), T + 1, at_once=False)
+    assert gatherer.due(T + 5)
+    assert parts(database, gathered) == (bytes(96),)
+
+
 def test_a_full_batch_does_not_wait(gatherer, database, gathered):
     half = bytes(publishing.FULL_BYTES // 2)
     gatherer.publish(gathered, b"first", T, at_once=False)
