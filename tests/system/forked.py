@@ -202,6 +202,9 @@ def become(request):
     os.environ.clear()
     os.environ.update(request["env"])
     sys.argv = [request["module"], *request["arguments"]]
+    # Those of before think that they can be sought in if they were files.
+    sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115 - until the end
+    sys.stderr = open(2, "w", 1, errors="backslashreplace", closefd=False)  # noqa: SIM115
     sys.exit(getattr(importlib.import_module(request["module"]), request["function"])())
 
 
