@@ -137,7 +137,7 @@ class Router:
         """Why a leg is not clear that begins off the cruise altitudes; None if it is.
 
         The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
-        all of it counts.
+        all of it counts, but for zones that it is in already: it leaves them.
 
         Args:
             altitude_m: how high above home the vehicle is.
@@ -148,7 +148,8 @@ class Router:
         airspace = mission.climb_airspace if low else mission.airspace_at(altitude_m)
         if len(airspace.zones) == len(mission.airspace.zones):
             return None
-        airspace = _with_margin(airspace, mission.planner.departure_margin_m)
+        inside = frozenset(airspace.holders(swept[0]))
+        airspace = _with_margin(airspace, mission.planner.departure_margin_m, inside)
         if airspace.swept_clear(swept):
             return None
         names = airspace.blockers(swept[0], swept[-1])
@@ -233,9 +234,11 @@ def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...] = ()) ->
 
 
 @lru_cache(maxsize=8)
-def _with_margin(airspace: Airspace, margin_m: float) -> Airspace:
+def _with_margin(airspace: Airspace, margin_m: float, without: frozenset[str]) -> Airspace:
     """Kept for the next leg that begins off the cruise altitudes."""
-    return airspace.with_margin(margin_m)
+    zones = [zone for zone in airspace.zones if zone.name not in without]
+    kept = Airspace(airspace.fences, zones, airspace.clearance_m) if without else airspace
+    return kept.with_margin(margin_m)
 
 
 class WaypointPlanner:

@@ -123,13 +123,20 @@ def climbing(pretend):
     return flight
 
 
-def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend):
+LOW = Zone("low", Circle(Point(200.0, 200.0), 5.0), band=Band(0.0, 20.0))
+
+
+@pytest.mark.parametrize("others", [(), (LOW,)])
+def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend, others):
     flight = climbing(pretend)
     zone = Zone("new", Circle(flight.position, 15.0), band=Band(20.0, 60.0))
-    change(flight, zone)
-    while not boarding(flight):
-        flight.step()
+    change(flight, zone, *others)
+
+    def boards():
         assert flight.altitude_m < 20.0
+        return boarding(flight)
+
+    flight.fly_until(boards, 60.0)
     assert clear_of(flight, zone, since=-1) >= 5.0
     flight.give(PlanRenewed())
     flight.fly_for(9.0)
