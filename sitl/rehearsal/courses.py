@@ -63,11 +63,6 @@ WRONG_STREAMS: Final = {
 }
 """The judge's row for a stream whose messages are believable, and not true."""
 
-ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
-_HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
-SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
-"""Modes that no PX4 refuses; in the first a restarted companion may take it back."""
-
 
 class Agenda:
     """What is still to happen in a flight, as its phases come.
@@ -240,31 +235,8 @@ altered: Final = one("alter", lambda d: (d.randrange(1, 40), d.choice((6.0, math
 """Which item, for how long its place is altered on the way, and of which list it is."""
 
 busy: Final = spells(6, 160.0, ("busy", True), ("busy", False), uniform(1.0, 8.0))
-hand_back: Final = steps(
-    (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
-)
-"""The pilot takes over; the operator asks for it too early, then in time."""
-
-hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "hand back"))
-"""The pilot has it land, stops that some way or well below its altitude, and hands it back."""
-
-paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
-disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
-plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same", "other")))
 home_moved: Final = one("home", choice((0.0, -25.0), (30.0, 15.0)))
 restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
-restart_taken: Final = chain(
-    (0.0, "kill"),
-    (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),
-    (uniform(1.0, 10.0), "restart"),
-)
-"""The pilot takes the vehicle from a companion that is dead, and it is started again."""
-
-replaced_alone: Final = chain(
-    (0.0, "kill"), (uniform(1.0, 5.0), "plan", "other"), (uniform(2.0, 10.0), "restart")
-)
-"""A station puts another plan on board while no companion is there."""
-
 lie: Final = steps((0.0, "fuller", choice(0.2, 0.5, 1.0)), (0.0, "battery", uniform(150.0, 400.0)))
 """The battery says that it is fuller than it is, while it empties fast."""
 
@@ -294,21 +266,6 @@ def no_fix(dice: random.Random) -> Iterator[Row]:
         yield from ((0.0, "satellites", 0), (lasts_s, "satellites", 12))
 
 
-def ready_taken(dice: random.Random) -> Iterator[Row]:
-    """The pilot takes the vehicle on the ground, or arms it before it is looked at."""
-    how, at_s = dice.choice(("POSCTL", "ALTCTL", "arm")), dice.uniform(2.5, 7.5)
-    yield 0.5 if how == "arm" and dice.randrange(2) else at_s, "before us", how
-
-
-def by_hand(dice: random.Random) -> Iterator[Row]:
-    """A zone is drawn when all is ready; its fence is being refused as the pilot takes off."""
-    yield 20.0, "stream", (("MISSION_COUNT",), StreamFault.LOST, 8.0)
-    yield 20.0, "reject", 1
-    yield 21.0, "reload", dice.uniform(25.0, 40.0)
-    yield dice.uniform(22.5, 23.5), "before us", "AUTO_TAKEOFF"
-    yield 110.0, "climb", 0.0
-
-
 def zone_in_haste(dice: random.Random) -> Iterator[Row]:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)
@@ -336,8 +293,11 @@ def walls(dice: random.Random) -> Iterator[Row]:
         yield from ((6.0 * side, "wall", side) for side in range(4))
 
 
-def two_stations(dice: random.Random) -> Iterator[Row]:
-    """Two stations choose different modes, shortly one after the other."""
-    first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
-    yield 0.0, "pilot", first
-    yield dice.choice((0.0, 0.1, 0.5, 2.0)), "second station", second
+def refused(dice: random.Random) -> Iterator[Row]:
+    """For a while or for good, and a zone is drawn near the vehicle."""
+    for_good = dice.randrange(2)
+    if dice.randrange(2):
+        yield 0.0, "reject", for_good
+    else:
+        yield 0.0, "alter", (dice.randrange(12), math.inf if for_good else 6.0, FENCE)
+    yield 1.0, "reload", dice.uniform(15.0, 40.0)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.rehearsal import courses, requests
+from sitl.rehearsal import courses, requests, takeovers
 from sitl.rehearsal.courses import (
     BATTERY,
-    FENCE,
     ITEM,
     LANDED,
     MODE,
-    ON_MODE,
     PHASES,
     POSITION,
     SATELLITES,
@@ -38,7 +35,7 @@ from sitl.rehearsal.courses import (
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
-_DRAWS: Final = frozenset({"reload", "wall", "enclose", "zone across", "zone over"})
+_DRAWS: Final = ("reload", "wall", "enclose", "zone ")  # and how the names of others begin
 FLIGHT_S: Final = 260.0
 
 
@@ -68,25 +65,6 @@ class Kind(NamedTuple):
     mission: Mapping[str, Any] = MappingProxyType({})
     waypoints: int = 0
     records: bool = False
-
-
-_HIGH: Final = steps(
-    (0.0, "pilot", "AUTO_RTL"),
-    (1.0, "pilot", "AUTO_LOITER"),
-    (2.0, "climb", 26.0),
-    (28.0, "hand back"),
-    (uniform(40.0, 46.0), "climb", 12.0),
-)
-
-
-def _refused(dice: random.Random) -> Iterator[courses.Row]:
-    """For a while or for good, and a zone is drawn near the vehicle."""
-    for_good = dice.randrange(2)
-    if dice.randrange(2):
-        yield 0.0, "reject", for_good
-    else:
-        yield 0.0, "alter", (dice.randrange(12), math.inf if for_good else 6.0, FENCE)
-    yield 1.0, "reload", dice.uniform(15.0, 40.0)
 
 
 class Fault(Enum):
@@ -123,29 +101,47 @@ class Fault(Enum):
     # Getting ready.
     UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
     ALTERED = Kind("an item is stored that was not sent", 6, courses.altered, "ready")
-    READY_TAKEN = Kind("pilot arms or chooses before us", 9, courses.ready_taken, "ready")
-    BY_HAND = Kind("pilot takes off while a fence is refused", 4, courses.by_hand, "ready")
+    READY_TAKEN = Kind("pilot arms or chooses before us", 9, takeovers.ready_taken, "ready")
+    BY_HAND = Kind("pilot takes off while a fence is refused", 4, takeovers.by_hand, "ready")
+    MISPLACED = Kind(
+        "pilot takes off, and begins the mission low and away", 8, takeovers.misplaced, "ready"
+    )
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, courses.busy, "INIT")
     # The pilot and other stations.
-    PILOT = Kind("pilot takes over", 48, one("pilot", choice(*ON_MODE)))
+    PILOT = Kind("pilot takes over", 48, one("pilot", choice(*takeovers.ON_MODE)))
     STICKS = Kind("pilot moves the sticks", 16, one("sticks", value=True))
     STICKS_ONLY = Kind(
         "pilot moves the sticks without COM_RC_OVERRIDE", 8, one("sticks", value=False)
     )
-    HAND_BACK = Kind("pilot takes over and hands back", 20, courses.hand_back)
+    HAND_BACK = Kind("pilot takes over and hands back", 20, takeovers.hand_back)
     HANDED_BACK_LOW = Kind(
-        "pilot lands it, stops that low, and hands back", 8, courses.hand_back_low
+        "pilot lands it, stops that low, and hands back", 8, takeovers.hand_back_low
     )
     HANDED_BACK_HIGH = Kind(
-        "pilot climbs with it into a zone, and hands back there and below", 8, _HIGH
+        "pilot climbs with it into a zone, and hands back there and below",
+        8,
+        takeovers.hand_back_high,
+    )
+    ZONE_ABOVE = Kind(
+        "a zone is drawn above its climb, given back low", 5, takeovers.zone_above, "SEARCH"
     )
     TAKEN_IN_HASTE = Kind(
-        "pilot takes over while commands of ours wait", 16, requests.taken_in_haste
+        "pilot takes over while commands of ours wait", 16, takeovers.taken_in_haste
     )
-    PAUSE = Kind("pilot pauses or diverts it in our own mode", 12, courses.paused)
-    DIVERTED = Kind("diverted, or flown by the sticks, while we have it hold", 8, requests.diverted)
-    TWO_STATIONS = Kind("two stations command at once", 16, courses.two_stations)
-    DISARMED = Kind("disarmed by a station right after the arming", 8, courses.disarmed, "armed")
+    SILENCE_TAKEN = Kind("pilot takes over during a silence", 12, takeovers.silence_taken)
+    PAUSE = Kind("pilot pauses or diverts it in our own mode", 12, takeovers.paused)
+    DIVERTED = Kind(
+        "diverted, or flown by the sticks, while we have it hold", 8, takeovers.diverted
+    )
+    DIVERTED_CLOSE = Kind(
+        "diverted towards a zone that it passes", 12, takeovers.diverted_close, "INIT"
+    )
+    LEFT_BEHIND = Kind(
+        "near a zone that it has left, without its plan", 8, takeovers.left_behind, "SEARCH"
+    )
+    DOUBTED = Kind("zones change, and the altitude is in doubt", 8, takeovers.doubted, "INIT")
+    TWO_STATIONS = Kind("two stations command at once", 16, takeovers.two_stations)
+    DISARMED = Kind("disarmed by a station right after the arming", 8, takeovers.disarmed, "armed")
     KILLED_IN_AIR = Kind("disarmed by force in the air", 12, one("disarm", value=True))
     HOME_MOVED = Kind(
         "home moved by a station: 25 m down, or 30 m sideways and 15 m up", 20, courses.home_moved
@@ -153,9 +149,9 @@ class Fault(Enum):
     SPEED = Kind("another speed by a station", 6, one("speed", choice(2.0, 8.0, 12.0)))
     PLAN_REPLACED = Kind("another mission put on board", 14, on_board("plan", "other"))
     RESTARTED_ON_ANOTHER = Kind(
-        "another mission put on board while no companion runs", 8, courses.replaced_alone, "INIT"
+        "another mission put on board while no companion runs", 8, takeovers.replaced_alone, "INIT"
     )
-    PLAN_AT_START = Kind("mission put on board as it starts", 6, courses.plan_at_start, "armed")
+    PLAN_AT_START = Kind("mission put on board as it starts", 6, takeovers.plan_at_start, "armed")
     SAME_PLAN = Kind("the same plan put on board again", 14, on_board("plan", "same"))
     PLAN_DELETED = Kind("mission deleted by a station", 8, on_board("plan", "none"))
     FENCE_DELETED = Kind("fence deleted by a station", 10, on_board("fence", None, back=1.0))
@@ -168,7 +164,9 @@ class Fault(Enum):
         "companion stalled for 0.5 to 60 s", 20, one("stall", choice(0.5, 2.0, 5.0, 15.0, 60.0))
     )
     RESTART = Kind("companion killed and restarted", 20, courses.restart)
-    RESTART_TAKEN = Kind("pilot takes over while the companion is down", 16, courses.restart_taken)
+    RESTART_TAKEN = Kind(
+        "pilot takes over while the companion is down", 16, takeovers.restart_taken
+    )
     KILL = Kind("companion killed for good", 12, one("kill"))
     BATTERY = Kind("battery falls fast", 16, one("battery", uniform(60.0, 400.0)))
     BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, courses.lie)
@@ -200,7 +198,7 @@ class Fault(Enum):
     )
     # The operator.
     RELOAD = Kind("no-fly zones added by reload in flight", 16, courses.zones)
-    REFUSED = Kind("a changed fence is refused, or stored otherwise", 10, _refused)
+    REFUSED = Kind("a changed fence is refused, or stored otherwise", 10, courses.refused)
     WALL = Kind("walled in by reload in flight", 12, courses.walls)
     ZONE_ACROSS = Kind("a zone is drawn across the leg under way", 12, courses.zones_across)
     ZONE_IN_HASTE = Kind(
@@ -216,6 +214,7 @@ class Fault(Enum):
         mission={"duration_s": 190, "timers": {"init_s": 400, "search_s": 10}},
     )
     LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
+    ZONE_BELOW = Kind("a zone is drawn below its landing", 6, requests.landed_on, "INIT")
     ALTITUDES = Kind(
         *("asked to hold at other altitudes", 6, requests.altitudes, "INIT"),
         mission={"altitudes_m": [30, 60]},
@@ -236,6 +235,9 @@ class Fault(Enum):
         return getattr, (Fault, self.name)
 
 
+BY_HAND: Final = frozenset({Fault.BY_HAND, Fault.MISPLACED})
+"""In these the pilot takes off."""
+
 WIDE: Final = frozenset({Fault.NONE, Fault.GUSTS, Fault.REQUESTS})
 """In these one zone is kept from by more than the others."""
 
@@ -247,10 +249,12 @@ _ALONE: Final = frozenset(
         *(Fault.PLAN_AT_START, Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
-        *(Fault.LAYERS, Fault.MOVED_LINK, Fault.HOSTILE, Fault.TWO_VEHICLES),
+        *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
+        *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
+        *(Fault.HOSTILE, Fault.TWO_VEHICLES),
     }
 )
-"""Two things at once already, or nothing: these are not combined with others."""
+"""Two things at once already, or nothing: not combined with others."""
 
 _SINGLE: Final = tuple(fault for fault in Fault if fault not in _ALONE)
 """What two of may happen in one flight."""
@@ -283,7 +287,7 @@ class Scene:
     @property
     def draws(self) -> bool:
         """Whether zones are drawn into the mission file."""
-        return any(happening.what in _DRAWS for happening in self.schedule())
+        return any(happening.what.startswith(_DRAWS) for happening in self.schedule())
 
     def most(self, what: str) -> float:
         """The most that its faults have of `loss`, `late_s` or `old_s`."""

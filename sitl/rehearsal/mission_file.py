@@ -147,11 +147,16 @@ class MissionFile:
         """Where one may fly by the file as it is now."""
         return _space(self.path, self.text)
 
-    def circle(self, place: Point, radius_m: float) -> bool:
-        """Draw a circle; whether it is drawn: it would be refused too near to home."""
+    def circle(self, place: Point, radius_m: float, **limits_m: float) -> bool:
+        """Draw a circle, perhaps with limits of its altitude above home; whether it is drawn.
+
+        It would be refused too near to home.
+        """
         if math.dist(place, self.mission.home) - radius_m < _HOME_CLEAR_M:
             return False
-        shape = {"circle": {"centre": self._degrees(place), "radius_m": radius_m}}
+        shape: dict[str, Any] = {}
+        shape["circle"] = {"centre": self._degrees(place), "radius_m": radius_m}
+        shape |= {"altitude": limits_m} if limits_m else {}
         self._draw({f"added {len(self._document['no_fly_zones'])}": shape})
         return True
 

@@ -14,10 +14,9 @@ from typing import Final
 from air_router.control.command_request import parse_command
 from air_router.controller.model.requests import GoTo
 from geo.frame import Point
-from sitl.rehearsal.faults import Fault
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.mission_file import SIDES, FlyableSpace
+from sitl.rehearsal.mission_file import FlyableSpace
 from sitl.rehearsal.requests import goto, request_of
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
@@ -26,43 +25,40 @@ _RESUME_S: Final = 2.0
 """So often an operator asks for what was refused."""
 
 _PATIENCE_S: Final = 60.0
-_READ_S: Final = 4.0
-"""What reading a changed file may take."""
 
 _COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT", "MISSION_SET_CURRENT")
 
-_FAST_M_S, _SLOW_M_S = 3.5, 2.0
+FAST_M_S, _SLOW_M_S = 3.5, 2.0
 _LOOKS_S: Final = 60.0
 """For so long a moment is waited for."""
 
 _STANDS_S: Final = 4.0
 _AT_M: Final = 1.0
-_STOPS_M: Final = 13.0
-"""A vehicle of 5 m/s stops within it."""
 
 Moment = Callable[[], bool]
 """Does something if its moment has come; whether it had."""
 
 
 class Operator:
-    """Asks the companion of a flight, and draws into its mission file.
+    """Asks the companion of a flight for things.
 
     Args:
         flight: Where.
         dice: Of the flight; what is asked at the worst moment has dice of its own.
 
     Attributes:
+        haste: Dice of what is asked, or drawn, at the worst moment.
+        sent: Where it was sent last, east and north; None: nowhere.
         pilot: Whether a pilot or station has taken the vehicle, which is left to them.
     """
 
     def __init__(self, flight: Scenario, dice: random.Random) -> None:
         self._flight = flight
-        self._dice, self._haste = dice, flight.scene.chance("haste")
+        self._dice, self.haste = dice, flight.scene.chance("haste")
         self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
         self._upload = False  # our plan is wanted on board, too
-        self._reading: tuple[float, int | None] | None = None  # until when; how many zones before
         self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
-        self._sent: Pair | None = None  # where it was sent last, east and north
+        self.sent: Pair | None = None
         self.pilot = False
 
     @property
@@ -77,13 +73,12 @@ class Operator:
         return not autopilot.situation.landed and not autopilot.failsafe.acting
 
     def step(self, now_s: float) -> None:
-        """Do what waits for its moment, ask again, and look whether a changed file was taken."""
+        """Do what waits for its moment, and ask again."""
         waiting, self._waiting = self._waiting, []
         self._waiting += [
             (until_s, moment) for until_s, moment in waiting if now_s < until_s and not moment()
         ]
         self._go_on_asking(now_s)
-        self._look_after_reading(now_s)
 
     # Requests
 
@@ -116,10 +111,10 @@ class Operator:
         """Send it to so many points, each in sight of the one before; how long to hover there."""
         (count, hold_s), places = tour, [self.here]
         for _ in range(count):
-            place = self.space.in_sight(places[-1], self._haste)
+            place = self.space.in_sight(places[-1], self.haste)
             places += [] if place is None else [place]
         if len(places) > 1:
-            self.do_ask(goto(self._flight.mission, map(self._point, places[1:])), hold_s)
+            self.do_ask(goto(self._flight.mission, map(self.point, places[1:])), hold_s)
 
     def do_send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after it was told to stop."""
@@ -127,8 +122,9 @@ class Operator:
         self._at(seconds, self._send)
 
     def do_send_again(self, _: None) -> None:
-        """Send it somewhere else that it sees."""
-        self._send()
+        """Send it somewhere else that it sees, unless it is the pilot's."""
+        if not self.pilot:
+            self._send()
 
     def do_corner(self, brakes_s: float | None) -> None:
         """Send it somewhere, and on its way around a corner; so long after it began to brake."""
@@ -161,22 +157,22 @@ class Operator:
             self.do_ask("resume upload" if self._upload else "resume")
 
     def _send(self) -> bool:
-        place = self.space.in_sight(self.here, self._haste)
+        place = self.space.in_sight(self.here, self.haste)
         if place is not None:
-            self._sent = place
+            self.sent = place
             self._go_to(place)
         return True
 
     def _set_out(self, brakes_s: float | None) -> bool:
         space = self.space
-        turn = space.turn(self.here, space.mission.speed_m_s, brakes_s or 0.0, self._haste)
+        turn = space.turn(self.here, space.mission.speed_m_s, brakes_s or 0.0, self.haste)
         if turn is None:
             return True
         self._go_to(turn.towards)
 
         def turn_off() -> bool:
-            speed_m_s = math.hypot(*self._velocity_m_s)
-            if math.dist(self.here, turn.at) > _AT_M or speed_m_s < _FAST_M_S or not self._ours:
+            speed_m_s = math.hypot(*self.velocity_m_s)
+            if math.dist(self.here, turn.at) > _AT_M or speed_m_s < FAST_M_S or not self.ours:
                 return False
             if brakes_s is not None:
                 self.do_ask("hold")
@@ -191,100 +187,17 @@ class Operator:
 
     def _around(self) -> bool:
         """Send it around a corner while it brakes; what it was sent to before is forgotten."""
-        velocity_m_s = self._velocity_m_s
-        off_to = self.space.around_a_corner(self.here, velocity_m_s, self._haste)
+        velocity_m_s = self.velocity_m_s
+        off_to = self.space.around_a_corner(self.here, velocity_m_s, self.haste)
         if off_to is not None:
             self._go_to(off_to)
         return off_to is not None or math.hypot(*velocity_m_s) < _SLOW_M_S
 
-    # Zones
-
-    def do_reload(self, ahead_m: float) -> None:
-        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        east_m_s, north_m_s = self._velocity_m_s
-        course_rad = math.atan2(east_m_s, north_m_s) + self._dice.uniform(-0.5, 0.5)
-        place = self._flight.place
-        east_m = place.east_m + ahead_m * math.sin(course_rad)
-        north_m = place.north_m + ahead_m * math.cos(course_rad)
-        self._draw_circle(Point(east_m, north_m), self._dice.uniform(4.0, 12.0))
-
-    def do_zone_across(self, spare_m: float) -> None:
-        """Draw a zone across its way, so far beyond where it can stop."""
-
-        def draw() -> bool:
-            east_m_s, north_m_s = self._velocity_m_s
-            speed_m_s = math.hypot(east_m_s, north_m_s)
-            if speed_m_s < _FAST_M_S or not self._ours:
-                return False
-            radius_m = self._haste.uniform(5.0, 10.0)
-            ahead_m = _STOPS_M + self.space.mission.clearance_m + spare_m + radius_m
-            here, share = self.here, ahead_m / speed_m_s
-            centre = (here[0] + share * east_m_s, here[1] + share * north_m_s)
-            self._draw_circle(self._point(centre), radius_m)
-            return True
-
-        self.wait_for(draw)
-
-    def do_zone_over(self, deep_m: float) -> None:
-        """Draw a zone over it, and over the way to where it was sent last."""
-        if self._sent is None:
-            return
-        here, radius_m = self.here, 10.0
-        share = (radius_m - deep_m) / math.dist(here, self._sent)
-        east_m, north_m = (a + share * (b - a) for a, b in zip(here, self._sent, strict=True))
-        self._draw_circle(self._point((east_m, north_m)), radius_m)
-
-    def do_wall(self, *sides: int) -> None:
-        """The operator walls the vehicle in, zone by zone."""
-        file, place = self._flight.file, self._flight.place
-        self._change(lambda: file.wall(place, sides))
-
-    def do_enclose(self, _: None) -> None:
-        """Draw all four walls at once."""
-        self.do_wall(*SIDES)
-
-    def do_open(self, _: None) -> None:
-        """Take the last wall away."""
-        self._change(self._flight.file.open)
-
-    def _draw_circle(self, centre: Point, radius_m: float) -> None:
-        self._change(lambda: self._flight.file.circle(centre, radius_m))
-
-    def _change(self, draw: Callable[[], bool]) -> None:
-        """Draw into the file, and have it read again; one change at a time."""
-        zones = self._zones_flown_by
-        waits = self._flight.scene.fault is Fault.BY_HAND and not self._flight.autopilot.armed
-        if zones is None or not (self.flies or waits) or self._reading is not None:
-            return
-        if draw():
-            self._reading = (self._flight.now_s + _READ_S, zones)
-            self.do_ask("reload")
-
-    @property
-    def _zones_flown_by(self) -> int | None:
-        """How many zones the companion knows; None: there is no companion."""
-        companion = self._flight.companion
-        return None if companion is None else len(companion.flight.controller.context.mission.zones)
-
-    def _look_after_reading(self, now_s: float) -> None:
-        """Whether the changed file was taken; what was not is taken out of it again."""
-        if self._reading is None:
-            return
-        until_s, zones = self._reading
-        known, file = self._zones_flown_by, self._flight.file
-        if known not in {None, zones}:
-            self._flight.happened(SceneEventKind.MISSION_FILE, file.text)
-        elif known is not None and now_s < until_s:
-            return
-        else:
-            self._flight.happened(SceneEventKind.FILE_LEFT, (until_s - _READ_S, file.text))
-            file.undo()
-        self._reading = None
-
     # What it knows, and waits for; places in the judge's metres, east and north
 
     @property
-    def _ours(self) -> bool:
+    def ours(self) -> bool:
+        """Whether the companion has the vehicle for its own."""
         companion = self._flight.companion
         return companion is not None and companion.in_charge
 
@@ -301,15 +214,17 @@ class Operator:
         return float(east), float(north)
 
     @property
-    def _velocity_m_s(self) -> Pair:
+    def velocity_m_s(self) -> Pair:
+        """How fast the vehicle really is: east and north."""
         airframe = self._flight.autopilot.airframe
         return airframe.velocity_east_m_s, airframe.velocity_north_m_s
 
-    def _point(self, place: Pair) -> Point:
+    def point(self, place: Pair) -> Point:
+        """A place in the frame of the mission that is flown."""
         return self._flight.mission.frame.to_local(*self.space.mission.frame.degrees(*place))
 
     def _go_to(self, place: Pair) -> None:
-        self.do_ask(goto(self._flight.mission, [self._point(place)]))
+        self.do_ask(goto(self._flight.mission, [self.point(place)]))
 
     def _at(self, seconds: float, what: Moment) -> None:
         at_s = self._flight.now_s + seconds

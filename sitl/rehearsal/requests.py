@@ -8,7 +8,7 @@ from typing import Final
 
 from air_router.mission.mission import Mission
 from geo.frame import Point
-from sitl.rehearsal.courses import BATTERY, ITEM, SATELLITES, SURE, Row, choice, often, uniform
+from sitl.rehearsal.courses import BATTERY, ITEM, SATELLITES, Row, choice, often, uniform
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 _ROBOTS: Final = ("callisto", "europa", "io", "phantom")
@@ -53,27 +53,6 @@ corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 
 at_random: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
 
 
-def taken_in_haste(dice: random.Random) -> Iterator[Row]:
-    """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
-    at_s = dice.uniform(2.0, 5.0)
-    yield 0.0, "send", at_s - 1.5
-    yield at_s - 1.6, "deaf", True
-    yield at_s - 0.8, *(("send again",) if dice.randrange(2) else ("ask", "hold"))
-    yield at_s, "pilot", dice.choice(SURE)
-    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
-
-
-def diverted(dice: random.Random) -> Iterator[Row]:
-    """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
-    at_s = dice.uniform(40.0, 140.0)
-    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    yield at_s, "ask", "hold", "armed"
-    if dice.randrange(2):
-        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
-    else:
-        yield from ((each_s, "pause", True, "armed") for each_s in later_s)
-
-
 def sent(dice: random.Random) -> Iterator[Row]:
     """To several points, held on the way or at the last, and on; then a robot or exploring.
 
@@ -104,6 +83,15 @@ def landed_here(dice: random.Random) -> Iterator[Row]:
     yield at_s, "ask", "hold"
     for later_s in (0.3, dice.uniform(0.5, 1.2), 8.0, 11.0):
         yield at_s + later_s, "ask", "land"
+
+
+def landed_on(dice: random.Random) -> Iterator[Row]:
+    """Told to hold, and to land, and a zone is drawn below it; the pilot takes it in the end."""
+    at_s = dice.uniform(4.0, 60.0)
+    yield at_s, "ask", "hold"
+    yield at_s + 8.0, "ask", "land"
+    yield at_s + dice.uniform(14.0, 22.0), "zone below", dice.uniform(8.0, 12.0)
+    yield at_s + 52.0, "pilot", "AUTO_RTL"
 
 
 def altitudes(dice: random.Random) -> Iterator[Row]:

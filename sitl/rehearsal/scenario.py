@@ -21,7 +21,7 @@ from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion, World
 from sitl.rehearsal.courses import Agenda
-from sitl.rehearsal.faults import WIDE, Fault, Scene, wind_of
+from sitl.rehearsal.faults import BY_HAND, WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
     Evidence,
@@ -189,7 +189,7 @@ class Scenario(World, ABC):
     def _live(self, *, resume: bool) -> tuple[int | None, str]:
         """One life of a companion, from start to end or power cut."""
         self.happened(SceneEventKind.STARTED)
-        arm = not (resume or self.scene.fault is Fault.BY_HAND)
+        arm = not (resume or self.scene.fault in BY_HAND)
         companion = self.companion = Companion(
             self.file.path, self, self.send, self._say, arm=arm, resume=resume, records=self._logs
         )

@@ -97,6 +97,7 @@ ACCEPTED: Final = MappingProxyType(
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),
         "ALTITUDES": _HOME,
+        "ZONE_BELOW": _row(End.LANDED, End.ASKED, End.PILOT),
         "LANDED_HERE": _row(End.LANDED, End.ASKED),
         "ENDURANCE": _HOME,
         "HOME_FOR_GOOD": _row(End.LANDED, height_m=5.0),  # its altitude may drift, as BAROMETER's
@@ -119,6 +120,9 @@ ACCEPTED: Final = MappingProxyType(
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "ALTERED": _row(End.LANDED, End.STAYED),
         "BY_HAND": _row(End.PILOT, says="is not on board"),
+        "MISPLACED": _row(
+            *(End.LANDED, End.PILOT, End.FAILSAFE), says="Mission was chosen low and away"
+        ),
         "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
         # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a
         # battery failsafe ends it. What has to be said of it, and when, `inputs` knows.
@@ -131,11 +135,16 @@ ACCEPTED: Final = MappingProxyType(
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
+        "ZONE_ABOVE": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,
         "LAYERS": _row(End.LANDED, End.PILOT),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
+        "SILENCE_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
+        "LEFT_BEHIND": _row(End.LANDED, End.PILOT, notice_s=3.0),
+        "DOUBTED": _row(End.LANDED, End.PILOT, height_m=9.0),
+        "DIVERTED_CLOSE": _row(End.PILOT, End.FAILSAFE, End.LANDED, notice_s=2.0),
         "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),

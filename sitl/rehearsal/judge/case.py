@@ -23,8 +23,10 @@ from sitl.rehearsal.judge.evidence import (
     SceneEvent,
     SceneEventKind,
     WireMessage,
+    heard_of_s,
     is_motion,
     target_of,
+    tells_elsewhere,
     uploads_of,
 )
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
@@ -43,23 +45,15 @@ _GIVEN_BACK_IN: Final = frozenset({0x03040000, 0x04040000})
 _RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 """Requests by which an operator gives the vehicle back to the companion."""
 
-_TOO_HIGH_M: Final = 1.0
-"""How wrong a vehicle may be about its height in a layer."""
+_TOO_LOW_M, _TOO_HIGH_M = 2.0, 1.0
+"""How wrong a vehicle may be about its height: at the plan's altitudes, and in a layer."""
 
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
-_HEARD_S: Final = 2.0
-"""So long it may take until the companion hears of another item or place, at most."""
-
-_HEEDED_S: Final = 0.5
-"""What has been heard for longer is known, whatever else is going on."""
-
-_TELLS: Final = {
-    "item": ("MISSION_CURRENT", ("seq",)),
-    "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
-}
-"""Which message, and which of its fields, tells that the vehicle goes elsewhere."""
+_HEARD_S, _HEEDED_S = 2.0, 0.5
+"""So long it may take until the companion hears of another item or place, at most; what has been
+heard for so long is known, whatever else is going on."""
 
 _SAID_S: Final = 3.0
 """What the companion has on top of each limit to announce something."""
@@ -99,11 +93,12 @@ class Violation:
 
 
 class Given(NamedTuple):
-    """A time in which the vehicle is not ours, and whose it is."""
+    """A time in which the vehicle is not ours, whose it is, and from when we may hold it."""
 
     begin_s: float
     end_s: float
     by: Responsible
+    handed_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +130,7 @@ class Case:
         flying: Whether it is off the ground.
         armed: Whether its motors may turn.
         lands: Whether it flies in Land mode.
+        level: Whether it is at the plan's altitudes, in its own layer.
         off_m: How wrong the estimate is, by the scene.
         commands: What the companion sent to the vehicle.
         said: What it announced, and when: all lines but those that show its state every few
@@ -170,6 +166,8 @@ class Case:
         self.flying = np.array([not s.landed for s in samples], dtype=bool)
         self.armed = np.array([s.armed for s in samples], dtype=bool)
         self.lands = np.array([s.custom_mode == LAND_MODE for s in samples], dtype=bool)
+        low_m, high_m = min(self.mission.altitudes_m) - _TOO_LOW_M, self.mission.layer_top_m
+        self.level = (self.above_m >= low_m) & (self.above_m <= high_m + _TOO_HIGH_M)
         self.off_m = self._estimate_off()
         self.commands = [m for m in evidence.messages if m.component == COMPANION]
         self.said = [(s.time_s, s.text) for s in evidence.lines if not _STATUS.match(s.text)]
@@ -240,16 +238,19 @@ class Case:
         last: dict[Responsible, float] = {}
         for begin_s, by in sorted(takings):
             if begin_s >= last.get(by, -math.inf):
-                last[by] = self._given_back_s(begin_s, restarted=begin_s not in replaced)
-                yield Given(begin_s, last[by], by)
+                back_s = self._given_back_s(begin_s, restarted=begin_s not in replaced)
+                handed_s, flies_s = self._handed_over_s(begin_s)
+                last[by] = min(back_s, flies_s)
+                yield Given(begin_s, last[by], by, handed_s)
 
     def _shows(self, taking: SceneEvent) -> bool:
         """Whether anything changed: of two choices at once the second may undo the first.
 
         So may a command of ours that leaves before another item or place could be heard of.
         """
-        if taking.value in _TELLS:
-            known_s = min(self._heard_of_s(taking) + _HEEDED_S, taking.time_s + _HEARD_S)
+        if tells_elsewhere(taking):
+            known_s = heard_of_s(self.evidence.heard, taking) + _HEEDED_S
+            known_s = min(known_s, taking.time_s + _HEARD_S)
             ours = (m.time_s for m in self.commands if is_motion(m))
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if not str(taking.value).isupper():
@@ -259,14 +260,6 @@ class Case:
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
         return any(sample.custom_mode != before for sample in after)
 
-    def _heard_of_s(self, taking: SceneEvent) -> float:
-        """When the companion heard that the vehicle goes elsewhere; infinite: never."""
-        name, fields = _TELLS[str(taking.value)]
-        told = [(m.time_s, [m.fields.get(field) for field in fields]) for m in self.heard(name)]
-        before = next((to for time_s, to in reversed(told) if time_s < taking.time_s), None)
-        later = (time_s for time_s, to in told if time_s >= taking.time_s and to != before)
-        return next(later, math.inf)
-
     def _given_back_s(self, since_s: float, *, restarted: bool) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""
         kinds = {SceneEventKind.REQUEST} | ({SceneEventKind.STARTED} if restarted else set())
@@ -274,6 +267,15 @@ class Case:
         asked_s = next((h.time_s for h in later if self._gives_back(h)), math.inf)
         moved = (m.time_s for m in self.commands if m.time_s >= asked_s and is_motion(m))
         return next((at_s for at_s in moved if self._free(at_s)), math.inf)
+
+    def _handed_over_s(self, since_s: float) -> tuple[float, float]:
+        """When a pilot chose Mission mode for us, and when we held it there, or it was level."""
+        told = self.evidence.told(SceneEventKind.HANDED_OVER)
+        handed_s = next((h.time_s for h in told if h.time_s > since_s), math.inf)
+        sent = (m for m in self.commands if m.time_s >= handed_s and m.delivered)
+        level = (self.time_s >= handed_s) & self.level
+        flies_s = [m.time_s for m in sent if is_motion(m)][:1] + self.time_s[level][:1].tolist()
+        return handed_s, min(flies_s, default=math.inf)
 
     def _gives_back(self, asked: SceneEvent) -> bool:
         """Whether by this start, or request, the vehicle is to be the companion's again."""

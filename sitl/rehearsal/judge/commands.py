@@ -27,7 +27,7 @@ from sitl.rehearsal.judge.evidence import (
     target_of,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
-from sitl.rehearsal.judge.space import DRIFT_M, room_m
+from sitl.rehearsal.judge.space import DRIFT_M, leaves_below, room_m
 
 _NEVER: Final = frozenset({SET_HOME, RETURN, TERMINATE, 16, 17, 22, 34, 252})
 _ON_BOARD_M: Final = 3.0
@@ -73,12 +73,12 @@ def nothing_is_commanded_that_is_anothers(case: Case) -> Iterator[Violation]:
     unshown_s = {h.time_s for h in case.evidence.told(SceneEventKind.PILOT) if h.value in _UNSHOWN}
     hearts_s = _heartbeats_s(case)
     for message in filter(_commands, case.commands):
-        for begin_s, end_s, by in case.given:
+        for begin_s, end_s, by, handed_s in case.given:
             heard = bisect_right(hearts_s, begin_s)
             known_s = hearts_s[heard] if heard < len(hearts_s) else math.inf
             known_s += case.evidence.reaction_s + case.row.notice_s
             known_s += _SHOWS_LATER_S if begin_s in unshown_s else 0.0
-            if begin_s < message.time_s < end_s and message.time_s > known_s:
+            if known_s < message.time_s < min(end_s, handed_s) and begin_s < message.time_s:
                 text = f"{_words(message)} while the vehicle is {by} since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 break
@@ -132,7 +132,8 @@ def speeds_and_heights_are_the_plans(case: Case) -> Iterator[Violation]:
             yield Violation(message.time_s, "speed", text)
         above_m = number(fields, "z" if "z" in fields else "param7") - case.ground_m
         low_m, high_m = min(mission.altitudes_m) - slack_m, max(mission.altitudes_m) + slack_m
-        if command == REPOSITION and (above_m < low_m or above_m > high_m):
+        below = above_m < low_m and not leaves_below(case, case.at(message.time_s))
+        if command == REPOSITION and (below or above_m > high_m):
             text = f"sent to {above_m:.1f} m, the plan flies {mission.altitudes_m[0]:.1f} m"
             yield Violation(message.time_s, "height", text)
 
@@ -183,7 +184,8 @@ def no_leg_begins_low(case: Case) -> Iterator[Violation]:
         index = case.at(message.time_s)
         above_m, off_m = float(case.above_m[index]), float(case.off_m[index])
         on_m = math.dist(case.place(index), target) - off_m
-        if case.flying[index] and above_m < low_m and on_m > _STRAIGHT_UP_M + case.row.room_m:
+        away = on_m > _STRAIGHT_UP_M + case.row.room_m and not leaves_below(case, index)
+        if case.flying[index] and above_m < low_m and away:
             text = f"a leg of {on_m:.0f} m at {above_m:.1f} m, {low_m:.1f} m and more are flown"
             yield Violation(message.time_s, "altitude", text)
             return
@@ -209,7 +211,7 @@ def nothing_is_put_on_board_of_anothers(case: Case) -> Iterator[Violation]:
     for message in case.commands:
         if message.name not in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}:
             continue
-        for begin_s, end_s, by in case.given:
+        for begin_s, end_s, by, _ in case.given:
             from_s = begin_s + _TRANSFER_S + case.row.notice_s
             again = any(begin_s < at_s <= message.time_s for at_s in asked_s)
             flies = bool(case.flying[case.at(message.time_s)])

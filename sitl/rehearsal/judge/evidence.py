@@ -93,6 +93,7 @@ class SceneEventKind(StrEnum):
     MISSION_FILE = "mission file"  # the text as it is to be flown from now on, after a reload
     FILE_LEFT = "mission file left"  # (when it was asked to read it, the text that it did not take)
     PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
+    HANDED_OVER = "handed over"  # None: the pilot, who took off, chose Mission mode for us
     DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
     REBOOTED = "rebooted"  # None: the autopilot was started anew, on the ground at home
     REQUEST = "request"  # an operator's, as typed: "hold", "seek io", "goto 39.9,-75.2 39.9,-75.1"
@@ -201,6 +202,26 @@ class Evidence(FlightRecord):
 
 
 # What MAVLink says.
+
+_TELLS: Final = {
+    "item": ("MISSION_CURRENT", ("seq",)),
+    "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
+}
+"""Which message, and which of its fields, tells that the vehicle goes elsewhere, by the choice."""
+
+
+def tells_elsewhere(choice: SceneEvent) -> bool:
+    """Whether no mode tells of a choice, but where the vehicle goes."""
+    return choice.value in _TELLS
+
+
+def heard_of_s(heard: Sequence[WireMessage], choice: SceneEvent) -> float:
+    """When the companion heard that the vehicle goes elsewhere by a choice; infinite: never."""
+    name, fields = _TELLS[str(choice.value)]
+    told = [(m.time_s, [m.fields.get(f) for f in fields]) for m in heard if m.name == name]
+    before = next((to for time_s, to in reversed(told) if time_s < choice.time_s), None)
+    later = (time_s for time_s, to in told if time_s >= choice.time_s and to != before)
+    return next(later, math.inf)
 
 
 @dataclass(frozen=True, slots=True)

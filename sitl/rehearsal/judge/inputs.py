@@ -262,7 +262,7 @@ def a_failsafe_is_told(case: Case) -> Iterator[Violation]:
 
 def breaches_are_told(case: Case) -> Iterator[Violation]:
     """By its own report it was in a zone or outside of a fence, whatever flew it there."""
-    for area, drawn_s, spans in _near(case, -_BREACH_M):
+    for area, drawn_s, spans in near(case, -_BREACH_M):
         for begin_s, end_s in spans:
             due_s = begin_s + _BREACH_S + case.reacts_s
             drawn = begin_s < drawn_s + _LEAVES_S  # over it: it leaves, and says that
@@ -274,7 +274,7 @@ def breaches_are_told(case: Case) -> Iterator[Violation]:
 
 def a_lost_clearance_is_held_for(case: Case) -> Iterator[Violation]:
     """By its own report it was nearer to a zone or fence than it may be, in cruise."""
-    for area, drawn_s, spans in _near(case, None):
+    for area, drawn_s, spans in near(case, None):
         for begin_s, end_s in spans:
             if end_s - begin_s < _SHORT_S or case.state(begin_s) not in _LEVEL:
                 continue
@@ -288,7 +288,7 @@ def a_lost_clearance_is_held_for(case: Case) -> Iterator[Violation]:
             yield from stops(case, news)
 
 
-def _near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[Span]]]:
+def near(case: Case, room_m: float | None) -> Iterator[tuple[Area, float, list[Span]]]:
     """Each area, when it was drawn, and when the vehicle reported less room from it than this.
 
     None: than the clearance, by far.

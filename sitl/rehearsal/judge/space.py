@@ -27,7 +27,7 @@ DRIFT_M: Final = 2.0
 """So much nearer a vehicle may come while it stops where a pilot left it too near to a zone."""
 
 _CLIMBS_M: Final = 12.0
-"""So far a vehicle may drift, or brake, that climbs where a pilot gave it back."""
+"""So far a vehicle may drift, or brake, that climbs where a pilot, or a landing, left it low."""
 
 _BESIDE_HOME_M: Final = 3.0
 """So far beyond the acceptance radius it may climb, and begin to land."""
@@ -147,6 +147,18 @@ def leads_home(mission: RawMission, place: Pair) -> bool:
     return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
 
 
+def leaves_below(case: Case, index: int) -> bool:
+    """Whether a changed file has drawn a zone above the vehicle there: it leaves that lower."""
+    version = case.version_at(float(case.time_s[index]))
+    if version is case.versions[0]:
+        return False
+    here, height_m = shapely.Point(case.place(index)), float(case.above_m[index]) + case.ground_m
+    before = case.versions[case.versions.index(version) - 1].mission.areas
+    new = (area for area in version.mission.areas if not any(map(area.same, before)))
+    above = (area for area in new if area.lower_m > height_m)
+    return any(room_m(area, here) < area.clearance_m + DRIFT_M for area in above)
+
+
 def keeps_its_room(case: Case) -> Iterator[Violation]:
     """The clearance is kept from every zone and fence, also between two samples."""
     for rooms in rooms_of(case):
@@ -213,14 +225,18 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
     low_m, high_m = min(mission.altitudes_m) - margin_m, max(mission.altitudes_m) + margin_m
     near_m = mission.acceptance_m + _BESIDE_HOME_M + row.home_m
     up = landing = False
-    excuse_m, before, back_at = 0.0, Responsible.OURS, 0
+    excuse_m, before, back_at, stops_s = 0.0, Responsible.OURS, 0, -math.inf
     for index in map(int, np.flatnonzero(case.flying)):
         by, above_m, lands = case.by[index], float(case.above_m[index]), bool(case.lands[index])
         beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
         up |= above_m >= low_m
         excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
         if by is Responsible.OURS:
-            if before is not Responsible.OURS and beyond_m:  # farther off it may not get from here
+            stops_s = float(case.time_s[index]) + STOP_S if landing and not lands else stops_s
+            stopped = before is not Responsible.OURS or case.time_s[index] < stops_s
+            if (
+                stopped or (excuse_m and leaves_below(case, index))
+            ) and beyond_m:  # farther off it may not get from here
                 excuse_m, back_at = beyond_m + DRIFT_M, index
             home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
             here = case.landing_place is not None and lands  # `duties` look where

@@ -14,7 +14,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from sitl.rehearsal.judge import commands, duties, heights, inputs, plan, promises, robots, space
+from sitl.rehearsal.judge import (
+    authority,
+    commands,
+    duties,
+    heights,
+    inputs,
+    plan,
+    promises,
+    robots,
+    space,
+)
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, EvidenceError, SceneEventKind, number
@@ -260,7 +270,7 @@ def _rules_of(module: ModuleType) -> list[Rule]:
     ]
 
 
-_MODULES: Final = (space, plan, commands, inputs, heights, promises, duties, robots)
+_MODULES: Final = (space, plan, commands, authority, inputs, heights, promises, duties, robots)
 RULES: Final = tuple(chain.from_iterable(map(_rules_of, (*_MODULES, sys.modules[__name__]))))
 """All that a flight is judged by; each rule sees the whole flight, and knows of no other."""
 

@@ -145,15 +145,30 @@ class Stations:
             zone.append(MissionItem(5, Command(_EXCLUSION), False, params, x, y, 0.0))
         self._store(MissionType.FENCE, (*self._items(MissionType.FENCE), *zone))
 
-    def divert(self) -> bool:
-        """Make another item of the plan the current one; whether there is one."""
+    def divert(self, towards: tuple[float, float] | None = None) -> bool:
+        """Make another item of the plan the current one; whether there is one.
+
+        Args:
+            towards: The one that is most in this direction: north and east; None: the last.
+        """
         autopilot = self._vehicle.autopilot
-        last = len(self._items(MissionType.MISSION)) - 1
+        items = self._items(MissionType.MISSION)
+        last = len(items) - 1
         if last < 1:
             return False
         item = last if autopilot.mission.index != last else last - 1
+        if towards is not None:
+            places = {n: i for n, i in enumerate(items) if i.command == Command.NAV_WAYPOINT}
+            item = max(places, key=lambda n: self._along(places[n], towards), default=item)
         self.first.say("MISSION_SET_CURRENT", seq=item)
         return True
+
+    def _along(self, item: MissionItem, towards: tuple[float, float]) -> float:
+        """How much an item lies in a direction: the cosine."""
+        situation = self._vehicle.autopilot.situation
+        north_m, east_m = situation.projection.to_local(item.x / 1e7, item.y / 1e7)
+        way = north_m - situation.north_m, east_m - situation.east_m
+        return (way[0] * towards[0] + way[1] * towards[1]) / max(math.hypot(*way), 1e-6)
 
     def _items(self, kind: MissionType) -> tuple[MissionItem, ...]:
         return self._vehicle.autopilot.plan.items(kind)

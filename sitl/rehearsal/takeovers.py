@@ -1,0 +1,148 @@
+"""Courses in which a pilot or a ground station takes the vehicle, or what it flies by."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import Final
+
+from sitl.rehearsal.courses import Row, chain, choice, often, steps, uniform
+from sitl.rehearsal.stand_ins.link import StreamFault
+
+ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
+_HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
+SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
+"""Modes that no PX4 refuses; in the first a restarted companion may take it back."""
+
+hand_back: Final = steps(
+    (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
+)
+"""The pilot takes over; the operator asks for it too early, then in time."""
+
+hand_back_low: Final = steps((0.0, "pilot", "AUTO_LAND"), (uniform(5.0, 24.0), "hand back"))
+"""The pilot has it land, stops that some way or well below its altitude, and hands it back."""
+
+paused: Final = often("pause", 60, uniform(1.0, 3.0), lambda d: d.randrange(8) == 0)
+disarmed: Final = steps((choice(0.0, 0.2, 1.0), "disarm", False))
+plan_at_start: Final = steps((choice(0.0, 1.0, 2.0, 4.0), "plan", choice("same", "other")))
+restart_taken: Final = chain(
+    (0.0, "kill"),
+    (uniform(0.5, 4.0), "pilot", choice(*SURE[1:])),
+    (uniform(1.0, 10.0), "restart"),
+)
+"""The pilot takes the vehicle from a companion that is dead, and it is started again."""
+
+replaced_alone: Final = chain(
+    (0.0, "kill"), (uniform(1.0, 5.0), "plan", "other"), (uniform(2.0, 10.0), "restart")
+)
+"""A station puts another plan on board while no companion is there."""
+
+zone_above: Final = steps(
+    (0.0, "pilot", "AUTO_LAND"),
+    (uniform(14.0, 20.0), "hand back"),
+    (16.0, "zone above", uniform(10.0, 15.0)),
+)
+"""The pilot hands it back low, and a zone is drawn above it as it climbs."""
+
+hand_back_high: Final = steps(
+    (0.0, "pilot", "AUTO_RTL"),
+    (1.0, "pilot", "AUTO_LOITER"),
+    (2.0, "climb", 26.0),
+    (28.0, "hand back"),
+    (uniform(40.0, 46.0), "climb", 12.0),
+)
+
+
+def ready_taken(dice: random.Random) -> Iterator[Row]:
+    """The pilot takes the vehicle on the ground, or arms it before it is looked at."""
+    how, at_s = dice.choice(("POSCTL", "ALTCTL", "arm")), dice.uniform(2.5, 7.5)
+    yield 0.5 if how == "arm" and dice.randrange(2) else at_s, "before us", how
+
+
+def by_hand(dice: random.Random) -> Iterator[Row]:
+    """A zone is drawn when all is ready; its fence is being refused as the pilot takes off."""
+    yield 20.0, "stream", (("MISSION_COUNT",), StreamFault.LOST, 8.0)
+    yield 20.0, "reject", 1
+    yield 21.0, "reload", dice.uniform(25.0, 40.0)
+    yield dice.uniform(22.5, 23.5), "before us", "AUTO_TAKEOFF"
+    yield 110.0, "climb", 0.0
+
+
+def misplaced(dice: random.Random) -> Iterator[Row]:
+    """The pilot takes off, flies away low, and chooses Mission mode there.
+
+    A station puts the same plan on board, or all is lost that would hold it until it is level.
+    """
+    yield 20.0, "before us", "AUTO_TAKEOFF"
+    yield 30.0, "fly off", dice.uniform(7.0, 12.0)
+    if dice.randrange(2):
+        yield 48.0, "hand over"
+        yield from ((at_s, "plan", "same") for at_s in (54.0, 68.0))
+        yield 90.0, "pilot", "AUTO_LAND"
+    else:
+        yield 47.9, "deaf", True
+        yield 48.0, "hand over"
+        yield 85.0, "deaf", False
+        yield 40.0, "battery", 100.0
+        yield 85.0, "battery", dice.uniform(350.0, 450.0)
+
+
+def silence_taken(dice: random.Random) -> Iterator[Row]:
+    """The pilot chooses while nothing is heard; perhaps the operator draws a zone meanwhile."""
+    lasts_s = dice.choice((8.0, 20.0, 40.0))
+    yield 0.0, "silent", True
+    yield dice.uniform(0.5, lasts_s - 1.0), "pilot", dice.choice(SURE)
+    if dice.randrange(2):
+        yield dice.uniform(5.0, lasts_s - 1.0), "reload", dice.uniform(0.0, 30.0)
+    yield lasts_s, "silent", False
+
+
+def diverted_close(dice: random.Random) -> Iterator[Row]:
+    """It is sent here and there, and a station sends it towards a zone that it passes."""
+    for again in range(8):
+        yield 15.0 * again, "send again"
+    yield from ((60.0 * again + dice.uniform(5.0, 20.0), "divert") for again in range(2))
+
+
+def left_behind(dice: random.Random) -> Iterator[Row]:
+    """A zone is drawn over it, and left; it comes home without its plan, and seems to be in it."""
+    yield 0.0, "reload", 0.0
+    yield dice.uniform(2.5, 3.5), "plan", "other"
+    yield 18.0, "ask", "home"
+    yield 18.5, "mislead", 9.0
+    yield 45.0, "pilot", "AUTO_RTL"
+
+
+def doubted(dice: random.Random) -> Iterator[Row]:
+    """Its altitude is in doubt, and the pilot takes it while zones go on board."""
+    yield from ((float(second), "drift", (0.0, 0.0, -0.3)) for second in range(30))
+    yield 1.0, "zone beyond", 60.0, "HOME"
+    yield dice.uniform(2.0, 5.0), "pilot", dice.choice(("AUTO_LOITER", "POSCTL")), "HOME"
+
+
+def two_stations(dice: random.Random) -> Iterator[Row]:
+    """Two stations choose different modes, shortly one after the other."""
+    first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
+    yield 0.0, "pilot", first
+    yield dice.choice((0.0, 0.1, 0.5, 2.0)), "second station", second
+
+
+def taken_in_haste(dice: random.Random) -> Iterator[Row]:
+    """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
+    at_s = dice.uniform(2.0, 5.0)
+    yield 0.0, "send", at_s - 1.5
+    yield at_s - 1.6, "deaf", True
+    yield at_s - 0.8, *(("send again",) if dice.randrange(2) else ("ask", "hold"))
+    yield at_s, "pilot", dice.choice(SURE)
+    yield at_s + dice.choice((0.05, 0.5)), "deaf", False
+
+
+def diverted(dice: random.Random) -> Iterator[Row]:
+    """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
+    at_s = dice.uniform(40.0, 140.0)
+    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
+    yield at_s, "ask", "hold", "armed"
+    if dice.randrange(2):
+        yield later_s[0], "pilot", dice.choice(("POSCTL", "ALTCTL")), "armed"
+    else:
+        yield from ((each_s, "pause", True, "armed") for each_s in later_s)

@@ -1,0 +1,152 @@
+"""The judge of whose it is, by hand: in a silence, over an order that shows, handed over."""
+
+import dataclasses
+
+import pytest
+
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
+from sitl.rehearsal.judge.verdict import judge
+from tests.sitl.rehearsal.judge.test_judge import (
+    FRAME,
+    HOLD,
+    MISSION,
+    command,
+    evidence,
+    goto,
+    heart,
+    track,
+)
+from tests.sitl.rehearsal.judge.test_judge_inputs import between, flight
+
+
+def found(flown):
+    return [v.text for v in judge(flown).violations if v.kind in {"authority", "held"}]
+
+
+SPOIL = between(40.0, 55.0)
+
+
+def silent(message, *, asked=None):
+    """What is found of a motion in, or after, a silence of 15 s; the mode comes a second later."""
+
+    def unheard(told):
+        late = told.name == "HEARTBEAT" and 55.0 <= told.time_s < 56.0
+        return None if late else SPOIL(told)
+
+    scene = () if asked is None else (SceneEvent(50.0, SceneEventKind.REQUEST, asked),)
+    return [
+        text
+        for text in found(flight(more=[message], spoil=unheard, happenings=scene))
+        if "flight mode" in text
+    ]
+
+
+@pytest.mark.parametrize(
+    ("at_s", "wrong"), [(42.0, False), (50.0, True), (55.4, True), (56.3, False)]
+)
+def test_nothing_leaves_on_a_flight_mode_from_before_a_silence(at_s, wrong):
+    assert bool(silent(goto(at_s, 60, 0))) is wrong
+
+
+def test_in_a_silence_only_a_hold_leaves_that_was_asked_for():
+    hold = command(50.2, 176, param2=4.0, param3=3.0)
+    assert silent(hold)
+    assert silent(hold, asked="goto 39.9,-75.2")
+    assert not silent(hold, asked="hold")
+
+
+def test_what_is_said_again_just_after_the_silence_began_is_no_news():
+    before, again = goto(43.6, 60, 0), goto(44.3, 60, 0)
+    flown = flight(more=[before, again], spoil=SPOIL)
+    assert not [text for text in found(flown) if "flight mode" in text]
+
+
+def diverted(at_s, *, recent=False, near=False, moves_m=40):
+    """What is found of a hold at a time; another place was heard of at 30.4 s."""
+    event = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
+    told = []
+    for time_s, east in ((29.0, 10), (30.4, 10 + moves_m)):
+        latitude, longitude = FRAME.degrees(east, 10)
+        fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
+        told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
+    more = [command(at_s, 176, param2=4.0, param3=3.0)]
+    more += [command(26.0, 176, param2=4.0, param3=3.0)] if recent else []
+    states = track(((0, 0), (0, 30), (30, 30), (0, 0))) if near else track()
+    texts = found(evidence(states, more=more, happenings=event, heard=tuple(told)))
+    return [text for text in texts if "over another" in text]
+
+
+@pytest.mark.parametrize(("at_s", "wrong"), [(30.5, False), (31.2, True), (32.5, True)])
+def test_no_hold_leaves_over_another_place_that_shows(at_s, wrong):
+    assert bool(diverted(at_s)) is wrong
+
+
+@pytest.mark.parametrize("excuse", [{"recent": True}, {"near": True}, {"moves_m": 3}])
+def test_a_hold_may_leave_over_what_shows_in_a_zone_or_may_be_its_own(excuse):
+    assert not diverted(31.2, **excuse)
+
+
+BREACH = "45.0 s  hands off: breach of shed is not resumed by itself"
+
+
+@pytest.mark.parametrize(
+    ("said", "seconds", "wrong"),
+    [((), 3.0, True), (((45.0, BREACH),), 3.0, False), ((), 0.4, False)],
+)
+def test_what_says_that_it_is_in_a_zone_is_given_away(said, seconds, wrong):
+    latitude, longitude = FRAME.degrees(30, 30)
+    inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
+    spoil = between(43.0, 43.0 + seconds, "GLOBAL_POSITION_INT", **inside)
+    texts = found(flight(spoil=spoil, said=said))
+    assert any("flown on with after a breach of shed" in text for text in texts) is wrong
+
+
+def low_and_away(*, away=60, above=10.0):
+    """A pilot takes off, and flies away low; Mission mode is chosen at 22 s."""
+    states = [(0.0, 0.0, 0.0, False, True, HOLD)] * 20
+    states += [(0.0, 0.0, n * above / 100, True, n == 0, HOLD) for n in range(101)]
+    states += [(away * n / 300, 0.0, above, True, False, HOLD) for n in range(301)]
+    return states + [(away, 0.0, above, True, False, MISSION)] * 400
+
+
+def handed_over(*more, states=None, heights=()):
+    scene = [
+        SceneEvent(1.0, SceneEventKind.PILOT, "sticks"),
+        SceneEvent(22.0, SceneEventKind.HANDED_OVER),
+        *heights,
+    ]
+    hearts = [heart(float(at)) for at in range(1, 40)]
+    flown = evidence(
+        low_and_away() if states is None else states,
+        more=[*hearts, *more],
+        happenings=tuple(scene),
+        faults=("MISPLACED",),
+    )
+    return found(flown)
+
+
+HELD = command(22.2, 176, param2=4.0, param3=3.0)
+
+
+def test_mission_mode_chosen_low_and_away_is_held():
+    assert handed_over(HELD) == []
+    assert any("not told to hold" in text for text in handed_over())
+
+
+def test_where_it_is_held_no_mission_begins_before_another_wants_that():
+    climb = goto(28.0, 60, 0)
+    assert any("a leg 60 m from home at 10.0 m" in text for text in handed_over(HELD, climb))
+    wanted = SceneEvent(26.0, SceneEventKind.REQUEST, "home")
+    assert not [t for t in handed_over(HELD, climb, heights=[wanted]) if "a leg" in t]
+
+
+@pytest.mark.parametrize("where", [{"away": 10}, {"above": 40.0}])
+def test_above_home_or_level_the_mission_may_begin(where):
+    states = low_and_away(**where)
+    assert not [t for t in handed_over(goto(22.2, 10, 0), states=states) if "a leg" in t]
+
+
+def test_what_is_lost_of_the_hold_leaves_the_vehicle_to_the_pilot_and_may_be_said_again():
+    lost = dataclasses.replace(HELD, delivered=False)
+    again = [dataclasses.replace(lost, time_s=22.2 + 3.0 * n) for n in range(4)]
+    assert handed_over(*again) == []
