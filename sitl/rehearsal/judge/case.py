@@ -25,6 +25,7 @@ from sitl.rehearsal.judge.evidence import (
     WireMessage,
     heard_of_s,
     is_motion,
+    lands,
     target_of,
     tells_elsewhere,
     uploads_of,
@@ -33,8 +34,7 @@ from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
 
 Floats = npt.NDArray[np.float64]
 
-LAND_MODE: Final = 0x06040000
-"""HEARTBEAT.custom_mode of AUTO, LAND."""
+LAND_MODE: Final = 0x06040000  # HEARTBEAT.custom_mode of AUTO, LAND
 
 _SETTLES_S: Final = 8.0
 """For so long an estimate that was wrong is still being corrected."""
@@ -253,8 +253,8 @@ class Case:
             known_s = min(known_s, taking.time_s + _HEARD_S)
             ours = (m.time_s for m in self.commands if is_motion(m))
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
-        if not str(taking.value).isupper():
-            return True  # no mode: sticks, another plan
+        if not str(taking.value).isupper():  # sticks; another plan, but a landing needs none
+            return taking.value != "plan" or not lands(self.commands, taking.time_s)
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]

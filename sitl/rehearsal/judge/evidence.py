@@ -8,7 +8,7 @@ seconds since the vehicle started, on one clock.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
@@ -22,7 +22,7 @@ AUTOPILOT: Final = 1
 COMPANION: Final = 191
 """MAVLink component of the companion (MAV_COMP_ID_ONBOARD_COMPUTER)."""
 
-WAYPOINT, RETURN, TAKEOFF = 16, 20, 22  # MAV_CMD
+WAYPOINT, RETURN, LAND, TAKEOFF = 16, 20, 21, 22  # MAV_CMD
 SET_MODE, SPEED, SET_HOME, TERMINATE, REPOSITION, ARM = 176, 178, 179, 185, 192, 400
 MISSION, FENCE, RALLY, EVERYTHING = 0, 1, 2, 255  # MAV_MISSION_TYPE
 _MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
@@ -256,6 +256,13 @@ def is_motion(message: WireMessage) -> bool:
     """Whether a message moves the vehicle or chooses its mode."""
     named = message.name in _MOVING or message.name.startswith("SET_POSITION_TARGET")
     return named or command_of(message) in _MOTIONS
+
+
+def lands(commands: Iterable[WireMessage], time_s: float) -> bool:
+    """Whether the last motion that reached the vehicle by then was to land."""
+    moved = [each for each in commands if each.time_s <= time_s and each.delivered]
+    motions = [command_of(each) for each in moved if is_motion(each)]
+    return motions[-1:] == [LAND]
 
 
 def uploads_of(messages: Sequence[WireMessage]) -> Iterator[Upload]:

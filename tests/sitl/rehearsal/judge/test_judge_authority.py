@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.verdict import judge
 from tests.sitl.rehearsal.judge.test_judge import (
@@ -150,3 +151,14 @@ def test_what_is_lost_of_the_hold_leaves_the_vehicle_to_the_pilot_and_may_be_sai
     lost = dataclasses.replace(HELD, delivered=False)
     again = [dataclasses.replace(lost, time_s=22.2 + 3.0 * n) for n in range(4)]
     assert handed_over(*again) == []
+
+
+@pytest.mark.parametrize(
+    ("at_s", "delivered", "end"),
+    [(68.9, True, "PILOT"), (69.1, True, "LANDED"), (69.1, False, "PILOT")],
+)
+def test_a_landing_that_we_have_ordered_needs_no_plan(at_s, delivered, end):
+    order = dataclasses.replace(command(69.0, 21), delivered=delivered)
+    replaced = (SceneEvent(at_s, SceneEventKind.PILOT, "plan"),)
+    flown = evidence(more=[order], happenings=replaced, faults=("PLAN_DELETED",))
+    assert judge(flown).end is End[end]
