@@ -6,6 +6,7 @@ What `benchmarks.mutants` and `benchmarks.sabotage` stand on: a change that does
 exactly one place of its module is an error, so that no list of changes outlives its code.
 """
 
+import ast
 import json
 import runpy
 import sys
@@ -40,12 +41,17 @@ def changed(source: str, change: Change) -> str:
 
 
 def check(changes: Sequence[Change]) -> None:
-    """Raise ChangeError unless each change applies to the source as it stands."""
+    """Raise ChangeError unless each change applies to the source as it stands; it stays Python."""
     for change in changes:
         path = ROOT.joinpath(*change.module.split(".")).with_suffix(".py")
         if not path.exists():
             raise ChangeError(f"there is no module {change.module}")
-        changed(path.read_text(encoding="utf-8"), change)
+        source = changed(path.read_text(encoding="utf-8"), change)
+        try:
+            ast.parse(source)
+        except SyntaxError as error:
+            where = f"{change.module} with {change.new!r}"
+            raise ChangeError(f"{where} is no Python: {error}") from None
 
 
 def install(changes: Sequence[Change]) -> None:
