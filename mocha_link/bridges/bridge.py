@@ -135,9 +135,10 @@ class Bridge:
             self._subscribe(team)
             outgoing = threading.Thread(target=self._send, name="bridge out", daemon=True)
             outgoing.start()
+            quiet_s = self._clock() + QUIET_S
             LOG.info("ready: the bridge of %s", team["robot"])
             try:
-                self._follow(client, team)
+                self._follow(client, team, quiet_s)
             finally:
                 self._stopping.set()
                 for _ in range(int(LEAVES_S / PAUSE_S)):
@@ -182,14 +183,13 @@ class Bridge:
         self._complain(kind, why, level)
         return None
 
-    def _follow(self, client: ServiceClient, team: dict[str, Any]) -> None:
-        """Hand on what comes from other robots."""
+    def _follow(self, client: ServiceClient, team: dict[str, Any], quiet_s: float) -> None:
+        """Hand on what comes from other robots; at `quiet_s` tell of topics that stay silent."""
         histories = {
             (robot, topic["name"]): topic["history"]
             for robot, about in team["robots"].items()
             for topic in about["topics"]
         }
-        quiet_s = self._clock() + QUIET_S
         while not self._stopping.is_set():
             if self._quiet and self._clock() >= quiet_s:
                 topics = ", ".join(f"{name} ({kind})" for name, kind in [*self._quiet.items()])
