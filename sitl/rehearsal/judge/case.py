@@ -25,10 +25,10 @@ from sitl.rehearsal.judge.evidence import (
     WireMessage,
     heard_of_s,
     is_motion,
-    lands,
     target_of,
     tells_elsewhere,
     uploads_of,
+    was_to_land,
 )
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
 
@@ -254,7 +254,7 @@ class Case:
             ours = (m.time_s for m in self.commands if is_motion(m))
             return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if not str(taking.value).isupper():  # sticks; another plan, but a landing needs none
-            return taking.value != "plan" or not lands(self.commands, taking.time_s)
+            return taking.value != "plan" or not was_to_land(self.commands, taking.time_s)
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]

@@ -258,7 +258,7 @@ def is_motion(message: WireMessage) -> bool:
     return named or command_of(message) in _MOTIONS
 
 
-def lands(commands: Iterable[WireMessage], time_s: float) -> bool:
+def was_to_land(commands: Iterable[WireMessage], time_s: float) -> bool:
     """Whether the last motion that reached the vehicle by then was to land."""
     moved = [each for each in commands if each.time_s <= time_s and each.delivered]
     motions = [command_of(each) for each in moved if is_motion(each)]

@@ -234,9 +234,8 @@ def _heights(case: Case) -> Iterator[tuple[float, Violation]]:
         if by is Responsible.OURS:
             stops_s = float(case.time_s[index]) + STOP_S if landing and not lands else stops_s
             stopped = before is not Responsible.OURS or case.time_s[index] < stops_s
-            if (
-                stopped or (excuse_m and leaves_below(case, index))
-            ) and beyond_m:  # farther off it may not get from here
+            # Farther off than here it may not get then.
+            if beyond_m and (stopped or (excuse_m and leaves_below(case, index))):
                 excuse_m, back_at = beyond_m + DRIFT_M, index
             home_m, allowed_m = case.from_home_m(index), near_m + case.off_m[index]
             here = case.landing_place is not None and lands  # `duties` look where
