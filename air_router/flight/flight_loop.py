@@ -254,8 +254,8 @@ class FlightLoop:
                 self._gossip.tell_sought(robot, now_s)
             case ReadAgain() | RenewPlan() | WidenRoutes():
                 self.start(self.reloader.work(action))
-            case Announce(text=text):
-                self._tell(text, now_s)
+            case Announce():
+                self._tell(action.words, now_s)
             case CommandAck(by=by, accepted=accepted, why=why):
                 self._gossip.tell_answer(action)
                 word = "accepted" if accepted else "refused"

@@ -132,8 +132,8 @@ class LiveScene:
             match action:
                 case StateChanged(source=source, target=target):
                     self._tell("state", f"{source.name} → {target.name}")
-                case Announce(text=text):
-                    self._tell("said", text)
+                case Announce():
+                    self._tell("said", action.words)
                 case CommandAck(by=by, accepted=accepted, why=why):
                     self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
                 case Finish(why=why):

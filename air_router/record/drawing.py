@@ -135,8 +135,8 @@ class FlightDrawing:
                     here = Point(*self._vehicle[:2])
                     leg = {"type": "LineString", "coordinates": self._coordinates((here, target))}
                     yield _geojson("/leg", [_feature("leg", "leg", leg)])
-            case Announce(text=text):
-                yield _log(text, unix_s)
+            case Announce():
+                yield _log(action.words, unix_s)
             case StateChanged(source=source, target=target, robot=robot):
                 whom = "" if robot is None else f" ({robot})"
                 yield _log(f"{source.name} -> {target.name}{whom}", unix_s)

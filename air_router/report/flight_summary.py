@@ -204,8 +204,8 @@ class FlightSummary:
                     stay.to_s = t
                 about = robot if target in _ABOUT_ROBOTS else None
                 self.states.append(StateInterval(target.name, t, t, about, signal.value))
-            case Announce(text=text):
-                self.announcements.append((t, text))
+            case Announce():
+                self.announcements.append((t, action.words))
             case Seeking(robot=str() as robot) if self.states:
                 self.states[-1].robot = robot  # a search finds its robot once entered
             case CommandAck():

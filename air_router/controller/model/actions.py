@@ -69,11 +69,32 @@ class WidenRoutes:
     off_m: float  # how far above the cruise altitudes, or below, the other one is
 
 
+class Severity(Enum):
+    """How much an announcement matters to the pilot and the operator."""
+
+    INFO = "info"  # for the log: nothing to do
+    WARNING = "warning"  # something is off; the flight copes, or soon will not
+    ALARM = "alarm"  # the pilot has to act
+
+
 @dataclass(frozen=True, slots=True)
 class Announce:
-    """Say something to the pilot and the operator."""
+    """An announcement to the pilot and the operator.
+
+    Attributes:
+        text: What happened, in words.
+        severity: How much it matters.
+        instruction: What the pilot or the operator does about it; every warning and alarm has one.
+    """
 
     text: str
+    severity: Severity = Severity.INFO
+    instruction: str = ""
+
+    @property
+    def words(self) -> str:
+        """The text and, behind a semicolon, the instruction."""
+        return f"{self.text}; {self.instruction}" if self.instruction else self.text
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from air_router.controller.model.actions import Action, Announce, ControlHolder
+from air_router.controller.model.actions import Action, Announce, ControlHolder, Severity
 from air_router.controller.model.states import Signal, Spec, State
 from air_router.mission.mission import Mission
 from air_router.routing.return_planner import Pace
@@ -289,8 +289,16 @@ class MissionContext:
         return True
 
     def say(self, text: str) -> None:
-        """Tell the pilot and the operator."""
+        """Announce what the pilot and the operator need to do nothing about."""
         self.actions.append(Announce(text))
+
+    def warn(self, text: str, instruction: str) -> None:
+        """Announce what is off, and what the pilot or the operator does if it stays so."""
+        self.actions.append(Announce(text, Severity.WARNING, instruction))
+
+    def alarm(self, text: str, instruction: str) -> None:
+        """Announce what the pilot has to act on now, and how."""
+        self.actions.append(Announce(text, Severity.ALARM, instruction))
 
     # The state's timer, and what is tried again.
 
