@@ -78,7 +78,8 @@ async def _preflight(mission: Mission, arguments: argparse.Namespace) -> Card:
         info = await vehicle.connect()
         telemetry = await _first_telemetry(vehicle, arguments.connect)
         card = await survey.card(vehicle, info, telemetry)
-        if not (telemetry.armed or telemetry.in_air):
+        flown = info.airframe.why_not_flown is None  # nothing is put on board of another vehicle
+        if flown and not (telemetry.armed or telemetry.in_air):
             check = await _plan(vehicle, FlightPlan.of(mission), upload=not arguments.look)
             card = Card((*card.checks, check))
         return card

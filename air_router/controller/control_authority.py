@@ -18,6 +18,7 @@ from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
+from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.input_limits import MODE_S
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -25,6 +26,7 @@ from air_router.vehicle.vehicle import (
     PlanCompared,
     PlanReplaced,
     Telemetry,
+    WrongVehicle,
 )
 
 HOLDS: Final = 6
@@ -208,6 +210,28 @@ class ControlAuthority:
         if self._context.knows(Signal.TAKEN_OVER):
             self._context.signal(Signal.TAKEN_OVER)
 
+    def another_vehicle(self, event: WrongVehicle) -> None:
+        """What is on the link is no multicopter with PX4, or is one again.
+
+        Nothing is commanded, no hold either: it may be another vehicle under the same system id,
+        which has a pilot of its own.
+        """
+        context, why = self._context, event.why_not
+        before, context.wrong_vehicle = context.wrong_vehicle, why
+        if why is None:
+            if before is not None:
+                context.say("a multicopter with PX4 is on the link again, and nothing else")
+            return
+        if context.state is State.READY and not context.in_air:
+            context.alarm(why, SET_UP)
+            context.stayed_why = why
+            context.signal(Signal.GROUNDED)
+            return
+        if before is None:
+            context.alarm(why, "fly the vehicle by hand, and land it")
+        if context.in_charge:
+            self.take_over(ControlHolder.PILOT, why)
+
     # The plan on board.
 
     def plan_replaced(self, event: PlanReplaced) -> None:
@@ -284,6 +308,8 @@ class ControlAuthority:
         telemetry = self._context.telemetry
         if telemetry is None:
             return "nothing was heard of the vehicle: wait for it"
+        if self._context.wrong_vehicle is not None:
+            return f"{self._context.wrong_vehicle}: land it by hand"
         why = why_not_resumed(self._context.mission, telemetry)
         why = why or self._climb.why_not(telemetry)
         if why is not None or not flies_plan:

@@ -63,6 +63,7 @@ from air_router.vehicle.vehicle import (
     PlanCompared,
     PlanReplaced,
     Telemetry,
+    WrongVehicle,
 )
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
@@ -147,6 +148,7 @@ class Controller:
             PeerFault: lambda event: context.say(event.words),
             PlanReplaced: authority.plan_replaced,
             PlanCompared: authority.plan_compared,
+            WrongVehicle: authority.another_vehicle,
             **dict.fromkeys(get_args(AnyRequest), commands.asked),
         }
 
@@ -328,7 +330,8 @@ class Controller:
             return
         landed_by_us = self._left is State.LAND
         why = self._phase.ending(landed_by_us=landed_by_us)
-        refused = context.stopped_why is not None and self._phase.killed is None
+        other = self._left is State.READY and context.wrong_vehicle is not None
+        refused = (other or context.stopped_why is not None) and self._phase.killed is None
         context.actions.append(Finish(landed_by_us, why, context.taken_by, refused))
 
     # What others read.

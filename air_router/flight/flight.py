@@ -36,6 +36,7 @@ from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import PREFLIGHT, Recorder
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import (
     FlightMode,
@@ -46,6 +47,7 @@ from air_router.vehicle.vehicle import (
     Vehicle,
     VehicleEvent,
     VehicleInfo,
+    WrongVehicle,
 )
 
 RESTART_S: Final = 5.0
@@ -199,10 +201,13 @@ class Flight:
             self._status.say(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         try:
-            telemetry = await asyncio.wait_for(self._first, LOST_S)
+            async with asyncio.timeout(LOST_S):  # wait_for of 3.11 may swallow that it is cancelled
+                telemetry = await self._first
         except TimeoutError:
             raise NoVehicleError(f"it answered, but told no position in {LOST_S:.0f} s") from None
         if telemetry.in_air:
+            if (why_not := info.airframe.why_not_flown) is not None:
+                raise RefusedError(f"{why_not}; it flies, and is left as it is: {SET_UP}")
             await self._find_flight(info, telemetry)
             return
         if self._resume:
@@ -267,13 +272,8 @@ class Flight:
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
-        if not self._admitted:  # nothing is decided on a vehicle that may be refused
-            if isinstance(event, Telemetry):
-                self._newest = event
-                if not self._first.done():
-                    self._first.set_result(event)
-            elif isinstance(event, PlanReplaced | PlanCompared):
-                self._early.append(event)
+        if not self._admitted:
+            self._before_admission(event)
             return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S and not event.over:
             self.loop.end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
@@ -285,6 +285,17 @@ class Flight:
             self._recorder.map(self._mapper, event.time_s)
             self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+
+    def _before_admission(self, event: VehicleEvent) -> None:
+        """Nothing is decided on a vehicle that may be refused."""
+        if isinstance(event, Telemetry):
+            self._newest = event
+            if not self._first.done():
+                self._first.set_result(event)
+        elif isinstance(event, PlanReplaced | PlanCompared):
+            self._early.append(event)
+        elif isinstance(event, WrongVehicle) and event.why_not is not None:
+            self.loop.end(f"refused: {event.why_not}; {SET_UP}", ExitCode.REFUSED)
 
     def _too_late(self, telemetry: Telemetry) -> bool:
         """Whether it did not take off while its zones were the right ones; ends then."""

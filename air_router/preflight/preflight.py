@@ -17,6 +17,7 @@ from air_router.mission.mission import Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check, CheckVerdict
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
+from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.vehicle import GpsFix, Inspection, Telemetry, VehicleInfo
 from air_router.words import wind_words
 
@@ -59,10 +60,13 @@ def _check(name: str, *rows: _Row) -> Check:
 
 
 def vehicle(info: VehicleInfo) -> Check:
-    """Who answers, and whether its version is one that we know."""
+    """What answers: a multicopter with a PX4, and of a version that we know."""
     match = re.match(r"(\d+)\.(\d+)", info.version)
     version = (int(match[1]), int(match[2])) if match else None
-    found = f"{info.autopilot} {info.version}, system {info.system_id}"
+    airframe = info.airframe
+    found = f"{airframe.words}, {info.autopilot} {info.version}, system {info.system_id}"
+    if airframe.why_not_flown is not None:
+        return Check("vehicle", BAD, f"{found}: {airframe.why_not_flown}", SET_UP)
     if version is None:
         return Check("vehicle", LOOK, found, "its version is not known: 1.17 is flown")
     return _check(

@@ -40,10 +40,11 @@ class PreflightSurvey:
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
 
-        A vehicle that flies or is armed has a pilot: it is asked nothing more.
+        A vehicle that flies or is armed has a pilot: it is asked nothing more. Nor is one that is
+        no multicopter with PX4.
         """
         first = [preflight.vehicle(info), preflight.standing(telemetry)]
-        if telemetry.in_air or telemetry.armed:
+        if telemetry.in_air or telemetry.armed or info.airframe.why_not_flown is not None:
             return Card(tuple(first))
         team = asyncio.ensure_future(self._reachable())
         try:

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, Protocol
 
 from air_router.mission.flight_plan import FlightPlan
+from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
 from geo.frame import Point
 
@@ -184,7 +185,20 @@ class LinkSilent:
     over: bool = False
 
 
-VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent
+@dataclass(frozen=True, slots=True)
+class WrongVehicle:
+    """What is on the link is not what the mission is for, or is so again.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        why_not: Why no mission is flown with it; None: that is over.
+    """
+
+    time_s: float
+    why_not: str | None
+
+
+VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent | WrongVehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +206,7 @@ class VehicleInfo:
     """Who answered: system id, autopilot and its version, and where its home is.
 
     `took_off_s` is when it took off, on its clock; None if it does not fly, or does not say so.
+    `airframe` is what kind of vehicle it says that it is.
     """
 
     system_id: int
@@ -200,6 +215,7 @@ class VehicleInfo:
     home: Point | None  # in the mission's frame; None: not known yet
     home_altitude_amsl_m: float | None
     took_off_s: float | None = None
+    airframe: Airframe = field(default_factory=Airframe)
 
 
 FIX_3D: Final = 3  # GPS_FIX_TYPE

@@ -16,7 +16,8 @@ from sitl.mavlink.motion_messages import Fields
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import FlightMode
 
-_QUADROTOR: Final = 2
+_VTOLS: Final = frozenset({19, 20, 21, 22, 23, 24, 25})  # MAV_TYPE
+_HOVERS: Final = 3  # MAV_VTOL_STATE_MC
 _PX4: Final = 12
 _ARMED: Final = 128
 _PRESENT: Final = 0x0300402F
@@ -47,7 +48,7 @@ def heartbeat(autopilot: Autopilot) -> Fields:
     else:
         status = 3 if autopilot.can_arm else 0
     return {
-        "type": _QUADROTOR,
+        "type": int(autopilot.parameters["MAV_TYPE"]),
         "autopilot": _PX4,
         "base_mode": autopilot.mode.base_mode | (_ARMED if autopilot.armed else 0),
         "custom_mode": autopilot.mode.custom_mode,
@@ -90,14 +91,15 @@ def battery_status(autopilot: Autopilot) -> Fields:
 
 
 def extended_sys_state(autopilot: Autopilot) -> Fields:
-    """Its landed_state: 1 on the ground, 2 in the air, 3 taking off, 4 landing."""
+    """Its landed_state (1 on the ground, 2 in the air, 3 taking off, 4 landing); of a VTOL more."""
     if autopilot.situation.landed:
         state = 1
     elif autopilot.landing:
         state = 4
     else:
         state = 3 if autopilot.taking_off else 2
-    return {"vtol_state": 0, "landed_state": state}
+    vtol = autopilot.parameters["MAV_TYPE"] in _VTOLS
+    return {"vtol_state": _HOVERS if vtol else 0, "landed_state": state}
 
 
 def current_mode(autopilot: Autopilot) -> Fields:

@@ -106,6 +106,13 @@ class Fault(Enum):
     MISPLACED = Kind(
         "pilot takes off, and begins the mission low and away", 8, takeovers.misplaced, "ready"
     )
+    WRONG_VEHICLE = Kind(
+        "the vehicle is a fixed wing, a rover or a VTOL", 6, takeovers.wrong_vehicle, "ready"
+    )
+    TYPE_CHANGES = Kind(
+        "what is on the link says that it is another type of vehicle",
+        *(8, one("airframe", choice(*takeovers.NO_MULTICOPTERS))),
+    )
     BUSY = Kind("jumps dropped while a station downloads the plan", 8, courses.busy, "INIT")
     # The pilot and other stations.
     PILOT = Kind("pilot takes over", 48, one("pilot", choice(*takeovers.ON_MODE)))
@@ -251,7 +258,7 @@ _ALONE: Final = frozenset(
         *(Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
-        *(Fault.HOSTILE, Fault.TWO_VEHICLES),
+        *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
     }
 )
 """Two things at once already, or nothing: not combined with others."""

@@ -54,6 +54,13 @@ class Pilot:
         if how != "arm" or self._flight.autopilot.armed:
             self._taken("armed" if how == "arm" else how)
 
+    def do_airframe(self, kind: int) -> None:
+        """What is on the link says from now on that it is another type of vehicle (MAV_TYPE)."""
+        flight = self._flight
+        flight.autopilot.parameters.change("MAV_TYPE", kind)
+        if flight.companion is not None and self._operator.flies:
+            self._taken("airframe")
+
     def do_busy(self, on: bool) -> None:
         """A station begins to download the plan, and leaves it at that until it is over."""
         self._flight.stations.beside.say("MISSION_REQUEST_LIST" if on else "MISSION_ACK")

@@ -14,6 +14,9 @@ _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
 SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
 """Modes that no PX4 refuses; in the first a restarted companion may take it back."""
 
+NO_MULTICOPTERS: Final = (1, 4, 10, 20, 22)
+"""MAV_TYPE: a fixed wing, a helicopter, a rover, and two VTOLs."""
+
 hand_back: Final = steps(
     (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
 )
@@ -51,6 +54,11 @@ hand_back_high: Final = steps(
     (28.0, "hand back"),
     (uniform(40.0, 46.0), "climb", 12.0),
 )
+
+
+def wrong_vehicle(dice: random.Random) -> Iterator[Row]:
+    """It is no multicopter from the start, or from just before it is armed."""
+    yield dice.choice((0.0, 0.0, 6.0)), "airframe", dice.choice(NO_MULTICOPTERS)
 
 
 def ready_taken(dice: random.Random) -> Iterator[Row]:

@@ -40,6 +40,7 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.airframe import Airframe as VehicleType
 from air_router.vehicle.vehicle import (
     FlightMode,
     GpsFix,
@@ -388,6 +389,7 @@ class PretendVehicle(Vehicle):
         self.verbs = []
         self.announced = []
         self.plan = None
+        self.kind = VehicleType()
         self.inspection = Inspection(gps=GpsFix(3, 14, 0.8), battery=1.0)
         self.failures = {}  # verb -> errors to raise, one after the other
         self.on_step = lambda: None
@@ -395,7 +397,8 @@ class PretendVehicle(Vehicle):
 
     async def connect(self):
         self._fail("connect")
-        return VehicleInfo(1, "PX4", "1.17.0", self.airframe.mission.home, 6.7)
+        home = self.airframe.mission.home
+        return VehicleInfo(1, "PX4", "1.17.0", home, 6.7, airframe=self.kind)
 
     def subscribe(self, callback):
         self.callback = callback

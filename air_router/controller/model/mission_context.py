@@ -165,6 +165,7 @@ class MissionContext:
         handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
+        wrong_vehicle: Why no mission is flown with what is on the link; None: it is right.
         held: Why a vehicle that was handed over hovers where no leg of this mission may begin, and
             what the pilot does about it; None: it does not.
         giving_up: Why hands will be off as soon as the vehicle holds; None if they will not.
@@ -207,6 +208,7 @@ class MissionContext:
     handed_over: bool = False
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
+    wrong_vehicle: str | None = None
     held: str | None = None
     giving_up: str | None = None
     compares: str | None = None

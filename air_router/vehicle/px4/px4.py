@@ -102,6 +102,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
             home=telemetry.home,
             home_altitude_amsl_m=telemetry.home_altitude_amsl_m,
             took_off_s=telemetry.took_off_s,
+            airframe=telemetry.airframes.airframe,
         )
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
+from air_router.vehicle.airframe import AirframeWatch
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
@@ -25,6 +26,7 @@ from air_router.vehicle.vehicle import (
     PlanReplaced,
     Telemetry,
     VehicleEvent,
+    WrongVehicle,
 )
 from geo.frame import FrameError, LocalFrame, Point
 
@@ -74,6 +76,7 @@ class Px4Telemetry(Px4Messages):
         self.mode = FlightMode.OTHER  # from HEARTBEAT and CURRENT_MODE
         self.armed = False  # from HEARTBEAT
         self._mode = ModeState()
+        self.airframes = AirframeWatch()  # which vehicle it says that it is
         self._streams = Streams()
         self._told_s = 0.0  # vehicle time of the latest telemetry
         self.in_air: bool | None = None  # None until it was heard
@@ -214,6 +217,8 @@ class Px4Telemetry(Px4Messages):
             self._emit(snapshot)
 
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
+        if self.airframes.heartbeat(fields):  # before its mode, whose numbers may be another's
+            self._emit(WrongVehicle(self.time_s, self.airframes.why_not))
         self._note_mode(changed=self._mode.heartbeat(fields))
 
     def _on_current_mode(self, fields: dict[str, Any]) -> None:
@@ -257,6 +262,7 @@ class Px4Telemetry(Px4Messages):
         self._emit_snapshot()
 
     def _on_extended_state(self, fields: dict[str, Any]) -> None:
+        self.airframes.state(fields)
         if fields["landed_state"] != 0:
             self.in_air = fields["landed_state"] in IN_AIR
 

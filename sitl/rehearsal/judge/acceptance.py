@@ -123,6 +123,8 @@ ACCEPTED: Final = MappingProxyType(
         "MISPLACED": _row(
             *(End.LANDED, End.PILOT, End.FAILSAFE), says="Mission was chosen low and away"
         ),
+        "WRONG_VEHICLE": _row(End.STAYED, says="multicopter"),
+        "TYPE_CHANGES": _row(End.PILOT, End.LANDED, End.STAYED, says="multicopter"),
         "READY_TAKEN": _row(End.STAYED, End.PILOT, says="pilot"),
         # One message stream alone, for ever: it holds, or commands nothing, until the pilot or a
         # battery failsafe ends it. What has to be said of it, and when, `inputs` knows.

@@ -17,6 +17,7 @@ from sitl.rehearsal.judge.evidence import (
     REPOSITION,
     RETURN,
     SET_HOME,
+    SET_MODE,
     SPEED,
     TERMINATE,
     SceneEventKind,
@@ -41,8 +42,13 @@ _TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
 leads to a place may be decided anew with the next position, which a link may bring soon after."""
 
 _SHOWS_LATER_S: Final = 1.0
-_UNSHOWN: Final = frozenset({"item", "reposition", "plan"})
-"""A pilot's choices that no mode shows: where the vehicle goes does, a second later."""
+_UNSHOWN: Final = frozenset({"item", "reposition", "plan", "airframe"})
+"""A pilot's choices that no mode shows: where the vehicle goes does, or the next HEARTBEAT."""
+
+_HOVER: Final = frozenset({2, 3, 13, 14, 15, 29, 35})
+_OTHERS: Final = 3
+"""HEARTBEAT.type of multicopters; so many that name another vehicle are enough to leave it alone.
+"""
 
 _RENEWS_S: Final = 1.0
 """What is drawn across the way is held for, or flown around, within so long."""
@@ -88,6 +94,24 @@ def _heartbeats_s(case: Case) -> list[float]:
     """When the vehicle's heartbeats left that reached the companion."""
     hearts = (m for m in case.evidence.messages if m.name == "HEARTBEAT" and m.delivered)
     return [heart.time_s for heart in hearts if heart.component == AUTOPILOT]
+
+
+def only_multicopters_are_commanded(case: Case) -> Iterator[Violation]:
+    """What says that it is another vehicle is not armed, moved, or given a plan."""
+    hearts = case.heard("HEARTBEAT")
+    others_s = [m.time_s for m in hearts if m.fields.get("type", 2) not in _HOVER]
+    if len(others_s) < _OTHERS:
+        return
+    kept_s = [m.time_s for m in hearts if m.time_s > others_s[0] and m.time_s not in others_s]
+    until_s = kept_s[0] if kept_s else math.inf
+    from_s = others_s[_OTHERS - 1] + case.evidence.reaction_s + case.row.notice_s
+    for message in case.commands:
+        uploads = message.name in {"MISSION_COUNT", "MISSION_CLEAR_ALL"}
+        stops = command_of(message) == SET_MODE and not case.flying[case.at(message.time_s)]
+        if from_s < message.time_s < until_s and (uploads or _commands(message)) and not stops:
+            text = f"{_words(message)} to a vehicle that is no multicopter"
+            yield Violation(message.time_s, "vehicle", text)
+            return
 
 
 def it_is_armed_once_and_not_disarmed_in_the_air(case: Case) -> Iterator[Violation]:

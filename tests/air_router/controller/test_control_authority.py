@@ -8,18 +8,27 @@ import pytest
 
 from air_router.controller.control_authority import COMPARED_S
 from air_router.controller.model.actions import (
+    Announce,
     ControlHolder,
     FlyToNode,
     FlyToPoint,
     HoldHere,
     LandHere,
+    Severity,
 )
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
-from air_router.vehicle.vehicle import Ages, FlightMode, ItemReached, PlanCompared, PlanReplaced
+from air_router.vehicle.vehicle import (
+    Ages,
+    FlightMode,
+    ItemReached,
+    PlanCompared,
+    PlanReplaced,
+    WrongVehicle,
+)
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS, MISSIONS
@@ -65,6 +74,48 @@ def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
     flight.mode = FlightMode.LAND
     flight.ends()
     assert not flight.finished.landed_by_us
+
+
+WRONG = "the vehicle is a fixed wing (MAV_TYPE 1); only multicopters are flown"
+
+
+def alarms(flight):
+    """Text and instruction of each alarm."""
+    return [
+        (a.text, a.instruction)
+        for a in flight.actions
+        if isinstance(a, Announce) and a.severity is Severity.ALARM
+    ]
+
+
+def test_a_type_that_changes_in_flight_is_an_alarm_and_nothing_is_commanded_any_more(away):
+    flight = away()
+    commanded = len(flight.motions)
+    flight.give(WrongVehicle(flight.now_s, WRONG))
+    assert flight.controller.state is State.PASSIVE
+    assert alarms(flight) == [(WRONG, "fly the vehicle by hand, and land it")]
+    flight.give(WrongVehicle(flight.now_s, WRONG.replace("fixed wing", "VTOL")))
+    assert len(alarms(flight)) == 1  # it is told once, whatever it is
+    flight.mode = FlightMode.HOLD
+    flight.fly_for(30.0)
+    for request in (GoOn(), GoOn(upload=True), ComeHome()):
+        answer = flight.operator_asks(request)
+        assert (answer.accepted, "land it by hand" in answer.why) == (False, True)
+    assert len(flight.motions) == commanded
+    flight.give(WrongVehicle(flight.now_s, None))
+    assert flight.operator_asks(GoOn()).accepted
+    flight.lands()
+
+
+def test_a_type_that_changes_on_the_ground_refuses_the_flight(pretend):
+    flight = pretend()
+    flight.step()
+    flight.give(WrongVehicle(flight.now_s, WRONG))
+    assert flight.finished.refused
+    assert flight.finished.why == f"{WRONG}, before take-off"
+    ((text, instruction),) = alarms(flight)
+    assert (text, "connect a multicopter" in instruction) == (WRONG, True)
+    assert flight.motions == []
 
 
 @pytest.mark.parametrize(("altitude_m", "aside_m"), [(70.0, 0.0), (70.0, 40.0), (8.0, 60.0)])

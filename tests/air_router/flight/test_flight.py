@@ -27,6 +27,7 @@ from air_router.preflight.card import PreflightRefusedError
 from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.report.flight_table import table
+from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,
@@ -34,6 +35,7 @@ from air_router.vehicle.vehicle import (
     LinkSilent,
     PlanReplaced,
     Telemetry,
+    WrongVehicle,
 )
 from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
@@ -331,6 +333,40 @@ def test_a_flight_that_is_under_way_is_found_and_left_alone(rig):
     with pytest.raises(RefusedError, match=r"with this mission on board; land it, or say --resume"):
         flight.run()
     assert flight.vehicle.verbs == ["connect", "recognise", "close"]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_another_type_of_vehicle_in_the_air_is_refused_and_asked_nothing(rig, resume):
+    flight = rig(resume=resume)
+    in_flight(flight)
+    flight.vehicle.kind = Airframe(22)
+    with pytest.raises(RefusedError, match=r"VTOL .MAV_TYPE 22.*left as it is: connect a multi"):
+        flight.run()
+    assert flight.vehicle.verbs == ["connect", "close"]
+
+
+def test_another_type_of_vehicle_on_the_ground_is_refused_with_the_card(rig):
+    flight = rig()
+    flight.vehicle.kind = Airframe(1)
+    with pytest.raises(PreflightRefusedError, match=r"fixed wing .MAV_TYPE 1"):
+        flight.run()
+    assert flight.vehicle.verbs == ["connect", "close"]
+
+
+def test_a_type_that_changes_while_it_is_made_ready_ends_that(rig):
+    flight = rig()
+    vehicle = flight.vehicle
+    why = Airframe(1).why_not_flown
+    told = []
+
+    def other_type():
+        if not told and "upload" not in vehicle.verbs:
+            told.append(vehicle.callback(WrongVehicle(vehicle.airframe.now_s, why)))
+
+    vehicle.on_step = other_type
+    result = flight.run()
+    assert (result.exit_code, why in result.outcome) == (ExitCode.REFUSED, True)
+    assert not {"arm", "start"} & set(vehicle.verbs)
 
 
 def test_another_mission_s_flight_is_not_resumed(rig):

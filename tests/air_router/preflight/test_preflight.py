@@ -17,6 +17,7 @@ from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
+from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
 from geo.airspace.zone import Band, Circle, Zone
@@ -49,8 +50,8 @@ WANTED = {
 HOME = Point(0.0, 0.0)
 
 
-def info(version="1.17.0", home=HOME):
-    return VehicleInfo(1, "PX4", version, home, 6.7)
+def info(version="1.17.0", home=HOME, kind=2):
+    return VehicleInfo(1, "PX4", version, home, 6.7, airframe=Airframe(kind))
 
 
 def telemetry(**changes):
@@ -69,6 +70,7 @@ FAR_OFF = Inspection(unix_s=NOW_S + 3600.0)
 LINES = {
     GOOD: [
         *(preflight.vehicle(info(version)) for version in ("1.17.0", "1.18.0")),
+        *(preflight.vehicle(info(kind=kind)) for kind in (13, 14, 15)),
         preflight.gps(GpsFix(3, 14, 0.8)),
         preflight.clock(Inspection(unix_s=NOW_S + 1.0), NOW_S),
         preflight.disk(10**10),
@@ -85,6 +87,7 @@ LINES = {
     ],
     BAD: [
         preflight.vehicle(info("1.13.3")),
+        *(preflight.vehicle(info(kind=kind)) for kind in (1, 4, 10, 22)),
         *(preflight.gps(GpsFix(*fix)) for fix in ((1, 0), (2, 5), (3, 5))),
         preflight.clock(Inspection(), 1000.0),
         preflight.clock(FAR_OFF, NOW_S, hours=True),  # zones apply at certain hours
@@ -112,6 +115,16 @@ def test_a_vehicle_that_flies_or_is_armed_is_left_alone():
     flying = preflight.standing(telemetry(in_air=True, armed=True))
     assert (flying.verdict, "flying" in flying.found) == (BAD, True)
     assert "armed" in preflight.standing(telemetry(armed=True)).found
+
+
+def test_another_type_of_vehicle_is_asked_nothing_and_the_card_says_what_to_do(pennovation, router):
+    survey = PreflightSurvey(pennovation, router)
+    card = asyncio.run(survey.card(None, info(kind=1), telemetry()))  # there is no one to ask
+    (line,) = card.bad
+    assert (
+        "fixed wing, PX4 1.17.0, system 1: the vehicle is a fixed wing (MAV_TYPE 1)" in line.found
+    )
+    assert "connect a multicopter" in line.advice
 
 
 def test_the_place(pennovation, router):

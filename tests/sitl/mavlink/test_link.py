@@ -94,6 +94,13 @@ class TestCodec:
         assert all(telemetry.message(name, autopilot) is not None for name in names)
 
 
+@pytest.mark.parametrize(("kind", "vtol"), [(2, 0), (1, 0), (22, 3)])
+def test_its_type_is_that_of_mav_type_as_of_a_px4(kind, vtol):
+    autopilot = ready_for(Start.GROUND, {"MAV_TYPE": kind}).line.vehicle.autopilot
+    assert telemetry.message("HEARTBEAT", autopilot).fields["type"] == kind
+    assert telemetry.message("EXTENDED_SYS_STATE", autopilot).fields["vtol_state"] == vtol
+
+
 def heartbeat():
     names = ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version")
     return dict.fromkeys(names, 0)

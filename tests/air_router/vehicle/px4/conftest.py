@@ -43,6 +43,7 @@ class Px4:
         self.east_m, self.height_m, self.speed_m_s, self.climb_m_s = 0.0, 40.0, 0.0, 0.0
         self.mode, self.intended, self.armed, self.status = MISSION, MISSION, True, ACTIVE
         self.landed, self.item, self.battery, self.fix = IN_AIR, 3, battery, 3
+        self.kind, self.autopilot, self.vtol = 2, 12, 0
         self.telemetry = Px4Telemetry(mission.frame, self.clock)
         self.telemetry.listen(self, 1)
         self.telemetry.subscribe(self.events.append)
@@ -89,6 +90,8 @@ class Px4:
                 "vz": -round(self.climb_m_s * 100),
             },
             "HEARTBEAT": {
+                "type": self.kind,
+                "autopilot": self.autopilot,
                 "custom_mode": self.mode,
                 "base_mode": ARMED if self.armed else 0,
                 "system_status": self.status,
@@ -106,7 +109,7 @@ class Px4:
                 "time_usec": boot_ms * 1000,
                 "alt": 6_700 + height_mm,
             },
-            "EXTENDED_SYS_STATE": {"landed_state": self.landed},
+            "EXTENDED_SYS_STATE": {"landed_state": self.landed, "vtol_state": self.vtol},
             "MISSION_CURRENT": {"seq": self.item, "total": 9},
             "POSITION_TARGET_GLOBAL_INT": {
                 "time_boot_ms": boot_ms,

@@ -4,7 +4,7 @@ import pytest
 
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.px4.px4_events import event_id
-from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
+from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced, WrongVehicle
 
 HOLD, MISSION, POSITION = 0x03040000, 0x04040000, 0x00030000
 HOME_AMSL_M = 6.7  # where the pretended vehicle took off
@@ -184,3 +184,25 @@ def test_the_receiver_s_altitude_counts_while_it_is_new(px4):
     assert at(px4).gps_amsl_m is None
     px4.says("GPS_RAW_INT", **GPS | {"fix_type": 1}, time_usec=round(px4.boot_s * 1e6))
     assert at(px4).gps_amsl_m is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [({"kind": 1}, "fixed wing"), ({"vtol": 4}, "VTOL"), ({"autopilot": 3}, "ArduPilot, not PX4")],
+)
+def test_another_vehicle_on_the_link_is_told_once_and_when_it_is_gone(px4, changes, said):
+    def told():
+        return [event.why_not for event in px4.events if isinstance(event, WrongVehicle)]
+
+    for name, value in changes.items():
+        setattr(px4, name, value)
+    px4.run(1.5)
+    assert told() == []  # one HEARTBEAT may be a stray frame
+    px4.run(20.0)
+    (why,) = told()
+    assert said in why
+    px4.kind, px4.vtol, px4.autopilot = 2, 0, 12
+    px4.run(8.0)
+    assert told() == [why]
+    px4.run(4.0)
+    assert told() == [why, None]

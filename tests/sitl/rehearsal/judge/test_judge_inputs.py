@@ -96,6 +96,18 @@ def test_a_flight_that_heard_all_is_good():
     assert found(flight()) == set()
 
 
+def test_what_says_that_it_is_no_multicopter_is_not_commanded():
+    def kinds_of(kind, begin_s, end_s):
+        spoil = between(begin_s, end_s, "HEARTBEAT", system_status=4, type=kind)
+        flown = flight(more=[goto(60.0, 60, 0)], spoil=spoil)
+        return {violation.kind for violation in judge(flown).violations} & {"vehicle"}
+
+    assert kinds_of(1, 50.0, 80.0) == {"vehicle"}
+    assert kinds_of(13, 50.0, 80.0) == set()  # a hexarotor
+    assert kinds_of(1, 59.8, 80.0) == set()  # it could not be known yet
+    assert kinds_of(22, 50.0, 55.0) == set()  # it was over
+
+
 CRUISES = (43.0, "43.0 s  READY -> INIT")
 NEAR = ((0, 0), (17, 0), (17, 60), (0, 60), (0, 0))
 """By 3 m past the shed."""
