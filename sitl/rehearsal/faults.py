@@ -185,6 +185,10 @@ class Fault(Enum):
     MAD_ROBOTS = Kind(
         "robots tell nonsense: future, NaN, jumps, zones", 20, courses.mad_robots, "climb"
     )
+    JUMPING_POSES = Kind(
+        "robots are hostile: their positions jump five times a second",
+        *(4, one("mad", "sway"), "climb"),
+    )
     WEAK_LINKS = Kind(
         *("links are slow, break, or are heard of falsely; robots drive", 12),
         mission={"timers": {"init_s": 8, "explore_s": 6, "search_s": 10, "communicate_s": 10}},
@@ -259,6 +263,7 @@ _ALONE: Final = frozenset(
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
+        Fault.JUMPING_POSES,
     }
 )
 """Two things at once already, or nothing: not combined with others."""

@@ -198,6 +198,7 @@ class SimulatedFlight(Scenario):
 
     def do_mad(self, how: str) -> None:
         """Robots tell nonsense."""
+        self.robots.hostile = how == "sway"
         self.robots.prank = prank_of(how, self.mission, self._fault_dice, self._unix_s)
 
     def do_other_uav(self, seconds: float) -> None:

@@ -20,7 +20,13 @@ from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_points import Search, SearchPoint
-from air_router.controller.targets.target_list import Sighting
+from air_router.controller.targets.pose_check import (
+    MOVES_S,
+    YIELDS_S,
+    PeerRate,
+    PoseVerdict,
+)
+from air_router.controller.targets.target_list import Sighting, TargetTrack
 from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
@@ -61,6 +67,9 @@ class SearchState(StateHandler):
     _over: str | None = None  # the present one: flown to last in this search
     _began_s: float = -math.inf  # the search, vehicle's clock
     _waits_at: Goal | None = None  # where its time began, or it has followed the robot to since
+    _follows: PeerRate = field(default_factory=lambda: PeerRate(MOVES_S))  # for poses and paths
+    _yields: PeerRate = field(default_factory=lambda: PeerRate(YIELDS_S))  # to other UAVs
+    _jumpers: set[str] = field(default_factory=set)  # robots whose jumps were announced
 
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
@@ -203,6 +212,10 @@ class SearchState(StateHandler):
         goal = context.way.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return
+        if not force:
+            if not self._follows.allows(context.now_s):
+                return  # the robot's next pose, or path, does
+            self._follows.moved(context.now_s)
         if beside_m > 0:
             context.say(f"no hovering over {robot}: waiting {beside_m:.0f} m beside it")
         self._navigator.fly_to(hover)
@@ -212,14 +225,33 @@ class SearchState(StateHandler):
     def pose_heard(self, event: RobotPose) -> None:
         """A robot is, or was, there; its own pose from itself means that it was found."""
         context, track = self._context, self.search.targets.tracks.get(event.robot)
-        if track is None or not track.pose_heard(event.position, event.stamp_s, context.now_s):
+        if track is None:
             return
+        believed = track.pose_heard(event.position, event.stamp_s, context.now_s)
+        if track.verdict is PoseVerdict.OLD:
+            return
+        self._tell_jumps(track)
         if event.robot != context.robot:
             return
         if context.state is State.SEARCH and event.peer == event.robot:
-            context.signal(Signal.FOUND)
-        elif context.spec.seeks:
+            context.signal(Signal.FOUND)  # wherever it says to be, its radio is heard here
+        elif context.spec.seeks and believed:
             self.follow()
+
+    def _tell_jumps(self, track: TargetTrack) -> None:
+        """Say once that a robot's position jumps, and that it is believed again."""
+        robot, jump = track.robot, track.check.jump
+        if track.verdict is PoseVerdict.JUMPED and jump is not None:
+            if robot not in self._jumpers:
+                self._jumpers.add(robot)
+                self._context.warn(
+                    f"the position of {robot} jumped {jump.metres:.0f} m in {jump.seconds:.1f} s: "
+                    "it is not followed there",
+                    f"check the localisation of {robot}, or have another robot sought",
+                )
+        elif track.verdict is PoseVerdict.BACK:
+            self._jumpers.discard(robot)
+            self._context.say(f"the position of {robot} counts again: it stayed where it jumped to")
 
     def path_heard(self, event: RobotPath) -> None:
         """A robot will drive there."""
@@ -253,6 +285,9 @@ class SearchState(StateHandler):
         ours = free and context.robot is not None and context.robot == event.robot
         # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self.search.name and targets.free(context.now_s):
+            if not self._yields.allows(context.now_s):
+                return  # two UAVs over one robot harm nothing
+            self._yields.moved(context.now_s)
             context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
             context.signal(Signal.YIELDED)
 

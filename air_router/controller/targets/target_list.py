@@ -10,6 +10,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from air_router.controller.targets.pose_check import FASTEST_M_S, PoseCheck, PoseVerdict
 from air_router.controller.targets.predicted_path import PredictedPath, ahead_of
 from geo.frame import Point
 from mocha_link.links.metrics import Direction
@@ -29,7 +30,7 @@ NEVER_HEARD: Final = "never heard, so where the UAV passed longest ago"
 USUAL_SPEED_M_S: Final = 1.0
 """Of a ground robot, where no robot's speed is known."""
 
-_SPEEDS_M_S: Final = (0.1, 5.0)
+_SPEEDS_M_S: Final = (0.1, FASTEST_M_S)
 """Slower is standing; faster is a jump of its position, not a drive."""
 
 _STRETCH_S: Final = (5.0, 120.0)
@@ -122,6 +123,8 @@ class TargetTrack:
         taken_s: When we last had everything from it.
         given_s: When it last had everything from us.
         tries: How often the vehicle flew to where it should be since the last news.
+        check: Whether it can have driven to where its poses say.
+        verdict: What became of its latest pose.
     """
 
     robot: str
@@ -132,17 +135,26 @@ class TargetTrack:
     taken_s: float | None = None
     given_s: float | None = None
     tries: int = 0
+    check: PoseCheck = field(default_factory=PoseCheck)
+    verdict: PoseVerdict = PoseVerdict.OLD
     _poses: _Stamps = field(default_factory=_Stamps)  # clock of its poses
     _paths: _Stamps = field(default_factory=_Stamps)  # clock of its paths
     # poses some seconds apart, for its speed
     _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=_STRETCHES + 1))
 
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
-        """Take its pose in; True if it is newer than the one known before."""
+        """Take its pose in; True if it is newer than the one before, and can be true."""
         if not self._poses.news(stamp_s, now_s):
+            self.verdict = PoseVerdict.OLD
             return False
         if self.pose is not None and stamp_s <= self.pose.stamp_s:  # its clock was set back
             self._marks.clear()
+            self.check.set_back()
+        self.verdict = self.check.verdict(position, stamp_s, now_s)
+        if self.verdict is PoseVerdict.JUMPED:
+            return False
+        if self.verdict is PoseVerdict.BACK:
+            self._marks.clear()  # that was no drive
         self.pose = Sighting(position, stamp_s)
         if not self._marks or stamp_s - self._marks[-1].stamp_s >= _STRETCH_S[0]:
             self._marks.append(self.pose)

@@ -33,6 +33,12 @@ _MARGIN_M, _FOLLOWS_M, _SLACK_M = 1.5, 8.0, 5.0
 """What ways keep on top of the clearance, how far a robot may drive on before it is followed, and
 how far from the nearest possible place the vehicle may hover."""
 
+_DRIVES_M_S, _ROOM_M = 6.0, 10.0
+"""No robot drives faster, and no position is farther off by itself."""
+
+_WITHIN_S, _TIMES = 6.0, 5
+"""What robots say sends the vehicle somewhere else no more often in so long."""
+
 _STANDS_M_S: Final = 0.5
 _COMM_S: Final = 20.0
 """So long it stays with a robot where the file does not say."""
@@ -168,7 +174,7 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
         robot, here = _sought(case, stay), case.place(index)
         heard = [told for told in poses if told.maker == robot and told.time_s < until_s]
         if "MAD_ROBOTS" not in case.evidence.faults:  # else any of what it said may have counted
-            heard = sorted(heard, key=lambda told: told.said.get("stamp_s", 0.0))[-1:]
+            heard = _drivable(case, heard)[-1:]
         places = [place for told in heard if (place := _place(case, told)) is not None]
         beside_m = _SLACK_M + float(case.off_m[index])
         if places:
@@ -183,6 +189,35 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
             where = "where it said that it is" if places else "any waypoint, and it is not known"
             text = f"{stay.state} {robot} {off_m:.0f} m away from {where}"
             yield Violation(until_s, "contact", text)
+
+
+def _drivable(case: Case, heard: list[Told]) -> list[Told]:
+    """What a robot said of where it is, in order, without places that it cannot have driven to."""
+    kept: list[tuple[Told, Pair]] = []
+    for told in sorted(heard, key=lambda told: told.said.get("stamp_s", 0.0)):
+        place = _place(case, told)
+        if place is None:
+            continue
+        if kept:
+            before, there = kept[-1]
+            seconds = told.said.get("stamp_s", 0.0) - before.said.get("stamp_s", 0.0)
+            if math.dist(place, there) > _ROOM_M + _DRIVES_M_S * seconds:
+                continue
+        kept.append((told, place))
+    return [told for told, _ in kept]
+
+
+def robots_do_not_jerk_it_about(case: Case) -> Iterator[Violation]:
+    """While it stays with a robot, that one cannot send it here and there many times a second."""
+    for stay in _spells(case):
+        if stay.state != "COMM" or _asked(case, stay.begin_s, stay.end_s):
+            continue
+        sent = [m.time_s for m, _ in case.legs if stay.begin_s <= m.time_s <= stay.end_s]
+        for first_s, last_s in zip(sent, sent[_TIMES:], strict=False):
+            if last_s - first_s <= _WITHIN_S:
+                text = f"sent to {_TIMES + 1} places within {last_s - first_s:.1f} s by a robot"
+                yield Violation(last_s, "contact", text)
+                break
 
 
 def only_named_robots_send_it(case: Case) -> Iterator[Violation]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from typing import Final
 
 from air_router.messages import GOALS_TOPIC, POSE_TOPIC, GoalsMessage, PoseMessage
@@ -30,12 +32,18 @@ from sitl.rehearsal.judge.evidence import SceneEventKind
 
 HEARD_M: Final = 60.0
 SYNC_EVERY_S: Final = 2.0
+HASTY_S: Final = 0.2
+"""So often a hostile robot hands its position over."""
+
 _SIZE: Final = 100
 _TAKES_S, _BREAKS = (0.5, 9.0), 0.15
 """How long one direction of an exchange over a weak link takes, and the share that never ends."""
 
 _FALSE_S, _FALSE_DBM = 15.0, -45.0
 """So often a weak radio claims to hear a robot, wherever that is, and so strongly."""
+
+_SWAYS_M: Final = 30.0
+"""So far to either side of where it is a hostile robot says to be, in turn."""
 
 _DRIVES_M, _DRIVES_M_S, _CARRIED_S = 25.0, (0.2, 1.2), 30.0
 """How far up and down robots of weak links drive, how fast, and how old what they carry is."""
@@ -145,6 +153,7 @@ class Robots:
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
         carry: They carry each other's poses, too.
+        hostile: They hand their positions over all the time, and take nothing.
     """
 
     mission: Mission
@@ -158,6 +167,7 @@ class Robots:
     def __post_init__(self) -> None:
         weak = self.weak
         self.carry = weak is not None
+        self.hostile = False
         self._synced_s = dict.fromkeys(self.places, -math.inf)  # simulated, by robot
         self._speeds_m_s = {n: weak.uniform(*_DRIVES_M_S) if weak else 0.0 for n in self.places}
         self._under_way: list[_Sync] = []
@@ -176,10 +186,11 @@ class Robots:
             node.tell(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
         for name in self.places:
             near = math.dist(self._place(name, now_s), vehicle) <= HEARD_M
-            due = now_s - self._synced_s[name] >= SYNC_EVERY_S
+            every_s = HASTY_S if self.hostile else SYNC_EVERY_S
+            due = now_s - self._synced_s[name] >= every_s
             if near and due and not any(sync.robot == name for sync in self._under_way):
                 self._synced_s[name] = now_s
-                for direction in Direction:
+                for direction in (Direction.IN,) if self.hostile else Direction:
                     self._under_way.append(_Sync(name, direction, now_s, self._ends_s(now_s)))
                     node.tell(SyncStarted(name, self.unix_s(), direction))
             if any(sync.robot == name for sync in self._under_way):
@@ -262,9 +273,13 @@ def anywhere(dice: random.Random, waypoints: list[Point]) -> Point:
 def prank_of(how: str, mission: Mission, dice: random.Random, unix_s: Callable[[], float]) -> Prank:
     """What a mad robot tells instead of where it is."""
     frame = mission.frame
+    sides: defaultdict[str, Iterator[float]] = defaultdict(lambda: cycle((_SWAYS_M, -_SWAYS_M)))
 
     def told(name: str, place: Point) -> list[Told]:
         match how:
+            case "sway":
+                to = Point(place.east_m + next(sides[name]), place.north_m)
+                data = pose(frame, to, unix_s())
             case "future":
                 data = pose(frame, place, 9.9e10)
             case "stamp":

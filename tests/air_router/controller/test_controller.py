@@ -201,7 +201,7 @@ def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(prete
     flight.fly_for(60.0)
     assert len(flight.motions) == commanded
     assert 3 <= len(flight.said) - said <= 7
-    flight.give(RobotPose("io", Point(0.0, 100.0), 2.0, "callisto"))
+    flight.give(RobotPose("io", Point(0.0, 100.0), 100.0, "callisto"))
     flight.fly_until(lambda: math.dist(flight.position, Point(0.0, 100.0)) < 3.0, 60.0)
 
 

@@ -72,7 +72,7 @@ def in_comm(flight):
 
 
 def has_moved(robot, flight):
-    return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
+    return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 100.0, robot)
 
 
 def test_a_landing_goes_on_without_a_fix(airborne):

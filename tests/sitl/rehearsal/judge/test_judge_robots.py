@@ -8,7 +8,15 @@ import pytest
 from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind
 from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.judge.verdict import judge
-from tests.sitl.rehearsal.judge.test_judge import FRAME, HOLD, TEXT, command, evidence, heart
+from tests.sitl.rehearsal.judge.test_judge import (
+    FRAME,
+    HOLD,
+    TEXT,
+    command,
+    evidence,
+    goto,
+    heart,
+)
 from tests.sitl.rehearsal.judge.test_judge_inputs import HOVERS
 
 HERE = HOVERS[1500][:2]
@@ -47,8 +55,9 @@ def changes(*states, robot="io"):
             yield at_s, f"  {at_s:.1f} s  SEARCH {robot}: its last position"
 
 
-def found(*states, happenings, robot="io", also=()):
-    flown = evidence(HOVERS, said=[*changes((10.0, "INIT"), *states, robot=robot), *also])
+def found(*states, happenings, robot="io", also=(), more=()):
+    said = [*changes((10.0, "INIT"), *states, robot=robot), *also]
+    flown = evidence(HOVERS, said=said, more=more)
     flown = dataclasses.replace(
         flown, mission_text=TEXT + MORE, happenings=[MET, *happenings], uav="titan"
     )
@@ -99,6 +108,22 @@ def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
     heard = [synced(50.0, robot="europa", told=told)]
     arrives = [(75.0, "at the search position of io")]
     assert bool(found(*waits, happenings=heard, also=arrives)) is not good
+
+
+@pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (2.0, False)])
+def test_no_robot_sends_it_about_many_times_a_second(every_s, bad):
+    stays = (*MEETS[:2], (83.5, "EXPL"))
+    sent = [goto(75.1 + every_s * n, HERE[0] + n % 2, HERE[1]) for n in range(6)]
+    texts = found(*stays, happenings=(HEARD,), more=[m for m in sent if m.time_s < 83.5])
+    assert any("sent to 6 places" in text for text in texts) is bad
+
+
+def test_a_place_that_a_robot_cannot_have_driven_to_is_none_to_wait_at():
+    waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
+    jumps = [pose("io"), pose("io", (HERE[0] - 60.0, HERE[1]), stamp_s=2.0)]
+    heard = [synced(50.0, robot="europa", told=jumps)]
+    arrives = [(75.0, "at the search position of io")]
+    assert not found(*waits, happenings=heard, also=arrives)
 
 
 GOES = ((60.0, "GOTO"), (88.0, "EXPL"))
