@@ -24,7 +24,6 @@ from mocha_link.links.metrics import SyncTimedOut as SyncTimedOut
 from mocha_link.links.reading import Reading as Reading
 from mocha_link.links.reading import Unit as Unit
 from mocha_link.node.broadcast import EventStream as EventStream
-from mocha_link.node.curve import CurveUnavailableError as CurveUnavailableError
 from mocha_link.node.node import Node as Node
 from mocha_link.node.node import NodeClosedError as NodeClosedError
 from mocha_link.radios import ManualRadio as ManualRadio

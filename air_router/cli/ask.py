@@ -7,8 +7,7 @@ import sys
 
 from air_router.cli.arguments import MORE_THAN_0, number, print_json
 from air_router.control.command_request import MODELS, parse_command
-from air_router.control.control import ControlClient
-from air_router.control.control_server import endpoint_of
+from air_router.control.control import ControlClient, endpoint_of
 from air_router.errors import ExitCode, UsageError
 
 _EPILOG = """\

@@ -19,8 +19,7 @@ from air_router.cli.arguments import (
     print_json,
     say,
 )
-from air_router.control.control import CONTROL_NAME
-from air_router.control.control_server import endpoint_of
+from air_router.control.control import CONTROL_NAME, endpoint_of
 from air_router.errors import PictureError, RefusedError
 from air_router.files.settings import SEEK_POLICIES
 from air_router.flight.flight import Flight

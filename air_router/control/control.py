@@ -9,14 +9,18 @@ with ControlClient() as uav:
         uav.seek("io")
 """
 
+import argparse
 import dataclasses
+import re
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.errors import RequestError
+from mocha_link.loopback import is_loopback
 from mocha_link.service.endpoint import EndpointKeyError, named
 from mocha_link.service.service_client import EndpointClient
 
@@ -27,6 +31,9 @@ NOT_RELOADED: Final = "not-reloaded"
 
 _LOOK_S: Final = 0.1
 """So often it is looked whether the mission file has been read."""
+
+_WAYS: Final = ("tcp", "ipc")
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 Place = tuple[float, float]
 """Latitude and longitude, in degrees."""
@@ -166,3 +173,37 @@ class ControlClient(EndpointClient):
             )
         except (LookupError, TypeError, ValueError):
             raise self.another() from None
+
+
+def endpoint_of(text: str) -> str:
+    """An endpoint from the command line: a name, a port of this machine, or either written out.
+
+    A program that can talk to it flies the vehicle: only the same user's programs can.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or others could reach it.
+    """
+    if text.isdecimal() or text == "*":
+        text = f"tcp://127.0.0.1:{text}"
+    elif _NAME.fullmatch(text):
+        try:
+            return named(text)
+        except EndpointKeyError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+    try:
+        parts = urlsplit(text)
+    except ValueError:
+        parts = urlsplit("")
+    if parts.scheme not in _WAYS:
+        raise argparse.ArgumentTypeError(
+            f"{text} is no endpoint; write a name, ipc://PATH, a port or tcp://127.0.0.1:PORT"
+        )
+    if parts.scheme == "tcp":
+        host, _, port = text.removeprefix("tcp://").rpartition(":")
+        if not is_loopback(host.strip("[]")):
+            raise argparse.ArgumentTypeError(
+                f"{text}: other machines could reach it and fly the vehicle; write "
+                f"tcp://127.0.0.1:{port}, and reach it from elsewhere through SSH (ssh -L)"
+            )
+        text = f"tcp://127.0.0.1:{port}" if host == "localhost" else text
+    return text

@@ -1,22 +1,16 @@
 """Serves the requests of a flight to this user's programs on this machine: JSON over ZeroMQ.
 
-One ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ sends.
-What comes is believed in nothing: too large, broken or unknown, it costs an error reply. Requests
-are read at a steady pace, in turn from all who ask, so that a flood of them takes no time of the
-flight's.
+It is a ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ
+sends. What comes is believed in nothing: too large, broken or unknown, it costs an error reply, or
+its sender the connection. Requests are read at a steady pace, in turn from all who ask, so that a
+flood of them takes no time of the flight's.
 """
 
-import argparse
 import asyncio
 import contextlib
-import re
 import time
 from collections.abc import Callable
 from typing import Any, Final
-from urllib.parse import urlsplit
-
-import zmq
-import zmq.asyncio
 
 from air_router.control.command_request import (
     COSTLY_AT_ONCE,
@@ -28,15 +22,17 @@ from air_router.control.command_request import (
     command_request_of,
 )
 from mocha_link.errors import RequestError
-from mocha_link.loopback import is_loopback
 from mocha_link.service import requests
-from mocha_link.service.endpoint import EndpointKeyError, bind, named, router, split
+from mocha_link.service.listener import Listener
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""
 
-_WAYS: Final = ("tcp", "ipc")
-_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
+MOST_BYTES: Final = 8 * 1024 * 1024
+"""So much is kept for all clients together: requests that have come in part, answers not taken."""
+
+TURN_S: Final = 0.002
+"""So long the flight has for itself between two looks at the clients."""
 
 Grant = Callable[[CommandRequest, str], dict[str, Any]]
 
@@ -56,8 +52,7 @@ class ControlServer:
         self.endpoint = endpoint
         self._grant = grant
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE, monotonic)  # of requests that plan
-        self._context: zmq.asyncio.Context | None = None  # while it serves
-        self._socket: zmq.asyncio.Socket | None = None  # a ROUTER, while it serves
+        self._listener: Listener | None = None  # while it serves
 
     def open(self) -> None:
         """Take the endpoint.
@@ -65,32 +60,34 @@ class ControlServer:
         Raises:
             PortInUseError, ListenError: it cannot be had.
         """
-        self._context = zmq.asyncio.Context()
-        self._socket = router(self._context, 2 * MAX_BYTES)  # of more nothing is read
-        try:
-            self.endpoint = bind(self._socket, self.endpoint, "cannot take requests")
-        except BaseException:
-            self.close()
-            raise
+        self._listener = Listener(
+            self.endpoint, "cannot take requests", max_bytes=2 * MAX_BYTES, most_bytes=MOST_BYTES
+        )
+        self.endpoint = self._listener.endpoint
 
     async def run(self) -> None:
         """Answer until cancelled."""
-        assert self._socket is not None  # noqa: S101 - it was opened
-        while True:
-            envelope, frames = split(await self._socket.recv_multipart())
-            reply = self._reply(frames)
-            with contextlib.suppress(zmq.ZMQError):  # it is gone, or does not read its answers
-                await self._socket.send_multipart([*envelope, *reply], zmq.NOBLOCK)
-            await asyncio.sleep(1 / PER_S)
+        assert self._listener is not None  # noqa: S101 - it was opened
+        loop, something = asyncio.get_running_loop(), asyncio.Event()
+        loop.add_reader(self._listener.fileno(), something.set)
+        try:
+            while True:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(self._listener.wait_ms / 1000):
+                        await something.wait()
+                something.clear()
+                for envelope, frames in self._listener.requests():
+                    self._listener.send(envelope, self._reply(frames))
+                    await asyncio.sleep(1 / PER_S)
+                await asyncio.sleep(TURN_S)
+        finally:
+            loop.remove_reader(self._listener.fileno())
 
     def close(self) -> None:
         """Give the endpoint up; may be called twice."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-        if self._context is not None:
-            self._context.term()
-            self._context = None
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
 
     def _reply(self, frames: requests.Frames) -> requests.Frames:
         values: dict[str, Any] = {}
@@ -108,37 +105,3 @@ class ControlServer:
         if not self._costly.affords(command):
             raise RequestError(TOO_MANY, again=True)
         return requests.Answer(self._grant(command, "a program"))
-
-
-def endpoint_of(text: str) -> str:
-    """An endpoint from the command line: a name, a port of this machine, or either written out.
-
-    A program that can talk to it flies the vehicle: only the same user's programs can.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none, or others could reach it.
-    """
-    if text.isdecimal() or text == "*":
-        text = f"tcp://127.0.0.1:{text}"
-    elif _NAME.fullmatch(text):
-        try:
-            return named(text)
-        except EndpointKeyError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-    try:
-        parts = urlsplit(text)
-    except ValueError:
-        parts = urlsplit("")
-    if parts.scheme not in _WAYS:
-        raise argparse.ArgumentTypeError(
-            f"{text} is no endpoint; write a name, ipc://PATH, a port or tcp://127.0.0.1:PORT"
-        )
-    if parts.scheme == "tcp":
-        host, _, port = text.removeprefix("tcp://").rpartition(":")
-        if not is_loopback(host.strip("[]")):
-            raise argparse.ArgumentTypeError(
-                f"{text}: other machines could reach it and fly the vehicle; write "
-                f"tcp://127.0.0.1:{port}, and reach it from elsewhere through SSH (ssh -L)"
-            )
-        text = f"tcp://127.0.0.1:{port}" if host == "localhost" else text
-    return text

@@ -4,8 +4,7 @@ import argparse
 import sys
 
 from air_router.cli.arguments import say
-from air_router.control.control import ControlClient
-from air_router.control.control_server import endpoint_of
+from air_router.control.control import ControlClient, endpoint_of
 from air_router.errors import ExitCode
 from air_router.ros2.messages import FOLDER
 from mocha_link.errors import needs_extra

@@ -98,7 +98,7 @@ def flood(port: int, size: int) -> None:
             socket.create_connection(("127.0.0.1", port), WAIT_S) as connection,
         ):
             connection.settimeout(WAIT_S)
-            connection.sendall(ZmtpSession.hello)
+            connection.sendall(ZmtpSession(1).hello)
             while size > 0:
                 try:
                     connection.sendall(PART)

@@ -1,7 +1,7 @@
 """One outgoing connection to a peer, made fresh for a pull and closed after it.
 
-Requests go out on it and replies come in. Without encryption it is of our own ZMTP, with keys it
-is libzmq's; both are driven in the same way: `watch` after every turn, `turn` when `is_ready`.
+Requests go out on it and replies come in. Drive it: `watch` after every turn, `turn` when
+`is_ready`.
 """
 
 from __future__ import annotations
@@ -9,13 +9,12 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 import zmq
-from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link.node import kernel, zmtp
-from mocha_link.node.curve import protect_contact
+from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.zmtp import Part
 from mocha_link.store import wire
@@ -28,30 +27,32 @@ EAGER_S = 0.015  # after our handshake, requests leave though the peer's has not
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
 _MAX_ANSWERS = 1024 * 1024  # to heartbeats
-_QUEUE_REPLIES = 16
-_LINGER_MS = 300
-
-_FAILURES: dict[int, str] = {
-    zmq.Event.DISCONNECTED: "the peer closed the connection",
-    zmq.Event.HANDSHAKE_FAILED_NO_DETAIL: "the connection broke in the ZeroMQ handshake, "
-    "or the keys do not fit",
-    zmq.Event.HANDSHAKE_FAILED_PROTOCOL: "what answers there has no key, or does not speak ZeroMQ",
-    zmq.Event.HANDSHAKE_FAILED_AUTH: "the peer refused our key",
-    zmq.Event.CLOSED: "cannot connect",
-}
 
 
-class TcpConnection:
-    """A connection without encryption, of our own ZMTP: it is set up in half the time.
+class Connection:
+    """A connection of our own ZMTP: it is set up in half the time that libzmq takes.
+
+    Args:
+        address: An IPv4 address.
+        eager: Requests do not wait for the peer's handshake; with keys they have to.
+        keys: Ours, and the peer's: the connection is encrypted then.
 
     Attributes:
         failure: what it suffered, in words; it is of no use then. None: it stands.
         eager: requests do not wait for the peer's handshake; False when that did not do.
     """
 
-    def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
+    def __init__(
+        self,
+        address: str,
+        port: int,
+        *,
+        eager: bool = True,
+        keys: tuple[SecretKey, PublicKey] | None = None,
+    ) -> None:
         self.failure: str | None = None
         self.eager = eager
+        self._keys = keys
         self._address = (address, port)  # to dial again
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []  # requests until it stands
@@ -59,7 +60,7 @@ class TcpConnection:
         self._connect()
 
     def _connect(self) -> None:
-        self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES)
+        self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES, mechanism=self._mechanism())
         self._out = bytearray(self._protocol.hello)
         self._answers = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
@@ -74,6 +75,12 @@ class TcpConnection:
         except OSError as error:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
+
+    def _mechanism(self) -> zmtp.Mechanism:
+        if self._keys is None:
+            return zmtp.Null(b"DEALER")
+        own, peer = self._keys
+        return CurveClient(own.curve, own.public.curve, peer.curve)
 
     def watch(self, poller: Poller, owner: str = "") -> None:
         """Have the poller wait for what this waits for, and say whose it is."""
@@ -106,7 +113,7 @@ class TcpConnection:
     @property
     def wake_s(self) -> float | None:
         """When requests leave though the peer's handshake has not come: not together with ours."""
-        hurries = self.eager and not self._opened and not self._protocol.ready
+        hurries = self.eager and not self._opened and not self._protocol.ready and not self._keys
         if self._connected_s is None or not hurries or not self._waiting or self._out:
             return None
         return self._connected_s + EAGER_S
@@ -129,7 +136,7 @@ class TcpConnection:
 
     def send(self, frame: bytes) -> None:
         """Send a request."""
-        self._waiting.append(self._protocol.request(frame))
+        self._waiting.append(frame)
         if self._protocol.ready:
             self._ask(0.0)
             with contextlib.suppress(OSError):
@@ -172,7 +179,8 @@ class TcpConnection:
         if not self._protocol.ready:
             self._unconfirmed = list(self._waiting)
             self._opened = True
-        self._out += b"".join(self._waiting)
+        for frame in self._waiting:
+            self._out += self._protocol.request(frame)
         self._waiting.clear()
 
     def _flush(self) -> None:
@@ -218,124 +226,10 @@ class TcpConnection:
         elif isinstance(error, zmtp.ZmtpError):
             self.failure = str(error)
         elif handshaking:
-            self.failure = "the connection broke in the ZeroMQ handshake, or the peer wants a key"
+            why = "the keys do not fit, or it has none" if self._keys else "the peer wants a key"
+            self.failure = f"the connection broke in the ZeroMQ handshake, or {why}"
         elif self._connected_s is None:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.args[-1]}"
         else:
             self.failure = "the peer closed the connection"
-
-
-def _content(frame: zmq.Frame) -> Part:
-    """What is in a frame of libzmq; copied only if it is small, so that it keeps nothing else."""
-    return frame.bytes if len(frame) < zmtp.OWN_BYTES else frame.buffer.toreadonly()
-
-
-class CurveConnection:
-    """An encrypted connection, by libzmq; see `TcpConnection`."""
-
-    def __init__(
-        self,
-        context: zmq.Context[zmq.Socket[bytes]],
-        address: str,
-        port: int,
-        *,
-        own: SecretKey,
-        peer: PublicKey,
-    ) -> None:
-        self.failure: str | None = None  # in words; None: it stands
-        self.eager = True  # dial again soon
-        self._socket = context.socket(zmq.DEALER)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.RCVHWM, _QUEUE_REPLIES)
-        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_REPLY_BYTES)
-        protect_contact(self._socket, own, peer)
-        events = int(zmq.Event.CONNECTED)
-        for failure in _FAILURES:
-            events |= failure
-        self._monitor = self._socket.get_monitor_socket(events)
-        self._port = port
-        self._fd: int | None = None  # libzmq's descriptor
-        self._received = 0  # bytes, by the kernel
-        self._full = False  # libzmq takes no more
-        self._socket.connect(f"tcp://{address}:{port}")
-
-    def watch(self, poller: Poller, owner: str = "") -> None:
-        """Have the poller wait for what this waits for, and say whose it is."""
-        poller.register(self._socket, zmq.POLLIN, owner)
-        poller.register(self._monitor, zmq.POLLIN, owner)
-
-    def forget(self, poller: Poller) -> None:
-        """Take it out of the poller."""
-        for each in (self._socket, self._monitor):
-            with contextlib.suppress(KeyError):
-                poller.unregister(each)
-
-    is_restless = True  # libzmq does not tell of bytes
-
-    @property
-    def wake_s(self) -> float | None:
-        """Nothing here goes by the clock."""
-        return None
-
-    def is_ready(self, ready: Container[Polled], _now_s: float) -> bool:
-        """Whether there is something to do."""
-        over = self._full or self.failure is not None
-        return over or self._socket in ready or self._monitor in ready
-
-    def turn(self, _now_s: float) -> bool:
-        """Take in what ZeroMQ tells about the connection; says whether anything arrived."""
-        self._take_events()
-        if self._full:  # if nothing has told a better reason
-            self.failure = self.failure or "the connection takes nothing more"
-        before = self._received
-        with kernel.borrowed(self._fd, remote=self._port) as connection:
-            self._received = kernel.bytes_received(connection) or before
-        return self._received > before
-
-    def _take_events(self) -> None:
-        while self._monitor.poll(0):
-            event = parse_monitor_message(self._monitor.recv_multipart(zmq.NOBLOCK))
-            if event["event"] == zmq.Event.CONNECTED:
-                self._fd, self._received = int(event["value"]), -1
-            else:
-                self._fd = None  # the first event says why, those after it only that
-                self.failure = self.failure or _FAILURES.get(event["event"])
-
-    def send(self, frame: bytes) -> None:
-        """Send a request; the empty delimiter makes it one for REP sockets."""
-        try:
-            self._socket.send_multipart([b"", frame], flags=zmq.NOBLOCK)
-        except zmq.Again:
-            self._full = True
-
-    def replies(self) -> Iterator[Sequence[Part]]:
-        """The body parts of the replies since the last call."""
-        while True:
-            try:
-                frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
-            except zmq.Again:
-                return
-            parts = [_content(each) for each in frames]
-            yield parts[1:] if parts[0] == b"" else parts
-
-    def rtt_s(self) -> float | None:
-        """The round-trip time as the kernel has seen it."""
-        with kernel.borrowed(self._fd, remote=self._port) as connection:
-            return kernel.rtt_s(connection)
-
-    def close(self, linger_ms: int = _LINGER_MS) -> None:
-        """Close when what was sent is out, or after 0.3 s."""
-        self._socket.disable_monitor()
-        self._monitor.close(0)
-        self._socket.close(linger_ms)
-
-    def abort(self) -> None:
-        """Close at once: what was sent and is not out yet shall not come late."""
-        self._take_events()  # its descriptor may not have been told yet
-        with kernel.borrowed(self._fd, remote=self._port) as connection:
-            kernel.reset(connection)
-        self.close(0)
-
-
-Connection = TcpConnection | CurveConnection

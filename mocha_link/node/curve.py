@@ -1,228 +1,233 @@
-"""Encrypted links: ZeroMQ's CURVE on the sockets, and who is let in at which port.
+"""Encrypted connections: CurveZMQ, both ends of it, as mechanisms of a `ZmtpSession`.
 
 A port of a node serves one peer, so the key of that peer is the only one that opens it. Links
 where one side has no key stay as they are in the original (NULL).
+
+What an end may cost before it has shown its key: a frame of a few kilobytes, and two operations on
+the curve. https://rfc.zeromq.org/spec/26/ describes the protocol; libzmq talks to both ends.
+Needs the extra ``keys`` (PyNaCl); importing this module does not.
 """
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import logging
-import socket
-from collections.abc import Mapping
-from typing import NamedTuple
+import hmac
+import os
+from typing import ClassVar, Final
 
-import zmq
-from zmq.utils.monitor import parse_monitor_message
+from mocha_link.node.zmtp import ERROR, OWN_BYTES, READY, Part, WrongKeyError, ZmtpError, metadata
+from mocha_link.team.keys import require
 
-from mocha_link.errors import MochaLinkError
-from mocha_link.node import kernel
-from mocha_link.team.keys import PublicKey, SecretKey
+try:
+    import nacl.bindings as nacl
+    from nacl.exceptions import CryptoError
+except ImportError:  # pragma: no cover - the development set-up has it
+    pass
 
-BURST = 256  # requests or events answered in a row
-HANDSHAKE_S = 10.0  # who has shown no key by then is sent away; a slow radio takes seconds
-MAX_STRANGERS = 64  # connections to the ports of a node that are younger than that
-_ZAP = "inproc://zeromq.zap.01"  # where libzmq asks, https://rfc.zeromq.org/spec/27/
-_ZAP_VERSION = b"1.0"
-_ZAP_FRAMES = 6  # version, request id, domain, address, identity, mechanism; then the credentials
+OVERHEAD_BYTES: Final = 33
+"""That encryption adds to a part: a name, a counter, a tag, flags."""
 
-_WRONG_KEY, _NO_KEY, _NO_ZMTP, _TOO_OFTEN, _LEFT = (
-    "with a wrong key",
-    "without encryption",
-    "not as a node of ours does",
-    "too often",
-    "and left before it had shown a key, as one without a key does",
+_KEY_BYTES, _COOKIE_BYTES, _TAG_BYTES = 32, 96, 16
+_HELLO, _WELCOME, _INITIATE, _MESSAGE = (
+    b"\x05HELLO",
+    b"\x07WELCOME",
+    b"\x08INITIATE",
+    b"\x07MESSAGE",
 )
-_PROTOCOL_FAILURES: dict[int, str] = {
-    zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC: _WRONG_KEY,
-    zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH: _NO_KEY,
-}
-
-LOG = logging.getLogger("mocha_link")
-
-
-class CurveUnavailableError(MochaLinkError):
-    """Keys are configured, and the ZeroMQ library here cannot encrypt."""
+_VERSION = b"\1\0"
+_HELLO_BYTES, _WELCOME_BYTES = 200, 168
+_HELLO_BOX, _HELLO_KEY = 120, 80  # where they begin
+_VOUCH_BYTES = 80
+_REFUSED = ERROR + b"\x03400"
+_AT_CLIENT, _AT_SERVER = b"CurveZMQMESSAGES", b"CurveZMQMESSAGEC"  # nonces of what comes there
 
 
-Refusal = tuple[str, str]
-"""The peer at whose port a connection was not let in, and why."""
-
-
-def protect_port(port: zmq.Socket[bytes], own: SecretKey, peer: str) -> None:
-    """Have a ROUTER, before it binds, let in only who the `ZapHandler` allows for a peer.
-
-    Raises:
-        CurveUnavailableError: this libzmq is built without CURVE.
-    """
-    _require()
-    port.setsockopt(zmq.CURVE_SERVER, 1)
-    port.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
-    port.setsockopt(zmq.ZAP_DOMAIN, peer.encode())
-    port.setsockopt(zmq.HANDSHAKE_IVL, int(HANDSHAKE_S * 1000))
-
-
-def protect_contact(contact: zmq.Socket[bytes], own: SecretKey, peer: PublicKey) -> None:
-    """Have a DEALER, before it connects, talk to the holder of the peer's key only, encrypted.
-
-    Raises:
-        CurveUnavailableError: this libzmq is built without CURVE.
-    """
-    _require()
-    contact.setsockopt(zmq.CURVE_SERVERKEY, peer.curve)
-    contact.setsockopt(zmq.CURVE_PUBLICKEY, own.public.curve)
-    contact.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
-
-
-class _Watched(NamedTuple):
-    """A port of which the monitor tells who comes and goes."""
-
-    port: zmq.Socket[bytes]
-    monitor: zmq.Socket[bytes]
-    peer: str
-
-
-class ZapHandler:
-    """Answers libzmq's question, whether a key may enter, for all protected ports of a context.
-
-    libzmq takes any number of connections, and descriptors for them, until they have shown a key:
-    of more than `MAX_STRANGERS` the oldest is closed.
-
-    Make it before the ports are bound. Its `sockets` (`socket`, and a monitor of every watched
-    port) go into the poller of the ports' thread; call `serve` when one of them is readable.
+class _Curve:
+    """What both ends have in common: the keys of a connection, and its counters.
 
     Args:
-        context: of the ports; a context has one handler at most.
-        allowed: the key that opens the port for a peer, by the peer's name.
+        kind: Of the socket.
     """
 
+    name: ClassVar[bytes] = b"CURVE"
+    overhead: ClassVar[int] = OVERHEAD_BYTES
+    _incoming: ClassVar[bytes]
+    _outgoing: ClassVar[bytes]
+
+    def __init__(self, kind: bytes) -> None:
+        require()
+        self.known = False
+        self._metadata = metadata(kind)
+        self._sent = 0  # the counter of what we have sent
+        self._came = 0  # of what has come: it only grows
+        self._public, self._own = nacl.crypto_box_keypair()  # of this connection only
+        self._shared = b""  # with the other end's of this connection
+
+    def seal(self, flags: int, body: Part) -> bytes:
+        """A part as it goes over the wire."""
+        counter = self._counted()
+        box = nacl.crypto_box_afternm(
+            bytes((flags & 1 | flags >> 1 & 2,)) + body, self._outgoing + counter, self._shared
+        )
+        return _MESSAGE + counter + bytes(box)
+
+    def open(self, body: Part) -> tuple[int, Part]:
+        """Flags and content of what came. Raises ZmtpError."""
+        counter = bytes(body[8:16])
+        if bytes(body[:8]) != _MESSAGE or len(body) < OVERHEAD_BYTES:
+            raise ZmtpError("what came is no encrypted message")
+        plain = self._opened(bytes(body[16:]), self._incoming, counter, self._shared)
+        flags = plain[0] & 1 | (plain[0] & 2) << 1
+        return flags, plain[1:] if len(plain) <= OWN_BYTES else memoryview(plain)[1:]
+
+    def _counted(self) -> bytes:
+        self._sent += 1
+        return self._sent.to_bytes(8, "big")
+
+    def _opened(self, box: bytes, nonce: bytes, counter: bytes, key: bytes) -> bytes:
+        number = int.from_bytes(counter, "big")
+        if number <= self._came:
+            raise ZmtpError("what came was there before")
+        plain = _unboxed(box, nonce + counter, key)
+        self._came = number
+        return plain
+
+
+class CurveServer(_Curve):
+    """The end whose key the other one knows.
+
+    Args:
+        secret: The secret key (X25519) of this end.
+        allowed: The public key of the other end; None: whoever knows ours is let in.
+        kind: Of the socket.
+    """
+
+    as_server: ClassVar[bool] = True
+    _incoming, _outgoing = _AT_SERVER, _AT_CLIENT
+
+    def __init__(self, secret: bytes, allowed: bytes | None, kind: bytes = b"ROUTER") -> None:
+        super().__init__(kind)
+        self._secret = secret
+        self._allowed = allowed
+        self._cookie = b""  # what the other end has to show again
+        self._client = b""  # its key of this connection
+
+    def opening(self) -> None:
+        """The client begins."""
+
+    def handshake(self, command: bytes) -> tuple[bytes, bool]:
+        """Take the client's HELLO, then its INITIATE. Raises ZmtpError."""
+        if not self._cookie:
+            return self._welcome(command), False
+        return self._let_in(command), True
+
+    def _welcome(self, hello: bytes) -> bytes:
+        if len(hello) != _HELLO_BYTES or not hello.startswith(_HELLO + _VERSION):
+            raise ZmtpError("what came is no HELLO")
+        self._client = hello[_HELLO_KEY : _HELLO_KEY + _KEY_BYTES]
+        counter = hello[_HELLO_KEY + _KEY_BYTES : _HELLO_BOX]
+        key = _agreed(self._client, self._secret)
+        self._opened(hello[_HELLO_BOX:], b"CurveZMQHELLO---", counter, key)
+        # The connection remembers what a cookie would bring back: this one only has to return.
+        self._cookie = os.urandom(_COOKIE_BYTES)
+        self._shared = _agreed(self._client, self._own)
+        nonce = os.urandom(_TAG_BYTES)
+        box = nacl.crypto_box_afternm(self._public + self._cookie, b"WELCOME-" + nonce, key)
+        return _WELCOME + nonce + bytes(box)
+
+    def _let_in(self, initiate: bytes) -> bytes:
+        start = len(_INITIATE) + _COOKIE_BYTES
+        cookie, counter = initiate[len(_INITIATE) : start], initiate[start : start + 8]
+        if not initiate.startswith(_INITIATE) or not hmac.compare_digest(cookie, self._cookie):
+            raise ZmtpError("what came is no INITIATE")
+        plain = self._opened(initiate[start + 8 :], b"CurveZMQINITIATE", counter, self._shared)
+        client, plain = plain[:_KEY_BYTES], plain[_KEY_BYTES:]
+        nonce, vouch = plain[:_TAG_BYTES], plain[_TAG_BYTES : _TAG_BYTES + _VOUCH_BYTES]
+        vouched = _unboxed(vouch, b"VOUCH---" + nonce, _agreed(client, self._own))
+        if vouched != self._client + nacl.crypto_scalarmult_base(self._secret):
+            raise ZmtpError("a vouch for another connection", answer=_REFUSED)
+        if self._allowed is not None and not hmac.compare_digest(client, self._allowed):
+            raise WrongKeyError("the key is not of this port's peer", answer=_REFUSED)
+        self.known = True
+        counter = self._counted()
+        box = nacl.crypto_box_afternm(self._metadata, b"CurveZMQREADY---" + counter, self._shared)
+        return READY + counter + bytes(box)
+
+
+class CurveClient(_Curve):
+    """The end that knows the other one's key.
+
+    Args:
+        secret: The secret key (X25519) of this end.
+        public: Its public half.
+        server: The public key of the other end.
+        kind: Of the socket.
+    """
+
+    as_server: ClassVar[bool] = False
+    _incoming, _outgoing = _AT_CLIENT, _AT_SERVER
+
     def __init__(
-        self, context: zmq.Context[zmq.Socket[bytes]], allowed: Mapping[str, PublicKey]
+        self, secret: bytes, public: bytes, server: bytes, kind: bytes = b"DEALER"
     ) -> None:
-        self._allowed = {peer.encode(): key.curve for peer, key in allowed.items()}
-        self._watched: list[_Watched] = []
-        # by peer and descriptor, the oldest first: when they came, steady seconds
-        self._strangers: dict[tuple[str, int], float] = {}
-        self._sent_away: set[tuple[str, int]] = set()  # by us, until libzmq tells that they left
-        self._warned: set[str] = set()  # peers of whose port one refusal was logged
-        self._broken_off: set[str] = set()  # ports of which it tells next which connection did
-        self.socket = context.socket(zmq.ROUTER)
-        self.socket.setsockopt(zmq.LINGER, 0)
-        try:
-            self.socket.bind(_ZAP)
-        except zmq.ZMQError:
-            self.socket.close(0)
-            raise
+        super().__init__(kind)
+        self._long_term = secret, public
+        self._server = server
+        self._welcomed = False
 
-    @property
-    def sockets(self) -> tuple[zmq.Socket[bytes], ...]:
-        """What the poller has to watch."""
-        return (self.socket, *(each.monitor for each in self._watched))
+    def opening(self) -> bytes:
+        """The HELLO."""
+        counter = self._counted()
+        key = _agreed(self._server, self._own)
+        box = nacl.crypto_box_afternm(bytes(64), b"CurveZMQHELLO---" + counter, key)
+        return _HELLO + _VERSION + bytes(72) + self._public + counter + bytes(box)
 
-    def watch(self, port: zmq.Socket[bytes], peer: str) -> None:
-        """Count also who fails at a port before its key is known, e.g. because it has none."""
-        monitor = port.get_monitor_socket(
-            zmq.Event.ACCEPTED
-            | zmq.Event.DISCONNECTED
-            | zmq.Event.HANDSHAKE_FAILED_PROTOCOL
-            | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL
+    def handshake(self, command: bytes) -> tuple[bytes | None, bool]:
+        """Take the server's WELCOME, then its READY. Raises ZmtpError."""
+        if command.startswith(ERROR):
+            raise WrongKeyError("the peer refused our key")
+        if not self._welcomed:
+            return self._initiate(command), False
+        if not command.startswith(READY):
+            raise ZmtpError("what came is no READY")
+        start = len(READY) + 8
+        counter = command[len(READY) : start]
+        self._opened(command[start:], b"CurveZMQREADY---", counter, self._shared)
+        self.known = True
+        return None, True
+
+    def _initiate(self, welcome: bytes) -> bytes:
+        if len(welcome) != _WELCOME_BYTES or not welcome.startswith(_WELCOME):
+            raise ZmtpError("what came is no WELCOME")
+        start = len(_WELCOME) + _TAG_BYTES
+        nonce = b"WELCOME-" + welcome[len(_WELCOME) : start]
+        plain = _unboxed(welcome[start:], nonce, _agreed(self._server, self._own))
+        server, cookie = plain[:_KEY_BYTES], plain[_KEY_BYTES:]
+        self._shared = _agreed(server, self._own)
+        secret, public = self._long_term
+        tag, counter = os.urandom(_TAG_BYTES), self._counted()
+        vouch = nacl.crypto_box_afternm(
+            self._public + self._server, b"VOUCH---" + tag, _agreed(server, secret)
         )
-        self._watched.append(_Watched(port, monitor, peer))
-
-    def serve(self, now_s: float) -> list[Refusal]:
-        """Answer what is asked at this steady time, without waiting; who was refused since."""
-        refusals = self._answer()
-        for each in self._watched:
-            refusals += [(each.peer, why) for why in self._failures(each, now_s)]
-        for peer, why in refusals:
-            if peer not in self._warned:
-                self._warned.add(peer)
-                LOG.warning("refused at the port for %s: it came %s", peer, why)
-        return refusals
-
-    def close(self) -> None:
-        """Close its sockets; before the ports that it watches are closed."""
-        for port, monitor, _peer in self._watched:
-            if not port.closed:
-                port.disable_monitor()
-            monitor.close(0)
-        self._watched.clear()
-        self.socket.close(0)
-
-    def _answer(self) -> list[Refusal]:
-        refusals = []
-        for _ in range(BURST):
-            try:
-                identity, delimiter, *frames = self.socket.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
-                break
-            if delimiter or len(frames) < _ZAP_FRAMES or frames[0] != _ZAP_VERSION:
-                continue  # only libzmq of this process asks here
-            request, domain, mechanism, credentials = frames[1], frames[2], frames[5], frames[6:]
-            key = self._allowed.get(domain)
-            allowed = mechanism == b"CURVE" and key is not None and credentials == [key]
-            status = [b"200", b"OK", domain] if allowed else [b"400", b"unknown key", b""]
-            reply = [identity, b"", _ZAP_VERSION, request, *status, b""]
-            self.socket.send_multipart(reply, zmq.NOBLOCK)
-            if not allowed:
-                refusals.append((domain.decode("utf-8", "replace"), _WRONG_KEY))
-        return refusals
-
-    def _failures(self, watched: _Watched, now_s: float) -> list[str]:
-        """What its monitor tells of those who did not get in, and who is sent away now."""
-        failures: list[str] = []
-        for _ in range(BURST):
-            try:
-                event = parse_monitor_message(watched.monitor.recv_multipart(zmq.NOBLOCK))
-            except zmq.Again:
-                break
-            kind, value = event["event"], event["value"]
-            if kind == zmq.Event.ACCEPTED:
-                self._strangers[watched.peer, value] = now_s
-                failures += [_TOO_OFTEN] * self._send_away(now_s)
-            elif kind == zmq.Event.DISCONNECTED:
-                connection = (watched.peer, value)
-                self._strangers.pop(connection, None)
-                # Whom we sent away is counted as that, once.
-                if watched.peer in self._broken_off and connection not in self._sent_away:
-                    failures.append(_LEFT)
-                self._broken_off.discard(watched.peer)
-                self._sent_away.discard(connection)
-            elif kind == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
-                failures.append(_PROTOCOL_FAILURES.get(value, _NO_ZMTP))
-            # A client that sees from our greeting what we want may hang up before we have read its
-            # own. A link that breaks shows another error.
-            elif value == errno.EPIPE:
-                self._broken_off.add(watched.peer)
-        return failures
-
-    def _send_away(self, now_s: float) -> int:
-        """Close the oldest of too many that may have shown no key yet; how many there were.
-
-        libzmq does not say of which connection a key was right; of those it has not closed by
-        `HANDSHAKE_S` it was.
-        """
-        strangers, closed = self._strangers, 0
-        while strangers and next(iter(strangers.values())) < now_s - HANDSHAKE_S:
-            del strangers[next(iter(strangers))]
-        while len(strangers) > MAX_STRANGERS:
-            peer, descriptor = oldest = next(iter(strangers))
-            del strangers[oldest]
-            (port,) = (each.port for each in self._watched if each.peer == peer)
-            number = int(port.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0").rpartition(":")[2])
-            with kernel.borrowed(descriptor, local=number) as connection:
-                if connection:
-                    self._sent_away.add(oldest)
-                    with contextlib.suppress(OSError):  # it has gone meanwhile
-                        connection.shutdown(socket.SHUT_RDWR)
-            closed += 1
-        return closed
-
-
-def _require() -> None:
-    if not zmq.has("curve"):
-        raise CurveUnavailableError(
-            "the team file has keys, and the ZeroMQ library here is built without CURVE; "
-            "run: pip install --force-reinstall pyzmq"
+        box = nacl.crypto_box_afternm(
+            public + tag + bytes(vouch) + self._metadata,
+            b"CurveZMQINITIATE" + counter,
+            self._shared,
         )
+        self._welcomed = True
+        return _INITIATE + cookie + counter + bytes(box)
+
+
+def _agreed(public: bytes, secret: bytes) -> bytes:
+    """The secret that two key pairs share. Raises WrongKeyError: the public key is none."""
+    try:
+        return bytes(nacl.crypto_box_beforenm(public, secret))
+    except (CryptoError, ValueError):
+        raise WrongKeyError("what came is no key", answer=_REFUSED) from None
+
+
+def _unboxed(box: bytes, nonce: bytes, key: bytes) -> bytes:
+    """Raises WrongKeyError: it is not for us, or was changed on its way."""
+    try:
+        return bytes(nacl.crypto_box_open_afternm(box, nonce, key))
+    except (CryptoError, ValueError):
+        raise WrongKeyError("what came cannot be opened with our key") from None

@@ -13,15 +13,14 @@ from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 import zmq
 
 from mocha_link.node import kernel
-from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
+from mocha_link.node.connection import Connection
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.port import BURST
+from mocha_link.node.router import BURST
 from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Robot, Team
 
 FRESH_S = 60.0
 RETRY_S = 5.0
-OBSERVE_S = 0.25  # whether anything has come on connections of which libzmq does not tell it
 LOOK_AGAIN_S = 0.02  # whether the address of a peer is known by now
 PATIENT_S = 300.0
 
@@ -84,7 +83,6 @@ class Dialer:
 
     Args:
         me: whose connections they are.
-        context: of the sockets of protected links.
         secret: of `me`; None: no link is protected.
         keys: of protected peers.
         seals: for the datagrams of protected peers.
@@ -97,7 +95,6 @@ class Dialer:
         team: Team,
         me: Robot,
         poller: Poller,
-        context: zmq.Context[zmq.Socket[bytes]],
         *,
         secret: SecretKey | None,
         keys: Mapping[str, PublicKey],
@@ -108,7 +105,6 @@ class Dialer:
         self._team = team
         self._me = me
         self._poller = poller
-        self._context = context
         self._secret = secret
         self._keys = keys
         self._seals = seals
@@ -176,20 +172,15 @@ class Dialer:
                 connection.close()
 
     def ready(
-        self, ready: Mapping[Polled, Hashable], now_s: float, *, observe: bool
+        self, ready: Mapping[Polled, Hashable], now_s: float
     ) -> Iterator[tuple[str, Connection]]:
-        """The connections to look after; opens those of known address.
-
-        To `observe` is to look at all of those of which the poller does not tell everything.
-        """
+        """The connections to look after; opens those of known address."""
         looked_at = self._restless.union(ready.values())
         for peer in [each for each in self._connections if each in looked_at]:
             connection = self._connections.get(peer)  # those before may have closed or replaced it
             if isinstance(connection, list):
                 self._open(peer, connection)
-            elif connection and (
-                connection.is_ready(ready, now_s) or (observe and peer in self._keys)
-            ):
+            elif connection and connection.is_ready(ready, now_s):
                 yield peer, connection
 
     def keep(self, peer: str, connection: Connection) -> None:
@@ -217,8 +208,6 @@ class Dialer:
                 waits_s.append(LOOK_AGAIN_S)
             elif connection.failure is not None:
                 waits_s.append(0.0)
-            elif peer in self._keys:
-                waits_s.append(OBSERVE_S)
             elif connection.wake_s is not None:
                 waits_s.append(connection.wake_s - now_s)
         return min(waits_s)
@@ -232,7 +221,7 @@ class Dialer:
         if address:
             try:
                 connection = self._new_connection(peer, address, port)
-            except (OSError, zmq.ZMQError) as error:
+            except OSError as error:
                 why = f"cannot connect to {robot.address}:{port}: {error}"
             else:
                 self._connections[peer] = connection
@@ -246,12 +235,10 @@ class Dialer:
             self._lost(peer, why)
 
     def _new_connection(self, peer: str, address: str, port: int) -> Connection:
-        if self._secret and peer in self._keys:
-            return CurveConnection(
-                self._context, address, port, own=self._secret, peer=self._keys[peer]
-            )
         eager = time.monotonic() >= self._patient_until_s.get(peer, 0.0)
-        return TcpConnection(address, port, eager=eager)
+        key = self._keys.get(peer)
+        keys = (self._secret, key) if self._secret and key else None
+        return Connection(address, port, eager=eager, keys=keys)
 
     # --- datagrams
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import resource
 import selectors
 import socket
@@ -16,8 +15,8 @@ import zmq
 
 DATAGRAM_BYTES = 1500
 
-# Of struct tcp_info, linux/tcp.h (since 4.6): u64, u32 us, 2**32 - 1 while there is none.
-_RECEIVED_AT, _MIN_RTT_AT = 128, 148
+# Of struct tcp_info, linux/tcp.h (since 4.6): u32 us, 2**32 - 1 while there is none.
+_MIN_RTT_AT = 148
 _BACKLOG = 100  # as libzmq has it
 _NO_RTT_US = 2**32 - 1
 _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
@@ -40,32 +39,6 @@ def descriptors_lacking(count: int) -> int:
     return needed - allowed
 
 
-@contextlib.contextmanager
-def borrowed(
-    fd: int | None, *, remote: int | None = None, local: int | None = None
-) -> Iterator[socket.socket | None]:
-    """A connection of libzmq, which may close it at any time; None if it is another one by now.
-
-    `remote` or `local` is the port at that end of it.
-    """
-    copy = None
-    try:
-        copy = os.dup(-1 if fd is None else fd)
-        found = socket.socket(fileno=copy)
-    except OSError:  # there is none, or it is something else by now
-        if copy is not None:
-            os.close(copy)
-        yield None
-        return
-    with found as connection:
-        try:
-            address = connection.getpeername() if local is None else connection.getsockname()
-            same = address[1] == (remote if local is None else local)
-        except (OSError, IndexError):
-            same = False
-        yield connection if same else None
-
-
 def reset(connection: socket.socket | None) -> None:
     """Have the kernel forget what is not out when the connection is closed, not repeat it."""
     if connection is not None:
@@ -77,11 +50,6 @@ def rtt_s(connection: socket.socket | None) -> float | None:
     """Its round-trip time: the least one of late, which no queue has lengthened."""
     rtt_us = _tcp_info(connection, "=I", _MIN_RTT_AT)
     return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
-
-
-def bytes_received(connection: socket.socket | None) -> int | None:
-    """All that ever came in on it."""
-    return _tcp_info(connection, "=Q", _RECEIVED_AT)
 
 
 def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
@@ -170,28 +138,24 @@ def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, tupl
 # Waits for many sockets at once and says whose are ready: a turn costs what is ready, no more.
 
 
-Polled = int | zmq.Socket[bytes]
-"""A descriptor, or a socket of libzmq."""
+Polled = int
+"""A descriptor."""
 
 
 class Poller:
-    """Waits for descriptors, and for libzmq's sockets to become readable.
-
-    A descriptor must be taken out before it is closed.
-    """
+    """Waits for descriptors. One must be taken out before it is closed."""
 
     def __init__(self) -> None:
         self._selector = selectors.DefaultSelector()
-        self._zmq: dict[zmq.Socket[bytes], tuple[int, Hashable]] = {}  # descriptor, owner
+
+    def fileno(self) -> int:
+        """A descriptor that is readable when something is ready, for the loop of another."""
+        number = getattr(self._selector, "fileno", None)
+        assert number is not None  # noqa: S101 - epoll has one, and so has kqueue
+        return int(number())
 
     def register(self, each: Polled, flags: int, owner: Hashable = None) -> None:
-        """Wait for a socket that belongs to an owner, from now on for these events."""
-        if isinstance(each, zmq.Socket):
-            if each not in self._zmq:
-                number = int(each.getsockopt(zmq.FD))
-                self._zmq[each] = number, owner
-                self._selector.register(number, selectors.EVENT_READ)
-            return
+        """Wait for a descriptor that belongs to an owner, from now on for these events."""
         events = selectors.EVENT_READ if flags & zmq.POLLIN else 0
         events |= selectors.EVENT_WRITE if flags & zmq.POLLOUT else 0
         known = self._selector.get_map().get(each)
@@ -204,26 +168,17 @@ class Poller:
             self._selector.modify(each, events, owner)
 
     def unregister(self, each: Polled) -> None:
-        """Wait for a socket no longer. KeyError if it is not waited for."""
-        number = self._zmq.pop(each)[0] if isinstance(each, zmq.Socket) else each
-        self._selector.unregister(number)
+        """Wait for a descriptor no longer. KeyError if it is not waited for."""
+        self._selector.unregister(each)
 
-    def poll(self, wait_ms: int) -> dict[Polled, Hashable]:
-        """Wait until something is ready, at most so many milliseconds: the sockets and owners."""
-        ready = self._readable()
-        # Their descriptors tell only of changes; what is there has to be asked for before a wait.
-        for key, _ in self._selector.select(0 if ready else wait_ms / 1000):
-            ready[key.fd] = key.data
-        return ready | self._readable()
+    def poll(self, wait_ms: int | None) -> dict[Polled, Hashable]:
+        """Wait until something is ready, at most so many milliseconds: what is, and whose.
+
+        None waits for ever.
+        """
+        wait_s = None if wait_ms is None else wait_ms / 1000
+        return {key.fd: key.data for key, _ in self._selector.select(wait_s)}
 
     def close(self) -> None:
         """Give up everything."""
         self._selector.close()
-
-    def _readable(self) -> dict[Polled, Hashable]:
-        """The sockets of libzmq for which a message waits."""
-        return {
-            each: owner
-            for each, (_, owner) in self._zmq.items()
-            if int(each.getsockopt(zmq.EVENTS)) & zmq.POLLIN
-        }

@@ -127,7 +127,6 @@ class Node(Startable):
             PortInUseError: another process or node has one of the ports.
             ListenError: the robot's `listen` is not an address of this machine.
             RadioError: the radio's port is taken.
-            CurveUnavailableError: there are keys, and the ZeroMQ library here cannot encrypt.
             NodeClosedError: it has been started or closed before.
         """
         if self._transport or self._closed:

@@ -15,12 +15,11 @@ from mocha_link.clock import Instant
 from mocha_link.errors import Guard
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.connection import Connection
-from mocha_link.node.curve import MAX_STRANGERS, ZapHandler
-from mocha_link.node.dialer import OBSERVE_S, Dialer
+from mocha_link.node.dialer import Dialer
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.open_port import Callers, OpenPort
-from mocha_link.node.port import BURST, IDLE_MS, Port, ProtectedPort, provide_descriptors
+from mocha_link.node.port import Port, provide_descriptors
+from mocha_link.node.router import BURST, IDLE_MS, Callers
 from mocha_link.sync.protocol import (
     Action,
     Connect,
@@ -75,18 +74,15 @@ class Transport:
         self._keys = keys or {}  # of protected peers
         self._simulated = simulated
         self._serves = serves  # has ports; otherwise it only asks
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()  # of all its sockets
         self._poller = Poller()
-        self._ports: dict[str, OpenPort | ProtectedPort] = {}  # by peer
+        self._ports: dict[str, Port] = {}  # by peer
         self._unfinished: set[str] = set()  # peers at whose port there is more to do
-        self._callers = Callers()  # of those without a key
-        self._gate: ZapHandler | None = None  # None: no peer is protected
+        self._callers = Callers()  # of all ports
         self._seals: dict[str, Seal] = {}  # by peer
         self._dialer = Dialer(
             team,
             self._me,
             self._poller,
-            self._context,
             secret=secret,
             keys=self._keys,
             seals=self._seals,
@@ -94,7 +90,7 @@ class Transport:
             lost=self._lose,
         )
         self._waker, self._woken = socket.socketpair()  # end the poller's wait
-        self._observed_s = self._looked_s = 0.0  # steady clock
+        self._looked_s = 0.0  # steady clock
         # Of what comes from one peer nothing may end what is done for the others.
         self._guard = Guard(f"{self._me.name}: an error in the node")
         self._stopping = False  # set by `close`
@@ -109,7 +105,6 @@ class Transport:
             if self._secret:
                 for peer, key in self._keys.items():
                     self._seals[peer] = Seal(self._secret, key)
-                self._gate = ZapHandler(self._context, self._keys)
             for peer in self._me.peers if self._serves else ():
                 self._ports[peer] = self._new_port(peer)
             self._dialer.start()
@@ -120,25 +115,17 @@ class Transport:
         self._woken.setblocking(False)
         for port in self._ports.values():
             port.watch(self._poller)
-        for each in self._gate.sockets if self._gate else ():
-            self._poller.register(each, zmq.POLLIN)
         self._poller.register(self._woken.fileno(), zmq.POLLIN)
         self._thread.start()
 
-    def _new_port(self, peer: str) -> OpenPort | ProtectedPort:
-        if not self._secret or not self._gate or peer not in self._keys:
-            return OpenPort(self._poller, self._callers, self._me, peer)
-        port = ProtectedPort(self._context, self._me, peer, self._secret)
-        self._gate.watch(port.socket, peer)
-        return port
+    def _new_port(self, peer: str) -> Port:
+        key = self._keys.get(peer)
+        return Port(self._poller, self._callers, self._me, peer, secret=self._secret, key=key)
 
     def _provide_descriptors(self) -> None:
-        """Without enough of them libzmq waits for ever, or ends the process."""
-        needed = OWN_DESCRIPTORS + (MAX_STRANGERS if self._secret else 0)
-        for peer in self._me.peers:
-            kind = ProtectedPort if self._secret and peer in self._keys else OpenPort
-            needed += kind.DESCRIPTORS + LINK_DESCRIPTORS
-        provide_descriptors(self._me, needed)
+        """Without enough of them no peer that comes could be let in."""
+        each = Port.DESCRIPTORS + LINK_DESCRIPTORS
+        provide_descriptors(self._me, OWN_DESCRIPTORS + each * len(self._me.peers))
 
     def wake(self) -> None:
         """Have the thread look at the gossip now; from any thread."""
@@ -187,8 +174,6 @@ class Transport:
         for peer in asked:
             with self._guard:
                 self._serve(self._ports[peer], ready)
-        if self._gate and not ready.keys().isdisjoint(self._gate.sockets):
-            self._admit(self._gate)
         for peer, packet in self._dialer.packets(ready):
             with self._guard, self._lock:
                 self._gossip.packet_back(peer, packet, self._now())
@@ -197,10 +182,7 @@ class Transport:
         if now.steady_s - self._looked_s > LOOK_S:
             self._looked_s = now.steady_s
             self._look(now)
-        observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
-        if observe:
-            self._observed_s = now.steady_s
-        for peer, connection in self._dialer.ready(ready, now.steady_s, observe=observe):
+        for peer, connection in self._dialer.ready(ready, now.steady_s):
             with self._guard:
                 self._attend(connection, peer, now)
         with self._lock:
@@ -225,7 +207,7 @@ class Transport:
             waits_s.append(wake_s - now.steady_s)
         return int(max(min(waits_s), 0.0) * 1000 + 0.999)
 
-    def _serve(self, port: OpenPort | ProtectedPort, ready: Container[Polled]) -> None:
+    def _serve(self, port: Port, ready: Container[Polled]) -> None:
         for route, parts in port.requests(ready):
             with self._guard, self._lock:
                 self._gossip.request(port.peer, route, parts, self._now())
@@ -249,7 +231,7 @@ class Transport:
                 with self._lock:
                     self._gossip.refused(port.peer, why)
 
-    def _supply(self, port: OpenPort | ProtectedPort) -> int:
+    def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
         with self._guard:
             for _ in range(BURST):
@@ -265,9 +247,7 @@ class Transport:
                     return port.wait_ms
         return 0
 
-    def _next_frames(
-        self, port: OpenPort | ProtectedPort
-    ) -> list[tuple[Route, list[Frame]] | None]:
+    def _next_frames(self, port: Port) -> list[tuple[Route, list[Frame]] | None]:
         """As many as go out together, since each packet wakes the peer; None behind the last."""
         frames: list[tuple[Route, list[Frame]] | None] = []
         size = 0
@@ -279,12 +259,6 @@ class Transport:
                     break
                 size += sum(map(len, supplied[1]))
         return frames
-
-    def _admit(self, gate: ZapHandler) -> None:
-        refusals = gate.serve(self._now().steady_s)
-        with self._lock:
-            for peer, why in refusals:
-                self._gossip.refused(peer, f"a client came {why}")
 
     def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
         arrived = connection.turn(now.steady_s)
@@ -336,11 +310,8 @@ class Transport:
 
     def _close_all(self) -> None:
         self._dialer.close()
-        if self._gate:
-            self._gate.close()
         for port in self._ports.values():
             port.close()
-        self._context.term()
         self._poller.close()
         self._waker.close()
         self._woken.close()

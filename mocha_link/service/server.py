@@ -1,7 +1,8 @@
 """A node served to other programs at a ZeroMQ endpoint, from a thread of its own; its metrics.
 
-`MetricsServer` has one XPUB socket. A subscriber gets a snapshot at once, then every event, and a
-snapshot every second. Messages have two frames: ``links`` or ``event``, and a JSON object.
+`MetricsServer` is an XPUB socket to its clients. A subscriber gets a snapshot at once, then every
+event, and a snapshot every second. Messages have two frames: ``links`` or ``event``, and a JSON
+object.
 """
 
 from __future__ import annotations
@@ -12,29 +13,29 @@ import enum
 import json
 import math
 import queue
+import selectors
 import socket
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
-
-import zmq
 
 from mocha_link.errors import Guard
 from mocha_link.links.metrics import Contact, LinkEvent, LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.node.lifetime import Startable
 from mocha_link.node.node import Node
-from mocha_link.service.endpoint import bind
+from mocha_link.service.listener import Listener
 from mocha_link.store.wire import Header
 
 READ_BYTES = 4096
 LINKS, EVENT = b"links", b"event"
 SNAPSHOT_S = 1.0
 MAX_SUBSCRIPTION_BYTES = 1024
-HEARTBEAT_MS = 4_000  # subscribers are asked for a sign of life at this distance
-STOPPED_MS = 12_000  # a subscriber that gives none for so long is cut off; it may come again
+MAX_SUBSCRIPTIONS = 16  # of one client
+MAX_UNREAD_BYTES = 64 * 1024 * 1024  # of all clients: a snapshot of 255 links is 8 MB
+STOPPED_S = 12.0  # a subscriber that takes nothing for so long is cut off; it may come again
 
 
 class EndpointServer(Startable):
@@ -55,19 +56,13 @@ class EndpointServer(Startable):
 
     def start(self) -> None:
         """Begin to serve. Raises PortInUseError or ListenError."""
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        server = self._socket(context)
-        server.setsockopt(zmq.LINGER, 0)
-        try:
-            self.endpoint = bind(server, self.endpoint, f"cannot serve {self._what}")
-        except BaseException:
-            context.destroy(0)
-            raise
+        listener = self._listen(self.endpoint, f"cannot serve {self._what}")
+        self.endpoint = listener.endpoint
         self._waker, woken = socket.socketpair()
         self._waker.setblocking(False)
         self._thread = threading.Thread(
             target=self._run,
-            args=(context, server, woken),
+            args=(listener, woken),
             name=f"mocha-link {self._what}",
             daemon=True,
         )
@@ -88,39 +83,34 @@ class EndpointServer(Startable):
             with contextlib.suppress(OSError):  # full: awake anyway; closed: too late
                 self._waker.send(b"\0")
 
-    def _run(
-        self,
-        context: zmq.Context[zmq.Socket[bytes]],
-        server: zmq.Socket[bytes],
-        woken: socket.socket,
-    ) -> None:
-        poller = zmq.Poller()
-        poller.register(server, zmq.POLLIN)
-        poller.register(woken, zmq.POLLIN)
-        with context, server, woken:
+    def _run(self, listener: Listener, woken: socket.socket) -> None:
+        with selectors.DefaultSelector() as selector, contextlib.closing(listener), woken:
+            selector.register(listener, selectors.EVENT_READ)
+            selector.register(woken, selectors.EVENT_READ)
             while not self._stopping:
-                ready = dict(poller.poll(self._wait_ms()))
-                if woken.fileno() in ready:
+                wait_ms = min(self._wait_ms(), listener.wait_ms)
+                ready = [key.fileobj for key, _ in selector.select(wait_ms / 1000)]
+                if woken in ready:
                     woken.recv(READ_BYTES)
                 with self._guard:
-                    self._turn(server, ready=server in ready)
+                    self._turn(listener)
             self._end()
 
     @abstractmethod
-    def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
-        """The socket to bind, with its options."""
+    def _listen(self, endpoint: str, what: str) -> Listener:
+        """Take the endpoint. Raises PortInUseError or ListenError."""
 
     @abstractmethod
     def _note(self, event: LinkEvent) -> None:
         """Take in what happened at the node, on the node's thread."""
 
     @abstractmethod
-    def _wait_ms(self) -> int | None:
-        """How long there is nothing to do if nothing comes; None: for ever."""
+    def _wait_ms(self) -> int:
+        """How long there is nothing to do if nothing comes."""
 
     @abstractmethod
-    def _turn(self, server: zmq.Socket[bytes], *, ready: bool) -> None:
-        """Do what is to be done; `ready`: something has come."""
+    def _turn(self, listener: Listener) -> None:
+        """Do what is to be done."""
 
     def _end(self) -> None:
         """Say the last things, before the socket is closed."""
@@ -164,16 +154,17 @@ class MetricsServer(EndpointServer):
         # of any thread, to be sent
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
         self._due_s = time.monotonic() + SNAPSHOT_S  # the next snapshot, monotonic
+        self._subscribed: dict[bytes, list[bytes]] = {}  # what messages begin with, by client
 
-    def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
-        publisher = context.socket(zmq.XPUB)
-        publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
-        publisher.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION_BYTES)
-        # Else a subscriber that has stopped has 1,000 snapshots wait for it here. To let fewer
-        # messages wait would lose events to one that reads, when many come at once.
-        publisher.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-        publisher.setsockopt(zmq.HEARTBEAT_TIMEOUT, STOPPED_MS)
-        return publisher
+    def _listen(self, endpoint: str, what: str) -> Listener:
+        return Listener(
+            endpoint,
+            what,
+            max_bytes=MAX_SUBSCRIPTION_BYTES,
+            most_bytes=MAX_UNREAD_BYTES,
+            kind=b"XPUB",
+            burst=MAX_SUBSCRIPTIONS,
+        )
 
     def _note(self, event: LinkEvent) -> None:
         self._events.put(event)
@@ -182,14 +173,38 @@ class MetricsServer(EndpointServer):
     def _wait_ms(self) -> int:
         return max(0, math.ceil((self._due_s - time.monotonic()) * 1000))
 
-    def _turn(self, server: zmq.Socket[bytes], *, ready: bool) -> None:
-        if ready:
-            server.recv_multipart()  # a subscription: answered with a snapshot
+    def _turn(self, listener: Listener) -> None:
+        newcomers = [client for client in self._newcomers(listener) if client in self._subscribed]
         while not self._events.empty():
             event = self._events.get()
             with self._guard:  # one that is wrong is left out
                 fields = {"event": type(event).__name__, **as_fields(event)}
-                server.send_multipart([EVENT, json.dumps(fields).encode()])
-        if ready or time.monotonic() >= self._due_s:
+                self._publish(listener, EVENT, fields, self._subscribed)
+        if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + SNAPSHOT_S
-            server.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
+            listener.drop_stopped(STOPPED_S)
+            gone = [client for client in self._subscribed if not listener.stands(client)]
+            for client in gone:
+                del self._subscribed[client]
+            newcomers = list(self._subscribed)
+        if newcomers:
+            self._publish(listener, LINKS, snapshot(self._node), newcomers)
+
+    def _newcomers(self, listener: Listener) -> Iterator[bytes]:
+        """Take in subscriptions; those who made one."""
+        for (client, *_), frames in listener.requests():
+            wanted = frames[0] if frames else b""
+            known = self._subscribed.setdefault(client, [])
+            if wanted[:1] == b"\1" and len(known) < MAX_SUBSCRIPTIONS:
+                known.append(wanted[1:])
+                yield client
+            elif wanted[:1] == b"\0" and wanted[1:] in known:
+                known.remove(wanted[1:])
+
+    def _publish(
+        self, listener: Listener, kind: bytes, fields: dict[str, Any], clients: Iterable[bytes]
+    ) -> None:
+        frames = [kind, json.dumps(fields).encode()]
+        for client in clients:
+            if any(kind.startswith(begin) for begin in self._subscribed[client]):
+                listener.publish(client, frames)

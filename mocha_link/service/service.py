@@ -18,15 +18,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import zmq
 from pydantic import Field
 
 from mocha_link.errors import MochaLinkError, RequestError
 from mocha_link.links.metrics import LinkEvent, MessageStored
 from mocha_link.node.node import Node, NodeClosedError
+from mocha_link.node.router import IDLE_MS
 from mocha_link.ros.typed import Typed, TypedError
 from mocha_link.service import requests
-from mocha_link.service.endpoint import router, send_answer, split
+from mocha_link.service.listener import Listener
 from mocha_link.service.requests import Answer, Frames, Request, Verb
 from mocha_link.service.server import EndpointServer
 from mocha_link.service.service_client import TEXT
@@ -36,6 +36,7 @@ from mocha_link.team.team import Ros
 
 MAX_HEADER_BYTES = 8 * 1024 * 1024  # of the JSON object of a request
 MAX_FRAMES = 8
+MAX_HELD = 4  # of the largest requests and their answers: so much is kept for all clients together
 MAX_WAITING = 256  # requests that wait for a message
 BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
 STEP = 32  # messages that are unpacked at once; they may be large
@@ -311,31 +312,28 @@ class ServiceServer(EndpointServer):
         super().__init__(node, endpoint, "the node")
         self._service = Service(node)
 
-    def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
-        return router(context, MAX_BYTES + MAX_HEADER_BYTES)
+    def _listen(self, endpoint: str, what: str) -> Listener:
+        most = MAX_BYTES + MAX_HEADER_BYTES
+        return Listener(endpoint, what, max_bytes=most, most_bytes=MAX_HELD * most)
 
     def _note(self, event: LinkEvent) -> None:
         if isinstance(event, MessageStored):
             self._wake()
 
-    def _wait_ms(self) -> int | None:
+    def _wait_ms(self) -> int:
         until_s = self._service.until_s
         if until_s is None:
-            return None
+            return IDLE_MS
         return math.ceil(max(0.0, until_s - time.monotonic()) * 1000)
 
-    def _turn(self, server: zmq.Socket[bytes], *, ready: bool) -> None:
-        if ready:
-            self._take(server)
+    def _turn(self, listener: Listener) -> None:
+        for envelope, body in listener.requests():
+
+            def send(answer: Frames, envelope: list[bytes] = envelope) -> None:
+                listener.send(envelope, answer)
+
+            self._service.request(body[:MAX_FRAMES], send, time.monotonic())
         self._service.tick(time.monotonic())
 
     def _end(self) -> None:
         self._service.tick(time.monotonic(), ending=True)
-
-    def _take(self, server: zmq.Socket[bytes]) -> None:
-        envelope, body = split(server.recv_multipart())
-
-        def send(answer: Frames) -> None:
-            send_answer(server, [*envelope, *answer])
-
-        self._service.request(body[:MAX_FRAMES], send, time.monotonic())

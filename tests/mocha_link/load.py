@@ -182,13 +182,10 @@ def requests(connection: socket.socket, parser: zmtp.ZmtpSession) -> list[bytes]
 
 def message(body: bytes) -> bytes:
     """A request or reply as it stands on a ZeroMQ connection."""
-    return zmtp.ZmtpSession.request(body)
+    return zmtp.ZmtpSession(1).request(body)
 
 
-HANDSHAKE_OF_ROUTER = zmtp._GREETING + zmtp._frame(
-    zmtp._COMMAND,
-    zmtp._READY + zmtp._property(b"Socket-Type", b"ROUTER") + zmtp._property(b"Identity", b""),
-)
+HANDSHAKE_OF_ROUTER = zmtp.ZmtpSession(1, mechanism=zmtp.Null(b"ROUTER")).hello
 
 
 def say(connection: socket.socket, data: bytes) -> None:

@@ -30,8 +30,9 @@ from air_router.control.control import (
     ControlClient,
     ControlError,
     ControlUnreachableError,
+    endpoint_of,
 )
-from air_router.control.control_server import ControlServer, endpoint_of
+from air_router.control.control_server import ControlServer
 from air_router.controller.model.requests import ChangeAltitude, ComeHome, GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.flight_loop import CommandService
@@ -41,7 +42,8 @@ from air_router.sim.sim_world import SimVehicle
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
 from mocha_link.errors import RequestError
-from mocha_link.service.endpoint import bind, connect
+from mocha_link.service.endpoint import connect
+from tests.mocha_link.libzmq import bind
 
 
 class Served:

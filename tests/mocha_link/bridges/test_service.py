@@ -16,10 +16,11 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.node.node import Node
 from mocha_link.ros.ros import RosCodec
 from mocha_link.ros.typed import Typed, TypedError
-from mocha_link.service.endpoint import bind, connect
+from mocha_link.service.endpoint import connect
 from mocha_link.service.service import Service, ServiceServer
 from mocha_link.service.service_client import ServiceClient, ServiceError, ServiceUnreachableError
 from tests.mocha_link.conftest import DATA
+from tests.mocha_link.libzmq import bind
 
 REFUSED = yaml.safe_load((DATA.parent / "refused" / "requests.yaml").read_text())
 POSE = {"header": {"frame_id": "map"}}
@@ -90,14 +91,14 @@ def test_waiting_for_a_message(client, pulled):
 
 def test_who_waits_is_answered_when_the_node_ends(client, server, monkeypatch):
     place, _ = client.since()
-    take = server._take
+    take = server._service.request
     closing = threading.Thread(target=server.close)
 
     def taken(*arguments):
         take(*arguments)
         closing.start()
 
-    monkeypatch.setattr(server, "_take", taken)
+    monkeypatch.setattr(server._service, "request", taken)
     assert client.since(place, wait_s=20.0) == (place, [])
     closing.join()
 

@@ -24,8 +24,8 @@ from mocha_link.cli.cli import main
 from mocha_link.cli.links_view import NodeView, Style
 from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.service.endpoint import bind
 from mocha_link.service.server import MetricsServer, as_fields
+from tests.mocha_link.libzmq import bind
 
 WAIT_S = 60
 ENTER, LEAVE = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"

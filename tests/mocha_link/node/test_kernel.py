@@ -1,7 +1,6 @@
-"""What is borrowed from libzmq may be gone at any time; what the poller says is ready."""
+"""The limit of descriptors; what the poller says is ready."""
 
 import contextlib
-import os
 import resource
 import socket
 from pathlib import Path
@@ -16,41 +15,6 @@ from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 
 WAIT_MS = 20_000
-
-
-def open_files() -> set[str]:
-    return {each.name for each in Path("/proc/self/fd").iterdir()}
-
-
-def test_a_connection_that_is_still_the_one():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        with socket.create_connection(("127.0.0.1", port)) as connection:
-            with kernel.borrowed(connection.fileno(), remote=port) as found:
-                assert found.getpeername()[1] == port
-            with kernel.borrowed(connection.fileno(), remote=port ^ 1) as found:
-                assert found is None
-            assert connection.getpeername()[1] == port  # it was only borrowed
-
-
-def test_a_number_that_is_something_else_by_now():
-    ends = os.pipe()
-    before = open_files()
-    for each in ends:
-        with kernel.borrowed(each, remote=1) as found:
-            assert found is None
-    assert open_files() == before
-    for each in ends:
-        os.close(each)
-
-
-def test_a_number_that_is_nothing_by_now():
-    ends = os.pipe()
-    for each in ends:
-        os.close(each)
-    for each in (*ends, None):
-        with kernel.borrowed(each, local=1) as found:
-            assert found is None
 
 
 @pytest.fixture
@@ -114,19 +78,3 @@ def test_what_waits_for_nothing_is_not_looked_at(poller, pair):
     assert poller.poll(0) == {}
     with pytest.raises(KeyError):
         poller.unregister(ours.fileno())
-
-
-def test_a_socket_of_libzmq_is_ready_as_long_as_a_message_waits(poller):
-    with zmq.Context() as context, context.socket(zmq.PAIR) as ours, context.socket(zmq.PAIR) as to:
-        ours.bind("inproc://a")
-        to.connect("inproc://a")
-        poller.register(ours, zmq.POLLIN, "io")
-        for _ in range(2):
-            to.send(b"x")
-        for _ in range(2):
-            assert poller.poll(WAIT_MS)[ours] == "io"
-            ours.recv()
-        assert "io" not in poller.poll(0).values()
-        poller.unregister(ours)
-        to.send(b"x")
-        assert ours not in poller.poll(0)

@@ -12,11 +12,11 @@ import pytest
 import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
-from mocha_link.node import port as port_module
-from mocha_link.node.curve import CurveUnavailableError, protect_contact
+from mocha_link.node.curve import CurveClient
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.open_port import Callers, OpenPort
-from mocha_link.node.port import BURST, MAX_REQUEST_BYTES, QUEUE_REQUESTS, Port, ProtectedPort
+from mocha_link.node.port import MAX_REQUEST_BYTES, Port
+from mocha_link.node.router import BURST, MAX_CONNECTIONS, Callers
+from mocha_link.node.zmtp import Null, ZmtpSession
 from mocha_link.store.trust import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
@@ -24,10 +24,11 @@ from mocha_link.sync.sync_messages import Have
 from mocha_link.team.keys import SecretKey
 from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import free_ports, own_host
+from tests.mocha_link.libzmq import protect
 
 WAIT_MS = 20_000
 LARGE = bytes(1_000_000)
-CURVE_BYTES = 33  # that encryption adds to a frame
+OPEN, PROTECTED = False, True
 OF_TITAN, OF_IO = SecretKey(b"t" * 32), SecretKey(b"i" * 32)
 
 
@@ -42,17 +43,10 @@ def titan(team) -> Robot:
 class Shell:
     """What drives a port: a poller, and the loop around `requests`."""
 
-    def __init__(self, kind: type[Port], titan: Robot) -> None:
+    def __init__(self, kind: bool, titan: Robot) -> None:
         self.poller = Poller()
-        self._context = zmq.Context()
-        try:
-            if kind is OpenPort:
-                self.port: Port = OpenPort(self.poller, Callers(), titan, "io")
-            else:
-                self.port = ProtectedPort(self._context, titan, "io", OF_TITAN)
-        except BaseException:
-            self._context.term()
-            raise
+        keys = {"secret": OF_TITAN, "key": OF_IO.public} if kind is PROTECTED else {}
+        self.port = Port(self.poller, Callers(), titan, "io", **keys)
         self.port.watch(self.poller)
 
     def turn(self, wait_ms: int = 0) -> list[tuple[tuple[bytes, ...], list[bytes]]]:
@@ -80,12 +74,11 @@ class Shell:
 
     def close(self) -> None:
         self.port.close()
-        self._context.term()
         self.poller.close()
 
 
-@pytest.fixture(params=[OpenPort, ProtectedPort])
-def kind(request) -> type[Port]:
+@pytest.fixture(params=[OPEN, PROTECTED], ids=["open", "protected"])
+def kind(request) -> bool:
     return request.param
 
 
@@ -108,15 +101,22 @@ class Clients:
         self._context = zmq.Context()
         self._sockets: list[zmq.Socket] = []
 
-    def dial(self, titan: Robot, kind: int = zmq.DEALER, *, asleep: bool = False) -> zmq.Socket:
+    def dial(
+        self,
+        titan: Robot,
+        kind: int = zmq.DEALER,
+        *,
+        asleep: bool = False,
+        own: SecretKey | None = None,
+    ) -> zmq.Socket:
         client = self._context.socket(kind)
         self._sockets.append(client)
         client.setsockopt(zmq.LINGER, 0)
         if asleep:  # it takes little ahead of what is read
             client.setsockopt(zmq.RCVHWM, 1)
             client.setsockopt(zmq.RCVBUF, 65_536)
-        if self._protected:
-            protect_contact(client, OF_IO, OF_TITAN.public)
+        if self._protected or own:
+            protect(client, own or OF_IO, OF_TITAN.public)
         client.connect(f"tcp://{titan.listen}:{titan.port_for('io')}")
         return client
 
@@ -128,9 +128,7 @@ class Clients:
 
 @pytest.fixture
 def clients(request) -> Iterator[Clients]:
-    protected = "kind" in request.fixturenames and (
-        request.getfixturevalue("kind") is ProtectedPort
-    )
+    protected = "kind" in request.fixturenames and (request.getfixturevalue("kind") is PROTECTED)
     with contextlib.closing(Clients(protected=protected)) as clients:
         yield clients
 
@@ -165,8 +163,8 @@ def test_what_has_no_envelope_is_ignored(shell, titan, clients):
     assert client.recv_multipart() == [b"hop", b"", b"reply"]
 
 
-def test_a_request_that_is_too_large_never_gets_in(shell, kind, titan, clients):
-    most = MAX_REQUEST_BYTES - (0 if kind is OpenPort else CURVE_BYTES)
+def test_a_request_that_is_too_large_never_gets_in(shell, titan, clients):
+    most = MAX_REQUEST_BYTES
     client = clients.dial(titan)
     client.send_multipart([b"", bytes(most)])
     assert shell.request()[1] == [bytes(most)]
@@ -174,6 +172,82 @@ def test_a_request_that_is_too_large_never_gets_in(shell, kind, titan, clients):
     other = clients.dial(titan)
     other.send_multipart([b"", b"fits"])
     assert shell.request()[1] == [b"fits"]
+
+
+def raw_client(shell: Shell, kind: bool, titan: Robot) -> tuple[socket.socket, ZmtpSession]:
+    """A client that may break every rule behind its handshake."""
+    keys = (OF_IO.curve, OF_IO.public.curve, OF_TITAN.public.curve)
+    mechanism = CurveClient(*keys) if kind is PROTECTED else Null(b"DEALER")
+    session = ZmtpSession(MAX_REQUEST_BYTES, mechanism=mechanism)
+    client = socket.create_connection((titan.listen, titan.port_for("io")), timeout=20)
+    client.setblocking(False)
+    client.sendall(session.hello)
+    while not session.ready:
+        assert shell.turn(1) == []
+        with contextlib.suppress(BlockingIOError):
+            client.sendall(session.receive(client.recv(1000)))
+    return client, session
+
+
+def test_a_message_whose_parts_never_end_never_gets_in(shell, kind, titan, clients):
+    """Nor does it stay: each part is small. libzmq keeps them all, with keys, too."""
+    hostile, session = raw_client(shell, kind, titan)
+    unsent = memoryview(b"".join(session.encoded([b"", *[bytes(20_000)] * 200])))
+    held: list[int] = []
+    with hostile:
+        while not (refused := shell.port.look(0.0)):
+            with contextlib.suppress(BlockingIOError):
+                unsent = unsent[hostile.send(unsent) :] if unsent else unsent
+            assert shell.turn() == []
+            held += [caller.holds_bytes for caller in shell.port._router._inside.values()]
+    assert refused[0].startswith("a client ")
+    assert MAX_REQUEST_BYTES // 2 < max(held) < 2 * MAX_REQUEST_BYTES
+    other = clients.dial(titan)
+    other.send_multipart([b"", b"?"])
+    assert shell.request()[1] == [b"?"]
+
+
+def test_only_the_key_of_the_peer_opens_its_port(titan):
+    with (
+        contextlib.closing(Shell(PROTECTED, titan)) as shell,
+        contextlib.closing(Clients(protected=False)) as clients,
+    ):
+        stranger = clients.dial(titan, own=SecretKey(b"x" * 32))
+        stranger.send_multipart([b"", b"?"])
+        while not (refused := shell.port.look(0.0)):
+            assert shell.turn(20) == []
+        assert refused[0] == "a client came with a wrong key"
+        other = clients.dial(titan, own=OF_TITAN)  # of the team, but not of this port
+        other.send_multipart([b"", b"?"])
+        while not (refused := shell.port.look(0.0)):
+            assert shell.turn(20) == []
+        assert refused[0] == "a client came with a wrong key"
+        friend = clients.dial(titan, own=OF_IO)
+        friend.send_multipart([b"", b"?"])
+        assert shell.request()[1] == [b"?"]
+
+
+def test_strangers_do_not_push_out_who_has_the_key(titan):
+    """However many connections they hold, and however long the peer has said nothing."""
+    with (
+        contextlib.closing(Shell(PROTECTED, titan)) as shell,
+        contextlib.closing(Clients(protected=True)) as clients,
+        contextlib.ExitStack() as stack,
+    ):
+        friend = clients.dial(titan)
+        friend.send_multipart([b"", b"?"])
+        route, _ = shell.request()
+        for _ in range(2 * MAX_CONNECTIONS):
+            place = (titan.listen, titan.port_for("io"))
+            stack.enter_context(socket.create_connection(place, timeout=20))
+        refused: list[str] = []
+        while len(refused) < MAX_CONNECTIONS:
+            assert shell.turn(20) == []
+            refused += shell.port.look(0.0)
+        assert set(refused) == {"a client connected too often"}
+        shell.port.reply(route, b"!")
+        assert friend.poll(WAIT_MS)
+        assert friend.recv_multipart() == [b"", b"!"]
 
 
 def asleep(shell: Shell, titan: Robot, clients: Clients) -> tuple[zmq.Socket, int, int]:
@@ -213,21 +287,6 @@ def test_replies_that_are_not_read_wait_in_order_and_the_requests_behind_them(
             shell.serve(LARGE)
         assert client.recv_multipart()[1][:4] == each.to_bytes(4)
     assert shell.port.wait_ms > 100
-
-
-def test_only_so_many_requests_wait(titan):
-    """At an open port they are not read; libzmq's does not know which are whose."""
-    with (
-        contextlib.closing(Shell(ProtectedPort, titan)) as shell,
-        contextlib.closing(Clients(protected=True)) as clients,
-    ):
-        client, sent, _ = asleep(shell, titan, clients)
-        for each in range(sent, sent + QUEUE_REQUESTS + 50):
-            client.send_multipart([b"", each.to_bytes(4)])
-        while shell.port.socket.poll(50):
-            assert shell.serve(LARGE) == []
-        waiting = [len(late.requests) for late in shell.port._late.values()]
-        assert waiting == [QUEUE_REQUESTS]
 
 
 def test_a_connection_that_does_not_read_goes_with_its_replies(shell, titan, clients):
@@ -293,26 +352,25 @@ def test_what_a_connection_does_not_take_waits_and_keeps_its_order(shell, titan,
 
 
 @pytest.mark.parametrize("other", [None, (b"other", b"")])
-def test_what_waits_does_not_hold_up_another_connection(shell, kind, titan, clients, other):
+def test_what_waits_does_not_hold_up_another_connection(shell, titan, clients, other):
     _, route, _ = stuck(shell, titan, clients)
     port = shell.port
     assert not port.flush(route)
     assert port.flush(other)
-    # libzmq takes whole frames, so there it is dropped; half of one has to be followed by the rest.
-    assert port.flush(route) is (kind is ProtectedPort)
+    assert not port.flush(route)
 
 
 def test_a_connection_that_sleeps_does_not_hold_up_the_next_one(field, clients, monkeypatch):
     """The link broke in mid-sync, TCP has not noticed; the peer comes again and is served."""
-    held_up, flush = threading.Event(), OpenPort.flush
+    held_up, flush = threading.Event(), Port.flush
 
-    def watched(port: OpenPort, *args: object) -> bool:
+    def watched(port: Port, *args: object) -> bool:
         out = flush(port, *args)
         if not out:
             held_up.set()
         return out
 
-    monkeypatch.setattr(OpenPort, "flush", watched)
+    monkeypatch.setattr(Port, "flush", watched)
     titan, _, _ = field.node("titan", datagrams=False)
     titan.publish("/map", os.urandom(30_000_000))
     opening = sync_messages.Open(7, 0, Have(()), config_hash=config_hash_of(titan.team)).encode()
@@ -412,19 +470,3 @@ def test_a_client_that_never_stops_does_not_keep_the_node(shell, titan, clients)
         assert len(turn) <= BURST
         got += turn
     assert got == [b"%d" % number for number in range(1, 300, 2)]
-
-
-def test_a_port_that_cannot_be_protected_leaves_no_socket(titan, monkeypatch):
-    """An open socket would keep the context from its end for ever."""
-    context = zmq.Context()
-
-    def refuse(*_: object) -> None:
-        raise CurveUnavailableError("built without CURVE")
-
-    monkeypatch.setattr(port_module, "protect_port", refuse)
-    with pytest.raises(CurveUnavailableError) as _kept_with_its_traceback:
-        ProtectedPort(context, titan, "io", OF_TITAN)
-    ending = threading.Thread(target=context.term, daemon=True)
-    ending.start()
-    ending.join(WAIT_MS / 1000)
-    assert not ending.is_alive()

@@ -21,12 +21,11 @@ from mocha_link.links.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.node import transport
-from mocha_link.node.connection import TcpConnection
+from mocha_link.node.connection import Connection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.kernel import Polled, Poller
 from mocha_link.node.node import Node
-from mocha_link.node.open_port import Caller
+from mocha_link.node.router import Caller
 from mocha_link.node.zmtp import Part
 from mocha_link.radios import ManualRadio
 from mocha_link.sync.pull import LOOK_S
@@ -150,7 +149,6 @@ def test_an_error_that_comes_again_and_again_is_logged_now_and_then(caplog):
 
 def test_a_connection_that_was_replaced_is_not_looked_at(field, monkeypatch):
     """What is done for one peer may replace the connection to the next one of the same turn."""
-    monkeypatch.setattr(transport, "OBSERVE_S", -1.0)  # every connection in every turn
     with contextlib.ExitStack() as stack:
         io, callisto = (stack.enter_context(socket.socket()) for _ in range(2))
         for listener, peer in ((io, "io"), (callisto, "callisto")):
@@ -215,10 +213,10 @@ def test_a_node_at_rest_sleeps_and_looks_at_no_connection(field, monkeypatch):
     monkeypatch.setattr(Poller, "poll", noted)
     assert sleeps.wait(WAIT_S)
     looks: list[float] = []
-    monkeypatch.setattr(TcpConnection, "is_ready", lambda _, __, now_s: looks.append(now_s))
+    monkeypatch.setattr(Connection, "is_ready", lambda _, __, now_s: looks.append(now_s))
     dialer = io._transport._dialer
     assert dialer._connections["titan"]
-    assert not list(dialer.ready({}, time.monotonic(), observe=True))
+    assert not list(dialer.ready({}, time.monotonic()))
     assert dialer.wait_s(time.monotonic()) == math.inf
     assert not looks
 
@@ -248,14 +246,14 @@ def test_who_publishes_does_not_wait_for_all_that_a_peer_has_sent_at_once(field,
         titan.publish("/map", b"grid %d" % number)
     io, _, saw = field.node("io", datagrams=False)
     between: list[bool] = []
-    replies = TcpConnection.replies
+    replies = Connection.replies
 
-    def noted(connection: TcpConnection) -> Iterator[Sequence[Part]]:
+    def noted(connection: Connection) -> Iterator[Sequence[Part]]:
         for parts in replies(connection):
             yield parts
             between.append(io._lock.locked())
 
-    monkeypatch.setattr(TcpConnection, "replies", noted)
+    monkeypatch.setattr(Connection, "replies", noted)
     assert saw.pull("titan").messages == 1
     assert between
     assert not any(between)

@@ -1,99 +1,241 @@
 """Where a node and its bridges serve other programs: no program loses its endpoint."""
 
+import contextlib
 import socket
 import stat
+import threading
+from collections.abc import Iterator
 
 import pytest
 import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
-from mocha_link.service.endpoint import bind, connect, kept_key, key_file
+from mocha_link.node import router
+from mocha_link.node.zmtp import ZmtpSession
+from mocha_link.service.endpoint import connect, kept_key, key_file
+from mocha_link.service.listener import Listener
+
+WAIT_MS = 20_000
+MOST = 100_000
 
 
-@pytest.fixture
-def server():
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as found:
+def listen(endpoint: str, what: str = "cannot serve") -> Listener:
+    return Listener(endpoint, what, max_bytes=MOST, most_bytes=4 * MOST)
+
+
+class Echo:
+    """Answers requests with themselves, on a thread of its own."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.listener = listen(endpoint)
+        self.endpoint = self.listener.endpoint
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            for envelope, frames in self.listener.requests():
+                self.listener.send(envelope, frames)
+            self._stopping.wait(0.001)
+
+    def close(self) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self.listener.close()
+
+
+@pytest.fixture(params=["ipc", "tcp"])
+def echo(request, tmp_path) -> Iterator[Echo]:
+    endpoint = f"ipc://{tmp_path}/s" if request.param == "ipc" else "tcp://127.0.0.1:*"
+    with contextlib.closing(Echo(endpoint)) as echo:
+        yield echo
+
+
+@contextlib.contextmanager
+def client(endpoint: str, kind: int = zmq.DEALER) -> Iterator[zmq.Socket]:
+    with zmq.Context() as context, context.socket(kind) as found:
+        found.linger = 0
+        assert connect(found, endpoint)
         yield found
 
 
-@pytest.fixture
-def other():
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as found:
-        yield found
+def test_a_free_port_is_told():
+    with contextlib.closing(listen("tcp://127.0.0.1:*")) as listener:
+        assert listener.endpoint.rpartition(":")[2].isdecimal()
 
 
-def test_a_free_port_is_told(server):
-    assert bind(server, "tcp://127.0.0.1:*").rpartition(":")[2].isdecimal()
+@pytest.mark.parametrize("kind", [zmq.REQ, zmq.DEALER])
+def test_what_is_asked_is_answered_whatever_its_size(echo, kind):
+    with client(echo.endpoint, kind) as asking:
+        for size in (0, 1, 300, 20_000, MOST - 1000):
+            asking.send_multipart([b"?", bytes(size)])
+            assert asking.poll(WAIT_MS)
+            assert asking.recv_multipart() == [b"?", bytes(size)]
 
 
-@pytest.mark.parametrize("kind", ["ipc", "tcp"])
-def test_what_another_program_has_stays_its_own(server, other, tmp_path, kind):
-    endpoint = bind(other, f"ipc://{tmp_path}/s" if kind == "ipc" else "tcp://127.0.0.1:*")
+def test_what_another_program_has_stays_its_own(echo):
     with pytest.raises(PortInUseError, match="in use; choose another one"):
-        bind(server, endpoint)
-    with zmq.Context() as context, context.socket(zmq.DEALER) as client:
-        client.linger = 0
-        assert connect(client, endpoint)
-        client.send(b"still there?")
-        assert other.poll(10_000)
-        assert other.recv_multipart()[1] == b"still there?"
+        listen(echo.endpoint)
+    with client(echo.endpoint) as asking:
+        asking.send(b"still there?")
+        assert asking.poll(WAIT_MS)
+        assert asking.recv_multipart() == [b"still there?"]
 
 
-def test_what_a_process_that_is_gone_has_left_is_cleared_away(server, tmp_path):
+def test_what_a_process_that_is_gone_has_left_is_cleared_away(tmp_path):
     with socket.socket(socket.AF_UNIX) as left:
         left.bind(f"{tmp_path}/s")
         left.listen()
-    assert bind(server, f"ipc://{tmp_path}/s") == f"ipc://{tmp_path}/s"
+    with contextlib.closing(listen(f"ipc://{tmp_path}/s")) as listener:
+        assert listener.endpoint == f"ipc://{tmp_path}/s"
+    assert not (tmp_path / "s").exists()
 
 
-def test_a_file_is_not_deleted(server, tmp_path):
+def test_a_file_is_not_deleted(tmp_path):
     path = tmp_path / "team.yaml"
     path.write_text("robots: {}")
     with pytest.raises(ListenError, match="there is a file of that name"):
-        bind(server, f"ipc://{path}")
+        listen(f"ipc://{path}")
     assert path.read_text() == "robots: {}"
 
 
-def bound(socket, endpoint):
-    try:
-        bind(socket, endpoint)
-    except PortInUseError:
-        return False
-    return True
+def test_a_link_is_a_file_of_that_name(tmp_path):
+    """Another user may have put it there, to a socket of ours or of theirs."""
+    (tmp_path / "s").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(ListenError, match="there is a file of that name"):
+        listen(f"ipc://{tmp_path}/s")
+    assert (tmp_path / "s").is_symlink()
 
 
-def test_only_who_knows_the_key_is_heard(server, other):
-    endpoint = bind(server, "tcp://127.0.0.1:*")
-    path = key_file(endpoint)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    with zmq.Context() as context, context.socket(zmq.DEALER) as intruder:
-        intruder.linger = 0
-        public, intruder.curve_secretkey = zmq.curve_keypair()
-        intruder.curve_publickey = intruder.curve_serverkey = public
-        with intruder.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
-            intruder.connect(endpoint)
-            intruder.send(b"open")
-            assert parted.poll(20_000)
-            intruder.disable_monitor()
-    assert not server.poll(0)
-    assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == kept_key(endpoint)
-    server.close()
-    known = kept_key(endpoint)
-    while not bound(other, endpoint):
-        pass  # ZeroMQ gives the port back when its own thread comes to it
-    assert kept_key(endpoint) == known  # its clients find back
+def test_only_who_knows_the_key_is_heard():
+    with contextlib.closing(Echo("tcp://127.0.0.1:*")) as echo:
+        endpoint = echo.endpoint
+        path = key_file(endpoint)
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        with zmq.Context() as context, context.socket(zmq.DEALER) as intruder:
+            intruder.linger = 0
+            public, intruder.curve_secretkey = zmq.curve_keypair()
+            intruder.curve_publickey = intruder.curve_serverkey = public
+            with intruder.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
+                intruder.connect(endpoint)
+                intruder.send(b"open")
+                assert parted.poll(WAIT_MS)
+                intruder.disable_monitor()
+            assert not intruder.poll(0)
+        known = kept_key(endpoint)
+        assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == known
+    with contextlib.closing(listen(endpoint)):
+        assert kept_key(endpoint) == known  # its clients find back
 
 
-def test_a_socket_file_is_for_its_user_only(server, tmp_path):
-    bind(server, f"ipc://{tmp_path}/s")
-    assert stat.S_IMODE((tmp_path / "s").stat().st_mode) == 0o600
+# --- what programs that do not know when to stop may cost
 
 
-def test_a_folder_that_others_may_use_holds_no_keys(server, tmp_path, monkeypatch):
+def raw(endpoint: str) -> socket.socket:
+    """A connection that says what a test wants."""
+    kind, _, place = endpoint.partition("://")
+    if kind == "ipc":
+        found = socket.socket(socket.AF_UNIX)
+        found.connect(place)
+    else:
+        host, _, number = place.rpartition(":")
+        found = socket.create_connection((host, int(number)))
+    found.settimeout(WAIT_MS / 1000)
+    return found
+
+
+def kept_bytes(echo: Echo) -> int:
+    """What is kept for all clients."""
+    return sum(each.holds_bytes for each in echo.listener._router._callers.routers)
+
+
+def test_a_message_whose_parts_never_end_costs_its_sender_the_connection(tmp_path):
+    """libzmq took 600 MB of such in five seconds: its limit is one of parts."""
+    part = b"\1\xff" + bytes(255)
+    with contextlib.closing(Echo(f"ipc://{tmp_path}/s")) as echo, raw(echo.endpoint) as hostile:
+        hostile.sendall(ZmtpSession(1).hello)
+        most = sent = 0
+        with contextlib.suppress(ConnectionError):
+            while sent < 8_000_000:
+                sent += hostile.send(part * 100)
+                most = max(most, kept_bytes(echo))
+        assert sent < 8_000_000
+        assert most < 2 * MOST
+        with client(echo.endpoint) as asking:
+            asking.send(b"?")
+            assert asking.poll(WAIT_MS)
+
+
+def test_parts_that_never_end_are_no_better_with_the_key():
+    with contextlib.closing(Echo("tcp://127.0.0.1:*")) as echo, zmq.Context() as context:
+        hostile = context.socket(zmq.DEALER)
+        hostile.linger = 0
+        hostile.sndhwm = 0
+        with hostile, hostile.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
+            connect(hostile, echo.endpoint)
+            for _ in range(100):
+                hostile.send(bytes(MOST // 50), zmq.SNDMORE)
+            hostile.send(b"")
+            assert parted.poll(WAIT_MS)
+            hostile.disable_monitor()
+        with client(echo.endpoint) as asking:
+            asking.send(b"?")
+            assert asking.poll(WAIT_MS)
+
+
+@pytest.mark.parametrize("echo", ["ipc"], indirect=True)
+def test_large_messages_that_come_in_part_are_bounded_together(echo):
+    """Each as large as it may be: so many are not kept. On TCP they need the key first."""
+    with contextlib.ExitStack() as stack:
+        for _ in range(20):
+            hostile = stack.enter_context(raw(echo.endpoint))
+            hostile.sendall(ZmtpSession(1).hello)
+            with contextlib.suppress(ConnectionError):
+                hostile.sendall(b"\2" + MOST.to_bytes(8, "big") + bytes(MOST // 2))
+            assert kept_bytes(echo) <= 5 * MOST
+        with client(echo.endpoint) as asking:
+            asking.send(b"?")
+            assert asking.poll(WAIT_MS)
+
+
+def test_held_connections_are_few_and_keep_nobody_out(echo):
+    """Of too many the one goes that has said nothing for the longest time."""
+    with contextlib.ExitStack() as stack:
+        asking = stack.enter_context(client(echo.endpoint))
+        held = [stack.enter_context(raw(echo.endpoint)) for _ in range(3 * router.MAX_CONNECTIONS)]
+        for number in range(3):
+            asking.send(b"%d" % number)
+            assert asking.poll(WAIT_MS)
+            assert asking.recv() == b"%d" % number
+        assert len(echo.listener._router._inside) <= router.MAX_CONNECTIONS
+        with contextlib.suppress(ConnectionError):
+            while held[0].recv(1000):
+                pass
+
+
+def test_who_shows_no_key_in_time_is_closed(monkeypatch):
+    monkeypatch.setattr(router, "KEY_S", 0.05)
+    monkeypatch.setattr("mocha_link.service.listener.LOOK_S", 0.01)
+    with (
+        contextlib.closing(Echo("tcp://127.0.0.1:*")) as echo,
+        raw(echo.endpoint) as stranger,
+        contextlib.suppress(ConnectionError),
+    ):
+        while stranger.recv(1000):
+            pass
+
+
+def test_a_socket_file_is_for_its_user_only(tmp_path):
+    with contextlib.closing(listen(f"ipc://{tmp_path}/s")):
+        assert stat.S_IMODE((tmp_path / "s").stat().st_mode) == 0o600
+
+
+def test_a_folder_that_others_may_use_holds_no_keys(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     (tmp_path / "mocha-link").mkdir(mode=0o755)
     with pytest.raises(ListenError, match="is not a folder that only you may use; chmod 700"):
-        bind(server, "tcp://127.0.0.1:*")
+        listen("tcp://127.0.0.1:*")
 
 
 @pytest.mark.parametrize(
@@ -104,14 +246,14 @@ def test_a_folder_that_others_may_use_holds_no_keys(server, tmp_path, monkeypatc
         ("ipc://@name", "every user could reach it; write ipc://path"),
     ],
 )
-def test_what_others_could_reach(server, endpoint, why):
+def test_what_others_could_reach(endpoint, why):
     with pytest.raises(ListenError, match=why):
-        bind(server, endpoint)
+        listen(endpoint)
 
 
 @pytest.mark.parametrize(
     "endpoint", ["nonsense", "tcp://127.0.0.1", "ipc:///no/such/place", "tcp://192.0.2.1:5"]
 )
-def test_what_cannot_be_served(server, endpoint):
+def test_what_cannot_be_served(endpoint):
     with pytest.raises(ListenError, match=f"cannot serve news on {endpoint}: .*; write ipc://path"):
-        bind(server, endpoint, "cannot serve news")
+        listen(endpoint, "cannot serve news")

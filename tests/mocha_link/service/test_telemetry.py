@@ -1,6 +1,7 @@
 """Metrics for other processes: a snapshot at once, then events."""
 
 import itertools
+import select
 import socket
 import threading
 from decimal import Decimal
@@ -12,10 +13,11 @@ import zmq
 from mocha_link.errors import ListenError
 from mocha_link.links.metrics import RssiChanged
 from mocha_link.links.reading import Reading, Unit
+from mocha_link.node.zmtp import Null, ZmtpSession
 from mocha_link.service import server as server_module
-from mocha_link.service.endpoint import bind
 from mocha_link.service.server import MetricsServer
 from mocha_link.service.service_client import MetricsError, watch
+from tests.mocha_link.libzmq import bind
 
 
 @pytest.fixture
@@ -43,29 +45,38 @@ def test_a_snapshot_then_events(server):
     stream2.close()
 
 
-def command(name: bytes, rest: bytes = b"") -> bytes:
-    """A command frame of ZMTP 3.0."""
-    body = bytes((len(name),)) + name + rest
-    return bytes((4, len(body))) + body
+def subscriber(path) -> socket.socket:
+    """A socket that has subscribed to everything, as libzmq does it."""
+    found = socket.socket(socket.AF_UNIX)
+    found.settimeout(20)
+    found.connect(str(path))
+    session = ZmtpSession(1000, mechanism=Null(b"SUB"))
+    found.sendall(session.hello + b"\4\x0a\x09SUBSCRIBE")
+    return found
 
 
 def test_a_subscriber_that_has_stopped_is_cut_off(field, tmp_path, monkeypatch):
     """What waits for it must not grow for as long as it stands still."""
-    monkeypatch.setattr(server_module, "HEARTBEAT_MS", 20)
-    monkeypatch.setattr(server_module, "STOPPED_MS", 40)
+    monkeypatch.setattr(server_module, "SNAPSHOT_S", 0.0002)
+    monkeypatch.setattr(server_module, "STOPPED_S", 0.05)
     node, _, _ = field.node("titan")
-    greeting = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
-    ready = command(b"READY", b"\x0bSocket-Type\0\0\0\3SUB")
     path = tmp_path / "metrics"
-    with MetricsServer(node, f"ipc://{path}"), socket.socket(socket.AF_UNIX) as stopped:
-        stopped.settimeout(20)
-        stopped.connect(str(path))
-        said = stopped.makefile("rb")
-        for step, its in ((greeting[:10], 10), (greeting[10:], 54), (ready, len(ready) + 1)):
-            stopped.sendall(step)
-            heard = said.read(its)
-        assert b"XPUB" in heard
-        assert b"PING" in said.read()  # until it is cut off
+    with MetricsServer(node, f"ipc://{path}"), subscriber(path) as stopped:
+        hung_up = select.poll()
+        hung_up.register(stopped, select.POLLHUP)
+        assert hung_up.poll(20_000)
+
+
+def test_what_waits_for_subscribers_is_bounded(field, tmp_path, monkeypatch):
+    """Also while they are given the time that a stopped one has."""
+    monkeypatch.setattr(server_module, "SNAPSHOT_S", 0.0002)
+    monkeypatch.setattr(server_module, "MAX_UNREAD_BYTES", 300_000)
+    node, _, _ = field.node("titan")
+    path = tmp_path / "metrics"
+    with MetricsServer(node, f"ipc://{path}"), subscriber(path) as stopped:
+        hung_up = select.poll()
+        hung_up.register(stopped, select.POLLHUP)
+        assert hung_up.poll(20_000)
 
 
 def test_an_event_that_cannot_be_told_is_left_out(server, caplog):

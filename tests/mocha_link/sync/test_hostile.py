@@ -2,7 +2,7 @@
 
 Frames are those of real exchanges with something wrong in them (`fuzz.py`). After some hundred a
 friend must still be served, and serve; the log must be free of errors, and the memory must not
-grow. Bytes that are no frames: tests/mocha_link/node, test_zmtp and test_open_port.
+grow. Bytes that are no frames: tests/mocha_link/node, test_zmtp and test_router.
 """
 
 import contextlib

@@ -11,7 +11,7 @@ import zmq
 
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import SyncTimedOut
-from mocha_link.node.connection import CurveConnection, TcpConnection
+from mocha_link.node.connection import Connection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
 from mocha_link.sync.protocol import Connect, Disconnect
@@ -37,7 +37,7 @@ def context():
     context.destroy(0)
 
 
-def sleeping_peer(peer: Peer, line: TcpConnection) -> socket.socket:
+def sleeping_peer(peer: Peer, line: Connection) -> socket.socket:
     """The peer reads nothing, and a lot is under way to it."""
     line.turn(100.0)
     connection = peer.accept()
@@ -59,7 +59,7 @@ def rest(connection: socket.socket) -> bytes:
 
 def test_what_was_sent_and_is_not_out_does_not_come_late():
     with contextlib.closing(Peer()) as peer:
-        line = TcpConnection("127.0.0.1", peer.port)
+        line = Connection("127.0.0.1", peer.port)
         connection = sleeping_peer(peer, line)
         line.abort()
         with pytest.raises(ConnectionResetError):
@@ -68,7 +68,7 @@ def test_what_was_sent_and_is_not_out_does_not_come_late():
 
 def test_an_end_still_gets_out():
     with contextlib.closing(Peer()) as peer:
-        line = TcpConnection("127.0.0.1", peer.port)
+        line = Connection("127.0.0.1", peer.port)
         line.turn(100.0)
         connection = peer.accept()
         connection.sendall(GREETING + READY)
@@ -81,9 +81,7 @@ def test_an_end_still_gets_out():
 def test_with_keys_it_is_reset_too(context):
     """Seen by a relay in the middle."""
     with contextlib.closing(Hall(context)) as hall, socket.create_server(("127.0.0.1", 0)) as relay:
-        line = CurveConnection(
-            context, "127.0.0.1", relay.getsockname()[1], own=IO, peer=TITAN.public
-        )
+        line = Connection("127.0.0.1", relay.getsockname()[1], keys=(IO, TITAN.public))
         near, _ = relay.accept()
         with near, socket.create_connection((hall.host, hall.port)) as far:
             resets: list[socket.socket] = []
@@ -95,9 +93,13 @@ def test_with_keys_it_is_reset_too(context):
                 each.start()
             line.send(b"one")
             served: list[object] = []
-            while not served:  # and is not told yet that it is connected
+
+            def done() -> bool:
                 hall.serve()
                 served.extend(line.replies())
+                return bool(served)
+
+            turn_until(line, done)
             line.abort()
             for each in pumps:
                 each.join(WAIT_S)

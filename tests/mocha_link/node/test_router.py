@@ -13,19 +13,21 @@ from pathlib import Path
 import pytest
 import zmq
 
-from mocha_link.node import open_port
+from mocha_link.node import router
 from mocha_link.node.kernel import Poller
-from mocha_link.node.open_port import HANDSHAKE_S, Callers, OpenPort
-from mocha_link.node.port import MAX_REQUEST_BYTES
+from mocha_link.node.port import MAX_REQUEST_BYTES, Port
+from mocha_link.node.router import HANDSHAKE_S, Callers
 from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import DATA, WAIT_S
-from tests.mocha_link.node.test_port import WAIT_MS, Shell, clients, shell, titan
+from tests.mocha_link.node.test_port import OPEN, WAIT_MS, Shell, clients, shell, titan
 
 __all__ = ["clients", "shell", "titan"]  # fixtures
 
 PART = struct.pack(">BQ", 0b011, 60_000) + bytes(60_000)  # more parts follow, and a long size
+SESSION = ZmtpSession(MAX_REQUEST_BYTES)
+HELLO = SESSION.hello
 FLOODS = 8
 FLOOD_BYTES = 40_000_000  # of each
 GROWTH_KB = 24 * 1024
@@ -35,13 +37,13 @@ NODE = (DATA / "flooded_node.txt").read_text()
 
 
 @pytest.fixture
-def kind() -> type[OpenPort]:
-    return OpenPort
+def kind() -> bool:
+    return OPEN
 
 
 def dial(robot: Robot, peer: str = "io") -> socket.socket:
     connection = socket.create_connection((robot.listen, robot.port_for(peer)), timeout=20)
-    connection.sendall(ZmtpSession.hello)
+    connection.sendall(HELLO)
     return connection
 
 
@@ -96,20 +98,20 @@ def test_several_floods_together_take_no_memory(field, tmp_path):
 def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypatch):
     """A small request for a large message, again and again, from those who read nothing."""
     size, most = 6_000_000, 10_000_000
-    monkeypatch.setattr(open_port, "MAX_WAITING_BYTES", most)
+    monkeypatch.setattr(router, "MAX_WAITING_BYTES", most)
     waited: list[int] = []
     relieved: list[int] = []
     relieve = Callers.relieve
 
     def watched(callers: Callers) -> None:
-        waited.append(sum(each.waiting_bytes for each in callers.ports))
+        waited.append(sum(each.waiting_bytes for each in callers.routers))
         relieve(callers)
-        relieved.append(sum(each.waiting_bytes for each in callers.ports))
+        relieved.append(sum(each.waiting_bytes for each in callers.routers))
 
     monkeypatch.setattr(Callers, "relieve", watched)
     node, _, _ = field.node("titan")
     header = node.publish("/map", os.urandom(size))
-    request = ZmtpSession.request(b"ididid" + GDATA + header.pack())
+    request = SESSION.request(b"ididid" + GDATA + header.pack())
     with contextlib.ExitStack() as stack:
         while not node.links()["io"].refused:
             assert len(relieved) < 10_000
@@ -120,7 +122,7 @@ def test_replies_that_are_not_taken_are_bounded_for_all_together(field, monkeypa
         assert max(relieved) <= most
         _, _, saw = field.node("io", datagrams=False)
         assert saw.pull("titan").messages == 1
-    while len(node._transport._callers.ports) > 1:  # that of io, which follows
+    while len(node._transport._callers.routers) > 1:  # that of io, which follows
         pass
 
 
@@ -140,9 +142,9 @@ def test_who_asks_a_lot_in_a_pull_stays(shell, titan, clients):
     "said",
     [
         b"GET / HTTP/1.1\r\nHost: titan\r\n\r\n",
-        ZmtpSession.hello + struct.pack(">BQ", 2, MAX_REQUEST_BYTES + 1),
-        ZmtpSession.hello + bytes(2) * 3000,
-        ZmtpSession.hello + b"\x01\x00" * 200,
+        HELLO + struct.pack(">BQ", 2, MAX_REQUEST_BYTES + 1),
+        HELLO + bytes(2) * 3000,
+        HELLO + b"\x01\x00" * 200,
     ],
     ids=["no ZeroMQ", "too large", "too many", "too many parts"],
 )
@@ -162,30 +164,30 @@ def test_what_was_asked_before_the_end_is_still_a_request(shell, titan):
     """A peer says its last word and closes."""
     with dial(titan) as client:
         for number in range(3):
-            client.sendall(ZmtpSession.request(b"%d" % number))
+            client.sendall(SESSION.request(b"%d" % number))
     got = []
     while len(got) < 3:
         got += [request for _, (request,) in shell.turn(20)]
     assert got == [b"0", b"1", b"2"]
-    while shell.port._inside:
+    while shell.port._router._inside:
         shell.turn(20)
 
 
 def inside(shell: Shell, count: int) -> None:
     """Until so many connections have made their handshake."""
-    while sum(caller.ready for caller in shell.port._inside.values()) != count:
+    while sum(caller.ready for caller in shell.port._router._inside.values()) != count:
         shell.turn(20)
 
 
 def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
     """The one that has said nothing for the longest time."""
-    monkeypatch.setattr(open_port, "MAX_CONNECTIONS", 3)
+    monkeypatch.setattr(router, "MAX_CONNECTIONS", 3)
     with contextlib.ExitStack() as stack:
         clients = []
         for number in range(1, 4):
             clients.append(stack.enter_context(dial(titan)))
             inside(shell, number)
-        clients[0].sendall(ZmtpSession.request(b"?"))
+        clients[0].sendall(SESSION.request(b"?"))
         shell.request()
         stack.enter_context(dial(titan))
         while not (told := shell.port.look(0.0)):
@@ -195,33 +197,33 @@ def test_the_oldest_of_too_many_connections_goes(shell, titan, monkeypatch):
             while clients[1].recv(1000):
                 pass
         inside(shell, 3)
-        clients[0].sendall(ZmtpSession.request(b"!"))
+        clients[0].sendall(SESSION.request(b"!"))
         assert shell.request()[1] == [b"!"]
 
 
 def test_all_ports_together_have_so_many(titan, monkeypatch):
-    monkeypatch.setattr(open_port, "MAX_ALL_CONNECTIONS", 2)
+    monkeypatch.setattr(router, "MAX_ALL_CONNECTIONS", 2)
     callers = Callers()
     with contextlib.ExitStack() as stack:
         poller = stack.enter_context(contextlib.closing(Poller()))
         ports = {}
         for peer in titan.peers:
             ports[peer] = stack.enter_context(
-                contextlib.closing(OpenPort(poller, callers, titan, peer))
+                contextlib.closing(Port(poller, callers, titan, peer))
             )
             ports[peer].watch(poller)
             for _ in range(2):
                 stack.enter_context(dial(titan, peer))
             told: list[str] = []
-            while len(callers.ports) < 2 or (len(ports) == 2 and len(told) < 2):
+            while len(callers.routers) < 2 or (len(ports) == 2 and len(told) < 2):
                 ready = poller.poll(20)
                 for port in ports.values():
                     assert list(port.requests(ready)) == []
                     told += port.look(0.0)
         assert told == ["a client connected too often or did not take its replies"] * 2
         first, second = ports.values()
-        assert list(callers.ports.values()) == [second, second]
-        assert not first._inside
+        assert list(callers.routers.values()) == [second._router] * 2
+        assert not first._router._inside
 
 
 class Full:
@@ -238,8 +240,8 @@ def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, mo
     """The listener stays ready as long as it waits: turn followed turn without an end."""
     port = shell.port
     with dial(titan):
-        listener = port._listener
-        monkeypatch.setattr(port, "_listener", Full(listener))
+        listener = port._router._listener
+        monkeypatch.setattr(port._router, "_listener", Full(listener))
         assert listener.fileno() in shell.poller.poll(WAIT_MS)
         assert shell.turn() == []
         assert listener.fileno() not in shell.poller.poll(0)
@@ -247,18 +249,18 @@ def test_without_descriptors_a_client_waits_and_the_node_sleeps(shell, titan, mo
         assert port.look(0.0) == []
         assert listener.fileno() in shell.poller.poll(WAIT_MS)
         shell.turn()
-        assert len(port._inside) == 1
+        assert len(port._router._inside) == 1
 
 
 def test_who_says_nothing_at_all_does_not_stay(shell, titan):
     with socket.create_connection((titan.listen, titan.port_for("io")), timeout=20):
-        while not shell.port._inside:
+        while not shell.port._router._inside:
             shell.turn(20)
-        (caller,) = shell.port._inside.values()
+        (caller,) = shell.port._router._inside.values()
         shell.port.look(caller.began_s + HANDSHAKE_S - 1)
-        assert shell.port._inside
+        assert shell.port._router._inside
         shell.port.look(caller.began_s + HANDSHAKE_S + 1)
-        assert not shell.port._inside
+        assert not shell.port._router._inside
 
 
 @pytest.mark.parametrize("client_type", [zmq.REQ, zmq.DEALER])
@@ -272,6 +274,6 @@ def test_who_comes_and_goes_leaves_nothing(shell, titan, clients, client_type):
         assert client.poll(WAIT_MS)
         client.recv_multipart()
         client.close(0)
-    while shell.port._inside:
+    while shell.port._router._inside:
         shell.turn(20)
     assert set(shell.poller._selector.get_map()) == before

@@ -1,9 +1,9 @@
-"""A port for a peer without a key: a ROUTER of our own, since anyone may connect to it.
+"""A ROUTER of our own: the connections to a listening socket, since anyone may connect to it.
 
 libzmq keeps the parts of a message until its last part has come, however many there are, and takes
-in all that a connection brings meanwhile. Here each connection has one buffer of the size
-of a request, and is not read while it does not take its replies; a node has so many connections at
-most, and so much that waits for all of them together.
+in all that a connection brings meanwhile, with keys, too. Here each connection has one buffer of
+the size of a request, and is not read while it does not take its replies; there are so many
+connections at most, and so much that waits for all of them together.
 """
 
 from __future__ import annotations
@@ -13,23 +13,33 @@ import itertools
 import socket
 import time
 from collections import deque
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Hashable, Iterator, Sequence
 
 import zmq
 
 from mocha_link.node import kernel
 from mocha_link.node.kernel import Polled, Poller
-from mocha_link.node.port import BURST, DEAD_PEER_S, IDLE_MS, MAX_REQUEST_BYTES, Port
-from mocha_link.node.zmtp import Part, ZmtpError, ZmtpSession, encoded
+from mocha_link.node.zmtp import (
+    GREETING_BYTES,
+    Mechanism,
+    NoEncryptionError,
+    Null,
+    Part,
+    WrongKeyError,
+    ZmtpError,
+    ZmtpSession,
+)
 from mocha_link.store import wire
-from mocha_link.sync.protocol import Route
-from mocha_link.team.team import Robot
 
-MAX_CONNECTIONS = 32  # of a port; most beyond that are of links that broke
+MAX_CONNECTIONS = 32  # of a listener; most beyond that are of links that broke
 MAX_ALL_CONNECTIONS = 256  # of a node: each may hold a request that has come in part
 MAX_WAITING_BYTES = 2 * wire.MAX_BYTES  # replies of a node that its peers have not taken yet
 HANDSHAKE_S = 30.0  # as libzmq has it
+KEY_S = 10.0  # who has shown no key by then is sent away; a slow radio takes seconds
 OWED_BYTES = 256 * 1024  # replies to a connection that wait before its requests do
+BURST = 64  # requests of one connection in a row, so that none starves the others
+DEAD_PEER_S = 60
+IDLE_MS = 1000  # a clock may be set; all else that happens wakes the node
 
 _MAX_ACCEPTED = 8  # in a turn
 _READ_BYTES = 16 * 1024
@@ -38,9 +48,11 @@ _MAX_PIECES = 64  # in a system call
 
 
 class Caller:
-    """A connection to the port: what it asks, and what it has not taken yet."""
+    """A connection to a router: what it asks, and what it has not taken yet."""
 
-    def __init__(self, connection: socket.socket, name: bytes, now_s: float) -> None:
+    def __init__(
+        self, connection: socket.socket, name: bytes, now_s: float, session: ZmtpSession
+    ) -> None:
         self.name = name  # begins its routes
         self.connection = connection
         self.number = connection.fileno()
@@ -49,16 +61,37 @@ class Caller:
         self.began_s = now_s
         self.ended = False  # nothing more comes
         self.moved = 0  # when it last took or brought something, by the count of the node
+        self.moved_s = now_s  # the same in steady seconds, as far as it took something
         self.watched = 0  # for what the poller waits
-        self._session = ZmtpSession(MAX_REQUEST_BYTES, _MAX_REQUESTS)
+        self._session = session
+        self._reset = False  # it went without saying so
         self._owed = 0  # bytes of replies since it took all
         self._out: deque[memoryview] = deque()
-        self._put(ZmtpSession.hello_of_router)
+        self._put(session.hello)
 
     @property
     def ready(self) -> bool:
-        """Whether its handshake came."""
+        """Whether its handshake is through."""
         return self._session.ready
+
+    @property
+    def known(self) -> bool:
+        """Whether it has shown a key that is let in."""
+        return self._session.known
+
+    @property
+    def holds_bytes(self) -> int:
+        """What is kept for it: what has come of a request, and what it has not taken."""
+        return self.waiting_bytes + self._session.held_bytes
+
+    @property
+    def left_early(self) -> bool:
+        """Whether it began to talk, and has gone before it said in which way it would.
+
+        A client that closes when it has read our greeting may take its own back by that.
+        """
+        began = self._session.received or self._reset
+        return self.ended and bool(began) and self._session.received < GREETING_BYTES
 
     @property
     def is_late(self) -> bool:
@@ -71,7 +104,8 @@ class Caller:
             data = self.connection.recv(_READ_BYTES)
         except BlockingIOError:
             return False
-        except OSError:
+        except OSError as error:
+            self._reset = isinstance(error, ConnectionResetError)
             data = b""
         self.ended = not data
         answer = self._session.receive(data)
@@ -81,15 +115,21 @@ class Caller:
         self.requests.extend(self._session.messages())
         return bool(data)
 
-    def reply(self, envelope: Sequence[bytes], frame: bytes) -> None:
+    def reply(self, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
         """Have a reply sent with the next `flush`."""
-        self._owed += len(frame)
-        self.push([*envelope, frame])
+        self._owed += sum(map(len, frames))
+        self.push([*envelope, *frames])
 
     def push(self, parts: Sequence[Part]) -> None:
         """Likewise a frame of a sync, which the replies to its requests do not wait for."""
-        for piece in encoded(parts):
+        for piece in self._session.encoded(parts):
             self._put(piece)
+
+    def say(self, last: bytes) -> None:
+        """Send the last thing before it is closed, if it is taken at once."""
+        if last and not self._out:
+            self._put(last)
+            self.flush()
 
     def _put(self, piece: Part) -> None:
         self._out.append(memoryview(piece))
@@ -120,15 +160,23 @@ class Caller:
 
 
 class Callers:
-    """The connections to all open ports of a node: how many there may be, and what they hold."""
+    """The connections to all routers of a node: how many there may be, and what they hold.
 
-    def __init__(self) -> None:
-        self.ports: dict[Caller, OpenPort] = {}
+    Those that have shown a key are the last to go.
+
+    Args:
+        most_bytes: Of what is kept for all of them; None: the usual.
+    """
+
+    def __init__(self, most_bytes: int | None = None) -> None:
+        self.routers: dict[Caller, Router] = {}
+        self._most_bytes = most_bytes
         self._moves = itertools.count(1)
 
     def moved(self, caller: Caller) -> None:
         """It has taken or brought something."""
         caller.moved = next(self._moves)
+        caller.moved_s = time.monotonic()
 
     def relieve(self) -> None:
         """Send away those that are too much.
@@ -136,46 +184,68 @@ class Callers:
         Of too many the one goes for which nothing has moved for the longest time; of too much the
         one that holds most.
         """
-        while len(self.ports) > MAX_ALL_CONNECTIONS:
-            self._send_away(min(self.ports, key=lambda each: each.moved))
-        while sum(each.waiting_bytes for each in self.ports) > MAX_WAITING_BYTES:
-            self._send_away(max(self.ports, key=lambda each: (each.waiting_bytes, -each.moved)))
+        most = MAX_WAITING_BYTES if self._most_bytes is None else self._most_bytes
+        while len(self.routers) > MAX_ALL_CONNECTIONS:
+            self._send_away(min(self.routers, key=lambda each: (each.known, each.moved)))
+        while sum(each.holds_bytes for each in self.routers) > most:
+            self._send_away(max(self.routers, key=lambda each: (each.holds_bytes, -each.moved)))
 
     def _send_away(self, caller: Caller) -> None:
-        self.ports[caller].send_away(caller, "connected too often or did not take its replies")
+        self.routers[caller].send_away(caller, "connected too often or did not take its replies")
 
 
-class OpenPort(Port):
-    """A port that asks for no key.
+class Router:
+    """The connections to a listening socket, which it closes.
+
+    Call `watch` once, then `requests` when something is ready, and `look` now and then.
 
     Args:
-        poller: waits for its connections, too.
-        callers: shared by the open ports of a node.
+        listener: Where they connect; it does not block.
+        poller: Waits for its connections, too.
+        callers: Shared by the routers of a node.
+        max_bytes: Of a request, all its parts together.
+        mechanism: Of a new connection; None: no key is asked for.
+        burst: Requests of one connection in a row.
     """
 
-    TOGETHER_BYTES = 16 * 1024  # of frames that leave in one system call
-    DESCRIPTORS = 2  # a listener and datagrams
-
-    def __init__(self, poller: Poller, callers: Callers, me: Robot, peer: str) -> None:
+    def __init__(  # noqa: PLR0913 - what it stands between
+        self,
+        listener: socket.socket,
+        poller: Poller,
+        callers: Callers,
+        max_bytes: int,
+        mechanism: Callable[[], Mechanism] | None = None,
+        *,
+        burst: int = BURST,
+    ) -> None:
+        self._listener = listener
         self._poller = poller
         self._callers = callers
+        self._max_bytes = max_bytes
+        self._mechanism = mechanism or (lambda: Null(b"ROUTER"))
+        self._protected = mechanism is not None
+        self._burst = burst
+        self._owner: Hashable = self  # in the poller
         self._inside: dict[bytes, Caller] = {}  # by name
         self._names = itertools.count(1)
         self._refusals: list[str] = []
         self._served: Caller | None = None  # flushed when its requests are through
-        super().__init__(me, peer)
 
-    def watch(self, poller: Poller) -> None:
-        """Have the poller wait for requests and datagrams."""
-        super().watch(poller)
-        poller.register(self._listener.fileno(), zmq.POLLIN, self)
+    def watch(self, owner: Hashable) -> None:
+        """Have the poller wait, and name the owner for what is ready."""
+        self._owner = owner
+        self._poller.register(self._listener.fileno(), zmq.POLLIN, owner)
 
     @staticmethod
     def _has_turn(caller: Caller, ready: Container[Polled]) -> bool:
         return caller.number in ready or bool(caller.requests and not caller.is_late)
 
-    def requests(self, ready: Container[Polled]) -> Iterator[tuple[Route, list[bytes]]]:
-        """Those whose turn it is; see `ProtectedPort.requests`."""
+    def requests(self, ready: Container[Polled]) -> Iterator[tuple[bytes, list[Part]]]:
+        """Those whose turn it is: on which connection each came, and its parts.
+
+        Reply before you fetch the next. Those of a connection that does not take its replies wait,
+        as with REP, whose turn does not come while its reply does not leave.
+        """
         if self._listener.fileno() in ready:
             self._accept()
         for caller in [each for each in self._inside.values() if self._has_turn(each, ready)]:
@@ -190,24 +260,28 @@ class OpenPort(Port):
 
     def _requests_of(
         self, caller: Caller, ready: Container[Polled]
-    ) -> Iterator[tuple[Route, list[bytes]]]:
+    ) -> Iterator[tuple[bytes, list[Part]]]:
         if caller.number in ready and not caller.requests and not caller.is_late:
             try:
                 if caller.read():
                     self._callers.moved(caller)
-            except ZmtpError:
-                self.send_away(caller, "sent what is no request")
+            except ZmtpError as error:
+                caller.say(error.answer)
+                self.send_away(caller, self._why(error))
                 return
-        for _ in range(BURST):
+        for _ in range(self._burst):
             if caller.is_late:
                 self._flush(caller)
             if caller.is_late or not caller.requests:
                 break
-            parts = caller.requests.popleft()
-            if b"" in parts[:-1]:  # without an envelope REP sockets ignore it, too
-                body = parts.index(b"") + 1
-                route = (caller.name, *map(bytes, parts[:body]))
-                yield route, [bytes(each) for each in parts[body:]]
+            yield caller.name, caller.requests.popleft()
+
+    def _why(self, error: ZmtpError) -> str:
+        if isinstance(error, WrongKeyError):
+            return "came with a wrong key"
+        if isinstance(error, NoEncryptionError):
+            return "came without encryption"
+        return "came not as a node of ours does" if self._protected else "sent what is no request"
 
     def _accept(self) -> None:
         for _ in range(_MAX_ACCEPTED):
@@ -223,9 +297,10 @@ class OpenPort(Port):
                 break
             kernel.tune(connection, DEAD_PEER_S)
             name = b"\0" + next(self._names).to_bytes(8, "big")
-            caller = Caller(connection, name, time.monotonic())
+            session = ZmtpSession(self._max_bytes, _MAX_REQUESTS, self._mechanism())
+            caller = Caller(connection, name, time.monotonic(), session)
             self._inside[name] = caller
-            self._callers.ports[caller] = self
+            self._callers.routers[caller] = self
             self._callers.moved(caller)
             self._settle(caller)
             if len(self._inside) > MAX_CONNECTIONS:
@@ -234,13 +309,13 @@ class OpenPort(Port):
 
     def _drop_oldest(self) -> None:
         if self._inside:
-            oldest = min(self._inside.values(), key=lambda each: each.moved)
+            oldest = min(self._inside.values(), key=lambda each: (each.known, each.moved))
             self.send_away(oldest, "connected too often")
 
     def _flush(self, caller: Caller) -> None:
         if caller.flush():
             self._callers.moved(caller)
-        if caller.waiting_bytes > OWED_BYTES:
+        if caller.holds_bytes > OWED_BYTES:
             self._callers.relieve()
 
     def _settle(self, caller: Caller) -> None:
@@ -249,13 +324,16 @@ class OpenPort(Port):
         if caller.name not in self._inside:
             return
         if caller.ended and not caller.requests:
+            if self._protected and caller.left_early:
+                why = "left before it had shown a key, as one without a key does"
+                self.send_away(caller, why)
             self._drop(caller)
             return
         wanted = 0 if caller.requests or caller.is_late or caller.ended else zmq.POLLIN
         wanted |= zmq.POLLOUT if caller.waiting_bytes else 0
         if wanted != caller.watched:
             caller.watched = wanted
-            self._poller.register(caller.number, wanted, self)
+            self._poller.register(caller.number, wanted, self._owner)
 
     def send_away(self, caller: Caller, why: str) -> None:
         """Close a connection that does what no node does."""
@@ -264,7 +342,7 @@ class OpenPort(Port):
 
     def _drop(self, caller: Caller) -> None:
         if self._inside.pop(caller.name, None):
-            del self._callers.ports[caller]
+            del self._callers.routers[caller]
             caller.requests.clear()
             with contextlib.suppress(KeyError):
                 self._poller.unregister(caller.number)
@@ -277,40 +355,47 @@ class OpenPort(Port):
 
     def look(self, now_s: float) -> list[str]:
         """Who was sent away since the last call; call it now and then."""
-        self._poller.register(self._listener.fileno(), zmq.POLLIN, self)
+        self._poller.register(self._listener.fileno(), zmq.POLLIN, self._owner)
+        most_s = KEY_S if self._protected else HANDSHAKE_S
         for caller in list(self._inside.values()):
-            if not caller.ready and now_s - caller.began_s > HANDSHAKE_S:
+            if not caller.ready and now_s - caller.began_s > most_s:
                 self._drop(caller)
         refusals, self._refusals = self._refusals, []
         return refusals
 
-    def reply(self, route: Route, frame: bytes) -> None:
+    def drop_stopped(self, now_s: float, after_s: float) -> None:
+        """Close connections that have taken nothing for so long of what waits for them."""
+        for caller in list(self._inside.values()):
+            if caller.waiting_bytes and now_s - caller.moved_s > after_s:
+                self._drop(caller)
+
+    def reply(self, name: bytes, envelope: Sequence[bytes], frames: Sequence[Part]) -> None:
         """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
-        caller = self._inside.get(route[0])
+        caller = self._inside.get(name)
         if caller:
-            caller.reply(route[1:], frame)
+            caller.reply(envelope, frames)
             if caller is not self._served:
                 self._settle(caller)
 
-    def push(self, route: Route, parts: list[Part]) -> None:
+    def push(self, name: bytes, parts: Sequence[Part]) -> None:
         """Have a frame of a sync sent with the next `flush`."""
-        caller = self._inside.get(route[0])
+        caller = self._inside.get(name)
         if caller:
-            caller.push([*route[1:], *parts])
+            caller.push(parts)
 
-    def stands(self, route: Route) -> bool:
+    def stands(self, name: bytes) -> bool:
         """Whether a connection is still there."""
-        return route[0] in self._inside
+        return name in self._inside
 
-    def flush(self, route: Route | None) -> bool:
+    def flush(self, name: bytes) -> bool:
         """Try to send what waits for a connection; whether it takes more."""
-        caller = self._inside.get(route[0]) if route else None
+        caller = self._inside.get(name)
         if caller and caller.waiting_bytes:
             self._settle(caller)
         return caller is None or not caller.waiting_bytes
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
-        super().close()
         for caller in list(self._inside.values()):
             self._drop(caller)
+        self._listener.close()

@@ -1,0 +1,25 @@
+"""libzmq as the other end: what other programs, and nodes of others, connect with and bind."""
+
+import zmq
+from zmq.utils import z85
+
+from mocha_link.service.endpoint import keep_key
+
+
+def protect(client: zmq.Socket, secret, server) -> None:
+    """Have a socket, before it connects, talk to the holder of the server's key, encrypted."""
+    client.curve_serverkey = z85.encode(server.curve)
+    client.curve_publickey = z85.encode(secret.public.curve)
+    client.curve_secretkey = z85.encode(secret.curve)
+
+
+def bind(server: zmq.Socket, endpoint: str) -> str:
+    """Bind at an endpoint, a TCP one with a key that this user's programs find; says where."""
+    if endpoint.startswith("tcp"):
+        _, server.curve_secretkey = key = zmq.curve_keypair()
+        server.curve_server = True
+        server.bind(endpoint)
+        keep_key(server.last_endpoint.decode(), key)
+    else:
+        server.bind(endpoint)
+    return server.last_endpoint.decode()
