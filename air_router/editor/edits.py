@@ -144,6 +144,7 @@ class SetValue(_Edit):
         "search_s",
         "communicate_s",
         "hold_s",
+        "revisit_s",
     ]
     value: (
         Annotated[float, Field(ge=0, le=100_000)]

@@ -23,7 +23,7 @@ from air_router.files.yaml_text import metres
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
-    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s"),
+    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s", "revisit_s"),
 }
 """The settings of the page that stand in sections of a mission file."""
 

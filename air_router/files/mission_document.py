@@ -14,11 +14,13 @@ import numpy as np
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
+    DEFAULT_WHEN_EXPLORED,
     LARGEST_RADIUS_M,
     Accepted,
     PlannerSettings,
     SeekPolicy,
     Timers,
+    WhenExplored,
 )
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
 from geo.airspace.zone import Band, Circle, Outline, Ring, Shape, ZoneError
@@ -168,6 +170,7 @@ class MissionDocument:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seek: tuple[str, ...] = ()  # in their order; none: every other robot
     seek_policy: SeekPolicy = DEFAULT_SEEK_POLICY
+    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
     goals_from: tuple[str, ...] = ()  # robots whose goals, sent by gossip, are flown to
     uav: str | None = None  # whose mission; of several UAVs the one that is meant
     uavs: tuple[Uav, ...] = ()  # of a mission for several

@@ -19,8 +19,12 @@ Accepted = Literal[
 ]
 """What a mission file may accept of a vehicle by name; without it nothing takes off like that."""
 
+WhenExplored = Literal["patrol", "hover", "home"]
+"""What the vehicle does once every waypoint is explored; see docs/state-machine.md."""
+
 SEEK_POLICIES: Final[tuple[SeekPolicy, ...]] = get_args(SeekPolicy)
 DEFAULT_SEEK_POLICY: Final[SeekPolicy] = "round_robin"
+DEFAULT_WHEN_EXPLORED: Final[WhenExplored] = "patrol"
 
 Seconds = Annotated[float, Field(gt=0, le=86_400)]
 """Limits hold for what files say; programs may go beyond."""
@@ -36,6 +40,8 @@ class Timers:
         search_s: waiting for a robot, from the arrival where it should be (t_s).
         communicate_s: the longest that the vehicle hovers over a robot (t_c).
         hold_s: hovering at the last of the points that it was sent to on request.
+        revisit_s: once all is explored, the least time from a complete exchange with a robot to
+            the next search for it.
     """
 
     init_s: Seconds = 180.0
@@ -43,6 +49,7 @@ class Timers:
     search_s: Seconds = 45.0
     communicate_s: Seconds = 20.0
     hold_s: Seconds = 20.0
+    revisit_s: Seconds = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,6 +240,7 @@ class MissionForm(BaseModel):
     uav: str | None = None
     uavs: dict[str, UavForm | None] = {}
     seek: SeekForm = SeekForm()
+    when_explored: WhenExplored = DEFAULT_WHEN_EXPLORED
     goals_from: list[str] = []
     team: str | None = None
     world: str | None = None

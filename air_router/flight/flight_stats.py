@@ -33,6 +33,10 @@ OFF_GROUND_M: Final = 2.0
 """A vehicle that never was higher above home has not flown."""
 
 
+WAY_STEP_M: Final = 2.0
+"""What is flown counts in steps of this: a position estimate wanders by less while hovering."""
+
+
 @dataclass(slots=True)
 class FlightStats:
     """Adds a flight up; `report` makes the object that `--json` prints.
@@ -183,7 +187,7 @@ class FlownTrack:
     Attributes:
         mission: With the zones and fences that it has by now.
         points: Where the vehicle was in the air.
-        distance_m: Along them.
+        distance_m: Along them, without the wander of a vehicle that hovers.
         armed_s: When it was first seen armed, on its clock; None if it was not.
         ours: It is flown by us, not by a pilot.
         now_s: The newest time that was heard, on its clock.
@@ -192,6 +196,7 @@ class FlownTrack:
     mission: Mission
     points: list[Point] = field(default_factory=list)
     distance_m: float = 0.0
+    _counted: Point | None = None  # up to which place the distance counts
     armed_s: float | None = None
     ours: bool = True
     now_s: float = 0.0
@@ -265,7 +270,10 @@ class FlownTrack:
         step_m = math.dist(self.points[-1], place) if self.points else 0.0
         if self.points and step_m < TRACK_STEP_M:
             return
-        self.distance_m += step_m
         self.points.append(place)
+        way_m = math.dist(self._counted or place, place)
+        if self._counted is None or way_m >= WAY_STEP_M:
+            self.distance_m += way_m
+            self._counted = place
         if self.ours:
             self._parts[-1][1].append(place)

@@ -185,6 +185,7 @@ def mission_of(draft: MissionDocument, areas: MissionAreas, window: FlightWindow
         planner=draft.planner,
         seek=draft.seek,
         seek_policy=draft.seek_policy,
+        when_explored=draft.when_explored,
         goals_from=draft.goals_from,
         uav=draft.uav,
         explore=draft.explore,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers
+from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers, WhenExplored
 from air_router.files.zone_terms import HomeAltitudeError
 from air_router.mission.fleet import Layer
 from geo.airspace.airspace import Airspace
@@ -227,6 +227,7 @@ class Mission(MissionAreas):
         seek: Names of the robots to seek, in order; empty for all ground robots of the team.
         goals_from: Robots whose goals, by gossip, are requests to fly there.
         seek_policy: How the one that is sought next is chosen, and its place.
+        when_explored: What the vehicle does once every waypoint is explored.
         uav: Name of this vehicle in the team; None without a team.
         explore: It explores between two searches; otherwise it only searches.
         layers: Where it and the other UAVs of the mission fly; empty if it is for one UAV only.
@@ -253,6 +254,7 @@ class Mission(MissionAreas):
     planner: PlannerSettings
     seek: tuple[str, ...]
     seek_policy: SeekPolicy
+    when_explored: WhenExplored
     goals_from: tuple[str, ...]
     uav: str | None
     explore: bool

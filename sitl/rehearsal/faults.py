@@ -224,6 +224,14 @@ class Fault(Enum):
         records=True,
         mission={"duration_s": 190, "timers": {"init_s": 400, "search_s": 10}},
     )
+    IDLE = Kind(
+        *("nothing is left to explore", 6),
+        waypoints=2,
+        mission={
+            "duration_s": 420,
+            "timers": {"init_s": 400, "search_s": 10, "communicate_s": 10, "revisit_s": 120},
+        },
+    )
     LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
     ZONE_BELOW = Kind("a zone is drawn below its landing", 6, requests.landed_on, "INIT")
     ALTITUDES = Kind(
@@ -259,7 +267,7 @@ _ALONE: Final = frozenset(
         *(Fault.HANDED_BACK_HIGH, Fault.REFUSED, Fault.BY_HAND, Fault.WEAK_LINKS, Fault.GOALS),
         *(Fault.PLAN_AT_START, Fault.RESTARTED_ON_ANOTHER, Fault.RESTART_TAKEN, Fault.ZONE_ACROSS),
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
-        *(Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
+        *(Fault.IDLE, Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),

@@ -37,6 +37,7 @@ class Exploration:
         began_s: When that was told first.
         looked_from: Where it was looked last which waypoints are near.
         alike_m: Nearer than this to that place the same ones are.
+        explored_s: When no waypoint was left first, on the vehicle's clock; infinite: not yet.
     """
 
     waypoints: Sequence[Waypoint]
@@ -46,6 +47,7 @@ class Exploration:
     began_s: float | None = None
     looked_from: Point = _NOWHERE
     alike_m: float = 0.0
+    explored_s: float = math.inf
     _next: int = 0  # index of the next waypoint
     # when each waypoint was passed last; infinite: it is near now
     _passed_s: dict[int, float] = field(default_factory=dict)
@@ -184,6 +186,7 @@ class ExploreState(StateHandler):
         if goal is not None:
             navigator.advance(motion)
         else:
+            exploration.explored_s = min(exploration.explored_s, self._context.now_s)
             self._context.signal(Signal.EXPLORED)
 
     def arrived(self) -> None:

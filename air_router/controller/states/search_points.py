@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import shapely
+
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.mission_context import Goal, MissionContext
 from air_router.controller.motion.navigator import Navigator
@@ -78,12 +80,50 @@ class Search:
         self.to_explore = exploration if setup.explore else None
         timers = context.mission.timers
         self._visit_s = timers.search_s + timers.communicate_s
-        self._explore_s = timers.explore_s
+        self._explore_s, self._revisit_s = timers.explore_s, timers.revisit_s
 
     def search_points(self, now_s: float) -> Iterator[SearchPoint]:
-        """The robots in the order in which they are to be tried."""
+        """The robots that are due, in the order in which they are to be tried."""
         for place in self.policy.order(self.targets, self._seek_context(now_s)):
-            yield self._beside(place)
+            if self._due_s(place.robot, now_s) <= now_s:
+                yield self._beside(place)
+
+    @property
+    def next_due_s(self) -> float:
+        """When the next robot is due for a visit, on the vehicle's clock; infinite: none is.
+
+        While anything is left to explore every robot always is.
+        """
+        now_s = self._context.now_s
+        due_s = (self._due_s(robot, now_s) for robot in self.targets.names)
+        return min(due_s, default=-math.inf)
+
+    def _due_s(self, robot: str, now_s: float) -> float:
+        """When a robot is to be visited again after a complete exchange.
+
+        On patrol after `revisit_s`; otherwise never, once it was met with everything explored. A
+        robot that another UAV seeks is left to it while others are free.
+        """
+        if self.to_explore is not None and self.to_explore.remaining:
+            return -math.inf
+        free = self.targets.free(now_s)
+        if free and robot not in free:
+            return math.inf
+        met_s = self.targets.tracks[robot].met_s
+        if self._context.mission.when_explored == "patrol":
+            return met_s + self._revisit_s
+        explored_s = -math.inf if self.to_explore is None else self.to_explore.explored_s
+        return math.inf if met_s > explored_s else -math.inf
+
+    @property
+    def middle(self) -> Goal | None:
+        """Where the farthest of the robots is nearest, by their last poses; None: none is known."""
+        poses = [track.pose for track in self.targets.tracks.values() if track.pose is not None]
+        if not poses:
+            return None
+        places = shapely.MultiPoint([pose.position for pose in poses])
+        centre = shapely.minimum_bounding_circle(places).centroid
+        return Goal(self._navigator.hover_point(Point(centre.x, centre.y)))
 
     def search_point(self, robot: str, now_s: float) -> SearchPoint:
         """Where one of the robots would be sought now."""

@@ -82,7 +82,10 @@ class SearchState(StateHandler):
         """Seek the requested robot, or else the robot whose turn it is."""
         self._asked_for, self._wanted = self._wanted, None
         self._over, self._began_s, self._waits_at = None, self._context.now_s, None
-        self._set_out(self._asked_for)
+        if self._asked_for is None and self._began_s < self.search.next_due_s:
+            self._context.signal(Signal.ALL_MET)
+        else:
+            self._set_out(self._asked_for)
 
     def _set_out(self, first: str | None) -> None:
         """Seek this robot, if any, or the next one that there is a way to."""
@@ -164,9 +167,7 @@ class SearchState(StateHandler):
 
     def _met(self, robot: str) -> bool:
         """Whether both have had all from each other since the search began."""
-        track = self.search.targets.tracks[robot]
-        synced_s = (-math.inf if at is None else at for at in (track.taken_s, track.given_s))
-        return min(synced_s) >= self._began_s
+        return self.search.targets.tracks[robot].met_s >= self._began_s
 
     def retry(self) -> None:
         """To the same place, or choose again if no robot could be sought."""

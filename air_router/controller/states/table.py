@@ -17,6 +17,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState
 from air_router.controller.states.hold_state import HoldState
+from air_router.controller.states.idle_state import IdleState
 from air_router.controller.states.ready_state import ReadyState
 from air_router.controller.states.return_state import (
     HandsOffState,
@@ -49,12 +50,14 @@ STATES: Final[Mapping[State, Spec]] = MappingProxyType({
     State.SEARCH: Spec(SearchState, timer="search_s", timer_from=From.ARRIVAL, keeps_target=True,
         seeks=True, cruises=True,
         on={Signal.FOUND: State.COMM, Signal.TIMER: State.EXPL, Signal.NO_TARGET: State.EXPL,
-            Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
+            Signal.ALL_MET: State.IDLE, Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
     State.COMM: Spec(CommState, timer="communicate_s", keeps_target=True, seeks=True,
         cruises=True,
         on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_ASKED}),
     State.EXPL: Spec(ExploreState, timer="explore_s", explores=True, cruises=True,
         on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.IDLE: Spec(IdleState, cruises=True,
+        on={Signal.ROBOT_DUE: State.SEARCH, **_ENDS, **_ASKED}),
     State.GOTO: Spec(GotoState, timer="hold_s", timer_from=From.ARRIVAL, cruises=True,
         on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_ASKED}),
     State.HOLD: Spec(HoldState, puts_off=True, cruises=True,
@@ -127,6 +130,7 @@ class StateHandlers:
             ExploreState(context, gate, navigator, search.exploration, self.reachability),
             self.search,
             self.comm,
+            IdleState(context, gate, navigator, search),
             self.goto,
             self.hold,
             self.home,

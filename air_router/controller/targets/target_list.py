@@ -177,6 +177,11 @@ class TargetTrack:
             self.given_s = now_s
 
     @property
+    def met_s(self) -> float:
+        """When both last had everything from each other; minus infinity: they never had."""
+        return min(-math.inf if at is None else at for at in (self.taken_s, self.given_s))
+
+    @property
     def word_s(self) -> float | None:
         """When it said the newest that we know of it, on our clock; None: never heard of."""
         said = [self.ours_s(word.stamp_s) for word in (self.pose, self.path) if word is not None]

@@ -18,6 +18,7 @@ const SETTINGS = [
     ["search_s", "Wait for a robot, s"],
     ["communicate_s", "Hover over a robot, s"],
     ["hold_s", "Hover at a requested point, s"],
+    ["revisit_s", "Visit a robot again after, s"],
   ]],
   ["Planner", [
     ["clearance_m", "Clearance, m"],

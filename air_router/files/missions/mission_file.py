@@ -91,6 +91,7 @@ def _fill(draft: MissionDocument, form: MissionForm) -> None:
     draft.timers, draft.planner = form.timers, form.planner
     draft.uav = form.uav
     draft.seek, draft.seek_policy = tuple(form.seek.robots), form.seek.policy
+    draft.when_explored = form.when_explored
     draft.goals_from = tuple(form.goals_from)
     folder = draft.source.path.parent
     draft.team = None if form.team is None else folder / form.team

@@ -12,6 +12,7 @@ from air_router.files.mission_document import Area, MissionDocument, MissionPoin
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
+    DEFAULT_WHEN_EXPLORED,
     PlannerSettings,
     Timers,
 )
@@ -41,6 +42,7 @@ def mission_text(draft: MissionDocument, folder: Path) -> str:
         "uavs": {uav.name: _uav(uav, frame) for uav in draft.uavs},
         "uav": None if draft.uavs else draft.uav,
         "seek": _seek(draft),
+        "when_explored": _unless(DEFAULT_WHEN_EXPLORED, draft.when_explored),
         "goals_from": list(draft.goals_from),
         "timers": _changed(asdict(draft.timers), asdict(Timers())),
         "planner": _changed(asdict(draft.planner), asdict(PlannerSettings())),
@@ -65,6 +67,10 @@ def _given(data: dict[str, Any]) -> dict[str, Any]:
 
 def _changed(data: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in data.items() if value != defaults[key]}
+
+
+def _unless(default: str, value: str) -> str | None:
+    return None if value == default else value
 
 
 def _relative(path: Path | None, folder: Path) -> str | None:

@@ -14,7 +14,12 @@ from air_router.files.maps.feature_set import map_area
 from air_router.files.maps.zone_reading import MapCircle, MapRing
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.missions.qgc_items import MavCommand
-from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
+from air_router.files.settings import (
+    DEFAULT_SEEK_POLICY,
+    DEFAULT_WHEN_EXPLORED,
+    PlannerSettings,
+    Timers,
+)
 from geo.airspace.zone import Circle
 from geo.frame import Geodetic, LocalFrame
 
@@ -188,6 +193,7 @@ def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: s
         ("team", draft.team is not None),
         ("world", draft.world is not None),
         ("seek", bool(draft.seek) or draft.seek_policy != DEFAULT_SEEK_POLICY),
+        ("when_explored", draft.when_explored != DEFAULT_WHEN_EXPLORED),
         ("goals_from", bool(draft.goals_from)),
         ("uavs", bool(draft.uavs)),
         ("duration_s", draft.duration_s is not None),

@@ -74,7 +74,8 @@ def _scenery(settings: RunSettings) -> Scenery:
         mission = mission_over(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
     else:
         mission = _mission(settings.mission, speed_m_s=speed_m_s, altitude_m=altitude_m)
-    timers = Timers(**settings.timers.model_dump())
+    # As the paper's UAV, which seeks robots without a pause once everything is explored.
+    timers = Timers(**settings.timers.model_dump(), revisit_s=0.0)
     mission = dataclasses.replace(
         mission,
         timers=dataclasses.replace(timers, init_s=math.inf) if settings.passive else timers,

@@ -97,6 +97,7 @@ ACCEPTED: Final = MappingProxyType(
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),
+        "IDLE": _row(End.LANDED, explores=True),
         "ALTITUDES": _HOME,
         "ZONE_BELOW": _row(End.LANDED, End.ASKED, End.PILOT),
         "LANDED_HERE": _row(End.LANDED, End.ASKED),

@@ -67,7 +67,7 @@ _LEADS_TO: Final = {
 _BESIDE_M, _STANDS_M_S = 3.0, 1.5
 
 _ENDS: Final = re.compile("coming home|hands off|leaving ")
-_FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "GOTO", "HOLD"})
+_FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HOLD"})
 
 _ANNOUNCED: Final = re.compile(
     r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"

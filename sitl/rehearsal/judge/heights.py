@@ -35,7 +35,7 @@ _TOGETHER_S: Final = 1.0
 _SPOILT: Final = frozenset({"LOST_FIX", "BRIEF_STREAM", "OLD"})
 """The satellites' altitude itself is late, frozen or wrong."""
 
-_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
+_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "HOME"})
 
 
 def jumping_altitudes_are_held_for(case: Case) -> Iterator[Violation]:

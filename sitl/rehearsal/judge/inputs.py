@@ -55,7 +55,7 @@ _BACK_S: Final = 15.0
 
 _MOVES_CM_S: Final = 100
 
-_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
+_CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "HOME"})
 _LEVEL: Final = _CRUISE | {"GOTO", "HOLD"}
 _GIVEN: Final = frozenset({"LAND", "PASSIVE", "DONE"})
 

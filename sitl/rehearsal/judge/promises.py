@@ -20,8 +20,8 @@ _CHANGE: Final = re.compile(r"\b([A-Z]+) -> ([A-Z]+)$")
 _ENDS: Final = frozenset({"HOLD", "SEARCH", "EXPL", "GOTO", "HOME", "PASSIVE", "DONE"})
 _AFTER: Final = {
     "READY": frozenset({"INIT", "HOME", "PASSIVE", "DONE"}),
-    "SEARCH": _ENDS | {"COMM"},
-    **dict.fromkeys(("INIT", "COMM", "EXPL", "GOTO"), _ENDS),
+    "SEARCH": _ENDS | {"COMM", "IDLE"},
+    **dict.fromkeys(("INIT", "COMM", "EXPL", "IDLE", "GOTO"), _ENDS),
     "HOLD": _ENDS - {"HOLD"} | {"LAND"},
     "HOME": _ENDS - {"HOME"} | {"LAND"},
     "LAND": frozenset({"DONE", "PASSIVE"}),
@@ -47,6 +47,7 @@ _TIMERS: Final = {
     "GOTO": "hold_s",
 }
 _HOLD_S: Final = 20.0
+_REVISIT_S: Final = 30.0
 _ARRIVES: Final = {"SEARCH": "at the search position", "GOTO": "at the last point"}
 """Their time begins with this line."""
 
@@ -55,7 +56,7 @@ _BY_TIME: Final = {
     **dict.fromkeys(("SEARCH", "GOTO", "COMM"), "EXPL"),
 }
 _NO_WAY: Final = "no way|left out|no clear way|no robot"
-_CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "LANDED_HERE", "ALTITUDES"})
+_CALM: Final = frozenset({"NONE", "VANISH", "SENT", "EXPLORED", "IDLE", "LANDED_HERE", "ALTITUDES"})
 """Faults in which nothing keeps the vehicle from its mission."""
 
 _AT_ONCE_S, _LATE_S, _EARLY_S = 0.5, 2.5, 1.0
@@ -187,6 +188,37 @@ def _met(case: Case) -> list[tuple[float, str]]:
     return [(h.time_s, h.value[0]) for h in synced if h.value[1] == "in"]
 
 
+def _due(case: Case, robot: str, at_s: float, slack_s: float = 1.0) -> bool:
+    """Whether a robot may be sought: all are, until everything is explored; then a while later.
+
+    The while is counted from the last complete exchange in both directions.
+    """
+    if explored(case, at_s) < len(case.mission.waypoints):
+        return True
+    ends = {"in": -math.inf, "out": -math.inf}
+    for told in case.evidence.told(SceneEventKind.SYNCED):
+        who, direction = told.value[:2]
+        if who == robot and told.time_s <= at_s:
+            ends[direction] = told.time_s
+    revisit_s = case.mission.timers_s.get("revisit_s", _REVISIT_S)
+    return at_s - min(ends.values()) >= revisit_s - slack_s
+
+
+def robots_met_are_left_alone(case: Case) -> Iterator[Violation]:
+    """With everything explored no robot is sought again at once, but on request; nor too late."""
+    if not (case.evidence.heard and case.evidence.faults <= _CALM):
+        return
+    of = re.compile("SEARCH ([a-z0-9_]+): ")
+    for at_s, text in case.said:
+        found = of.search(text)
+        if found and not _due(case, found[1], at_s) and not _answered(case, at_s, "it seeks"):
+            yield Violation(at_s, "state", f"{found[1]} is sought again, and was met just now")
+    for spell in spells_of(case):
+        waits = case.mission.seek if spell.state == "IDLE" else ()
+        for robot in (name for name in waits if _due(case, name, spell.end_s, -_LATE_S)):
+            yield Violation(spell.end_s, "state", f"it waits, and {robot} is due for a visit")
+
+
 def robots_are_sought_in_turn(case: Case) -> Iterator[Violation]:
     """Each until it is heard, or its time is over; then the next."""
     met, last = _met(case), ""
@@ -203,7 +235,9 @@ def robots_are_sought_in_turn(case: Case) -> Iterator[Violation]:
             yield Violation(missed[0], "state", f"{name} was heard, and is sought on")
         seek = case.mission.seek
         if last in seek and name in seek and not _answered(case, at_s, "it seeks"):
-            turn = seek[(seek.index(last) + 1) % len(seek)]
+            start = seek.index(last) + 1
+            round_ = [*seek[start:], *seek[:start]]
+            turn = next((robot for robot in round_ if _due(case, robot, at_s)), name)
             if name != turn and not case.has_said(_NO_WAY, at_s - _AT_ONCE_S, at_s + 0.1):
                 yield Violation(at_s, "state", f"{name} is sought after {last}, not {turn}")
         last = name
@@ -245,7 +279,7 @@ def the_charge_covers_the_way_home(case: Case) -> Iterator[Violation]:
             way_s / mission.endurance_s + _LEFT
             for way_s in (straight_s, _DETOUR * straight_s + _CORNERS_S)
         )
-        out = case.state(at_s) in {"INIT", "SEARCH", "COMM", "EXPL", "GOTO"}
+        out = case.state(at_s) in {"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO"}
         if out and case.cruises(index) and charge < needed - _SLACK:
             text = f"stays out at {charge:.0%}: home and landing take {needed:.0%} at least"
             yield Violation(at_s, "battery", text)

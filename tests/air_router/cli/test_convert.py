@@ -404,7 +404,7 @@ def test_a_folder_that_is_not_there_is_told_by_the_file_that_was_asked_for(tmp_p
 
 def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
     extra = """
-        timers: {init_s: 1, explore_s: 2, search_s: 3, communicate_s: 4, hold_s: 5}
+        timers: {init_s: 1, explore_s: 2, search_s: 3, communicate_s: 4, hold_s: 5, revisit_s: 6}
         planner: {clearance_m: 6, tracking_margin_m: 1, max_edge_m: 90, acceptance_radius_m: 3,
                   vertical_margin_m: 7, terrain_relief_m: 8, vertical_separation_m: 9,
                   home_separation_m: 11, kind: shortest}
@@ -415,6 +415,7 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
         accepts: [rtl_type, fence_action]
         uav: titan
         seek: {robots: [io, callisto], policy: freshest}
+        when_explored: hover
         goals_from: [europa]
         team: team.yaml
         world: world.yaml

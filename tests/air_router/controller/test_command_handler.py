@@ -66,6 +66,18 @@ def find_and_sync(flight):
     syncs(flight)
 
 
+def explore_and_meet_all(flight):
+    exploration = flight.controller.exploration
+    find(flight)
+    while exploration.remaining:
+        exploration.visited()
+    for robot in ("europa", "io", "callisto"):  # the last one ends COMM
+        for direction in Direction:
+            flight.give(SyncStarted(robot, 0.0, direction))
+            flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1))
+    flight.fly_to_state(State.IDLE)
+
+
 def end_in(state):
     def end(flight):
         ask(flight, ComeHome())
@@ -79,6 +91,7 @@ WAYS = {
     State.SEARCH: lambda flight: ask(flight, SeekNow("callisto")),
     State.COMM: find,
     State.EXPL: find_and_sync,
+    State.IDLE: explore_and_meet_all,
     State.GOTO: lambda flight: ask(flight, GoTo(FAR)),
     State.HOLD: lambda flight: ask(flight, HoldNow()),
     State.PASSIVE: lambda flight: flight.pilot_chooses(FlightMode.OTHER),
@@ -110,13 +123,14 @@ def in_state(pretend, flown):
 # For every request and every state: the state that follows, or why it is refused.
 S, R = State, Refusal
 NEITHER = {S.READY: R.NOT_FLYING, S.PASSIVE: R.NOT_OURS, S.DONE: R.FLIGHT_OVER}
-IN_THE_AIR = (S.INIT, S.SEARCH, S.COMM, S.EXPL, S.GOTO, S.HOLD, S.HOME)
+IN_THE_AIR = (S.INIT, S.SEARCH, S.COMM, S.EXPL, S.IDLE, S.GOTO, S.HOLD, S.HOME)
 EXPECTED = {
     HoldNow(): {**dict.fromkeys(IN_THE_AIR, S.HOLD), S.LAND: R.COMING_HOME, **NEITHER},
     SeekNow("io"): {**dict.fromkeys(IN_THE_AIR, S.SEARCH), S.LAND: R.COMING_HOME, **NEITHER},
     ExploreNow(): {
         **dict.fromkeys(IN_THE_AIR, S.EXPL),
         S.INIT: S.INIT,
+        S.IDLE: R.NOTHING_TO_DO,
         S.LAND: R.COMING_HOME,
         **NEITHER,
     },
@@ -193,7 +207,9 @@ def is_yielded(flight):
 LED = {
     is_taken_over: dict.fromkeys((*IN_THE_AIR, S.LAND), S.PASSIVE),
     lands: dict.fromkeys((*IN_THE_AIR, S.LAND, S.PASSIVE), S.DONE),
-    battery_falls: dict.fromkeys((S.INIT, S.SEARCH, S.COMM, S.EXPL, S.GOTO, S.HOLD), S.HOME),
+    battery_falls: dict.fromkeys(
+        (S.INIT, S.SEARCH, S.COMM, S.EXPL, S.IDLE, S.GOTO, S.HOLD), S.HOME
+    ),
     time_passes: {S.INIT: S.SEARCH, S.COMM: S.EXPL, S.EXPL: S.SEARCH},
     hears: {S.SEARCH: S.COMM},
     syncs: {S.COMM: S.EXPL},

@@ -23,6 +23,7 @@ WAYS = {
     State.SEARCH: (Signal.TIMER,),
     State.COMM: (Signal.TIMER, Signal.FOUND),
     State.EXPL: (Signal.EXPLORE,),
+    State.IDLE: (Signal.TIMER, Signal.ALL_MET),
     State.GOTO: (Signal.GOTO,),
     State.HOLD: (Signal.HOLD,),
     State.HOME: (Signal.COME_HOME,),

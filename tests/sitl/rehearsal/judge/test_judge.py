@@ -416,7 +416,7 @@ def test_no_list_is_begun_for_a_vehicle_that_the_pilot_flies(at_s, asked, wrong)
 
 def test_no_rule_is_lost():
     names = [rule.__name__ for rule in RULES]
-    assert len(names) == len(set(names)) == 60
+    assert len(names) == len(set(names)) >= 60
     assert {"keeps_its_room", "legs_are_clear", "contact_begins_it", "ends_as_it_may"} <= {*names}
 
 
