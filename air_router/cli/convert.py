@@ -30,7 +30,7 @@ from air_router.files.missions.qgc_write import (
 )
 from air_router.files.whole_file import write_whole
 from air_router.files.xml_document import kmz_of
-from air_router.mission.loading import foreign_draft, read_draft, validate
+from air_router.mission.loading import foreign_draft, is_mission, read_draft, validate
 from air_router.record.log import Log
 from air_router.words import counted
 from mocha_link.errors import needs_extra
@@ -57,13 +57,12 @@ _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
 }
 _RECORD: Final = ".mcap"
 _LOSING: Final = frozenset({_RECORD, ".yaml", ".yml"})  # written anew they lack something
-_MISSIONS: Final = frozenset({".plan", ".yaml", ".yml", ".waypoints"})
 
 _EPILOG = """\
 FROM is a flight's record (.mcap), which becomes .mcap with Foxglove's schemas or .rrd for Rerun;
-or a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .gpx with --altitude); or a file of
-zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318 geozones). TO
-is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
+or a mission (.yaml, .plan, waypoints and fences of ArduPilot's programs, .gpx with --altitude); or
+a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air, .json with ED-269 or ED-318
+geozones). TO is .plan, .yaml, .geojson, .kml or .kmz; zones alone become one of the last three.
 
 examples:
   air-router convert town.plan town.yaml
@@ -96,6 +95,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
     )
     parser.add_argument(
+        "--skip",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="leave out zones of this name or kind: they are none for this mission",
+    )
+    parser.add_argument(
         "--altitude",
         type=number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE),
         metavar="M",
@@ -118,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{target} is the file that is read, and would lose; write another one")
     report = _Report(source, target)
     read = _zones
-    if source.suffix.lower() in _MISSIONS or arguments.altitude is not None:
+    if is_mission(source) or arguments.altitude is not None:
         read = _mission
     if source.suffix.lower() == _RECORD or kind in (_FOXGLOVE, _RERUN):
         read = _record
@@ -198,7 +204,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
     draft = foreign_draft(source, altitude_m=altitude_m) or read_draft(source)
     own_zones = len(draft.zones)
     for path in arguments.zones:
-        add_zones(draft, path, (), allow=arguments.allow)
+        add_zones(draft, path, (), arguments.allow, arguments.skip)
     if draft.problems or draft.frame is None or draft.home is None:
         raise DocumentError(draft.problems)
     if kind != _PLAN or not isinstance(draft.source, JsonDocument):
@@ -229,6 +235,7 @@ def _written(
         text = _MAP_WRITERS[kind](feature_set_of(draft))
         tell_settings(draft, report.warnings, f"a {kind} file")
     elif kind == _YAML:
+        _refuse_without_waypoints(draft)
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
@@ -241,6 +248,17 @@ def _written(
     return text
 
 
+def _refuse_without_waypoints(draft: MissionDocument) -> None:
+    """Without waypoints nothing says how high to fly: no mission file could be read again."""
+    if not draft.waypoints:
+        message = (
+            "no waypoints in it, so nothing says where and how high to fly; add one, or convert "
+            "its fence and zones to .geojson, .kml or .plan"
+        )
+        problem = draft.source.problem((), message, "no-waypoints")
+        raise DocumentError([*draft.problems, problem])
+
+
 def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
     if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
         raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
@@ -249,12 +267,17 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | b
             "zones alone are no mission: give the mission as FROM and these with --zones"
         )
     readings = [
-        read_zones(path, allow=arguments.allow) for path in (arguments.source, *arguments.zones)
+        read_zones(path, allow=arguments.allow, skip=arguments.skip)
+        for path in (arguments.source, *arguments.zones)
     ]
+    features, repairs = feature_set_of_zones(readings, arguments.source.stem)
+    unread = [problem for reading in readings for problem in reading.unread]
     problems = [problem for reading in readings for problem in reading.problems]
-    features, broken = feature_set_of_zones(readings, arguments.source.stem)
-    if problems or broken:
-        raise DocumentError([*problems, *broken])
+    if len(problems) > len(unread) or (problems and not features.zones):
+        raise DocumentError(problems)
+    for problem in unread:
+        place = f"{problem.path}:{problem.line}:{problem.column}"
+        report.warnings.add(place, problem.message, problem.code)
     report.counts = {"no-fly zones": len(features.zones)}
-    report.notes = [note for reading in readings for note in reading.notes]
+    report.notes = [*(note for reading in readings for note in reading.notes), *repairs]
     return _MAP_WRITERS[kind](features)

@@ -10,8 +10,8 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import UsageError
+from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
 from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint
 from air_router.files.settings import DEFAULT_SPEED_M_S, AreaForm, PlannerSettings
 from air_router.files.whole_file import PlacedSource

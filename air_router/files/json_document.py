@@ -25,7 +25,11 @@ MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 60
 
 _MAX_DIGITS: Final = 300
-_SUSPICIOUS = re.compile(r"\\u[dD][89a-fA-F]|[eE]\+?[0-9]{3}|[0-9]{300}")
+_SUSPICIOUS = re.compile(
+    r"(?:^|[\[,:\s])-?(?:[0-9]{200}|[0-9]+(?:\.[0-9]+)?[eE]\+?[0-9]{3})"  # where a number begins
+    r"|\\u[dD][89abAB][0-9a-fA-F]{2}(?!\\u[dD][c-fC-F])"
+    r"|(?<!\\u[dD][89abAB][0-9a-fA-F]{2})\\u[dD][c-fC-F]"
+)
 """Text that may spell half a character or a number that is none; most files have nothing such."""
 
 NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")

@@ -169,6 +169,7 @@ class ZoneFileForm(_Form):
 
     file: str
     allow: list[str] = []
+    skip: list[str] = []
 
 
 class SpotForm(_Form):

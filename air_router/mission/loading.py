@@ -12,10 +12,12 @@ from typing import Final
 
 from air_router.errors import UsageError
 from air_router.files.json_document import MAX_BYTES, load_json
+from air_router.files.maps.ardupilot_fences import is_fence_file, is_waypoint_file
 from air_router.files.maps.gpx import gpx_draft, read_gpx
 from air_router.files.mission_document import MissionDocument
 from air_router.files.missions.mission_file import read_mission
-from air_router.files.missions.qgc_read import plan_draft, read_waypoints
+from air_router.files.missions.qgc_read import plan_draft
+from air_router.files.missions.waypoint_file import read_old_fence_draft, read_waypoints
 from air_router.files.settings import SLOWEST_M_S
 from air_router.files.whole_file import bytes_within
 from air_router.messages import FARTHEST_M
@@ -223,25 +225,49 @@ def _note_fence(draft: MissionDocument, mission: Mission) -> None:
 
 GPX: Final = ".gpx"
 WAYPOINTS: Final = ".waypoints"
+_OWN: Final = frozenset({".plan", ".yaml", ".yml"})
+_LOOKED_AT: Final = 4_000
 
 _TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
 _ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
 _ADVICE: Final = {
-    WAYPOINTS: f"{_TO_CONVERT}`",
+    **dict.fromkeys((WAYPOINTS, ".fen"), f"{_TO_CONVERT}`"),
     GPX: f"{_TO_CONVERT} --altitude M`",
     **dict.fromkeys((".kml", ".kmz", ".geojson", ".txt", ".air", ".openair"), _ZONES),
 }
 
 
 def check_own(path: Path) -> None:
-    """Make sure that a file is none of another program, by its name.
+    """Make sure that a file is none of another program, by its content and name.
 
     Raises:
         DocumentError: it is; says what to do with it.
     """
-    advice = _ADVICE.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    advice = _ADVICE.get(suffix)
+    if suffix not in _OWN and is_waypoint_file(_begin(path)):
+        advice = _ADVICE[WAYPOINTS]
     if advice is not None:
         raise DocumentError.at(path, advice.format(path=path), "unknown-format")
+
+
+def is_mission(path: Path) -> bool:
+    """Whether a file is of a mission, ours or one of those that `foreign_draft` reads."""
+    suffix = path.suffix.lower()
+    return suffix in (*_OWN, WAYPOINTS) or _of_ardupilot(_begin(path))
+
+
+def _of_ardupilot(begin: bytes) -> bool:
+    return is_waypoint_file(begin) or is_fence_file(begin)
+
+
+def _begin(path: Path) -> bytes:
+    """What a file begins with; nothing, where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_LOOKED_AT).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return b""
 
 
 def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | None:
@@ -260,6 +286,11 @@ def foreign_draft(path: Path, *, altitude_m: float | None) -> MissionDocument | 
         raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
     if altitude_m is not None:
         return gpx_draft(read_gpx(bytes_within(path, MAX_BYTES), path), altitude_m)
-    if suffix == WAYPOINTS:
+    if suffix in _OWN:
+        return None
+    begin = _begin(path)
+    if suffix == WAYPOINTS or is_waypoint_file(begin):
         return read_waypoints(text_in(bytes_within(path, MAX_BYTES), path), path)
+    if is_fence_file(begin):
+        return read_old_fence_draft(text_in(bytes_within(path, MAX_BYTES), path), path)
     return None

@@ -4,14 +4,14 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from air_router.files.maps.zone_reading import (
+from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
     MapOutline,
     MapRing,
-    ZoneReading,
     unique_names,
 )
+from air_router.files.maps.zone_reading import ZoneReading
 from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame, Point, step_at_m, stepped
@@ -19,7 +19,6 @@ from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
 _ON_LINE_DEG = 2e-9
-_FRAME_STEP_DEG = 10.0
 _LONG = 1.1  # of that step: longer than any side that was straight on the map
 
 
@@ -82,13 +81,12 @@ def feature_set_of(draft: MissionDocument) -> FeatureSet:
 def feature_set_of_zones(
     readings: Iterable[ZoneReading], name: str
 ) -> tuple[FeatureSet, list[Problem]]:
-    """The feature set of files of zones, and the problems of zones that are no areas."""
-    zones = [zone for reading in readings for zone in reading.zones]
-    shapes = [zone.placed(_frame_near(zone)) for zone in zones]
+    """The feature set of files of zones, and notes on zones that had to be repaired for it."""
+    sound = [zone.sound() for reading in readings for zone in reading.zones]
+    zones = [zone for areas, _ in sound for zone in areas]
     names = unique_names(zone.name for zone in zones)
     named = [replace(zone, name=name) for zone, name in zip(zones, names, strict=True)]
-    problems = [shape for shape in shapes if isinstance(shape, Problem)]
-    return FeatureSet(name, zones=named), problems
+    return FeatureSet(name, zones=named), [note for _, note in sound if note is not None]
 
 
 def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
@@ -150,12 +148,3 @@ def map_area(area: Area, frame: LocalFrame) -> MapArea:
         return MapArea(area.name, MapCircle(centre, area.shape.radius_m), area.terms)
     ring, *holes = (corners_of(ring, frame) for ring in (area.shape.ring, *area.shape.holes))
     return MapArea(area.name, MapOutline(ring, tuple(holes)), area.terms)
-
-
-def _frame_near(zone: MapArea) -> LocalFrame:
-    """One of a few frames all over the Earth: making one takes longer than reading a zone."""
-    shape = zone.shape
-    place = shape.centre if isinstance(shape, MapCircle) else shape.ring[0]
-    return LocalFrame(
-        Geodetic(*(_FRAME_STEP_DEG * round(part / _FRAME_STEP_DEG) for part in place))
-    )

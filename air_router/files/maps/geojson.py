@@ -20,17 +20,15 @@ from shapely.geometry.polygon import orient
 from air_router.files.json_document import JsonDocument, JsonValues, is_number, json_text
 from air_router.files.maps.feature_set import FeatureSet, MapPoint
 from air_router.files.maps.limits import terms_of
-from air_router.files.maps.zone_reading import (
-    MAX_RADIUS_M,
+from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
     MapOutline,
     MapRing,
-    Shapes,
-    ZoneReading,
     outline_of_rings,
     place_of,
 )
+from air_router.files.maps.zone_reading import MAX_RADIUS_M, Shapes, ZoneChoice, ZoneReading
 from air_router.files.mission_document import Keys
 from air_router.files.zone_terms import NO_TERMS, terms_data
 from geo.airspace.zone import polygons_of
@@ -39,12 +37,13 @@ from geo.frame import Geodetic
 _WITHOUT_AREA: Final = frozenset({"MultiPoint", "LineString", "MultiLineString"})
 _WGS84_NAMES: Final = ("CRS84", "EPSG::4326", "EPSG:4326")
 _NAME_KEYS: Final = ("name", "title", "NAME")
+_KIND_KEYS: Final = ("kind", "type", "category", "class", "TYPE", "CLASS", "TYPE_CODE")
 _RADIUS_KEYS: Final = ("radius_m", "radius")
 
 
-def read_geojson(document: JsonDocument) -> ZoneReading:
+def read_geojson(document: JsonDocument, choice: ZoneChoice | None = None) -> ZoneReading:
     """The zones of a GeoJSON file."""
-    reader = _Reader(document, "GeoJSON")
+    reader = _Reader(document, "GeoJSON", choice)
     reader.read()
     return reader.reading
 
@@ -56,8 +55,8 @@ class GeometryReader(JsonValues):
         reading: Takes zones, problems and notes.
     """
 
-    def __init__(self, document: JsonDocument, kind: str) -> None:
-        self.reading = ZoneReading(document, kind)
+    def __init__(self, document: JsonDocument, kind: str, choice: ZoneChoice | None = None) -> None:
+        self.reading = ZoneReading(document, kind, choice)
         super().__init__(document.data, self.reading.report)
 
     def number_within(
@@ -98,10 +97,13 @@ class GeometryReader(JsonValues):
         """A place and a radius in metres."""
         centre = self.position(keys)
         radius_m = self.number_within(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
-        return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
+        if centre is None or radius_m is None:
+            self.reading.saw([] if centre is None else [centre])
+            return None
+        return MapCircle(centre, radius_m)
 
     def shapes(self, keys: Keys) -> Shapes:
-        """The areas of a geometry; what is no area is a problem."""
+        """The areas of a geometry; what is no area is noted."""
         kind = self.at(*keys, "type")
         places: Keys = (*keys, "coordinates")
         shape: MapOutline | MapCircle | None = None
@@ -117,8 +119,7 @@ class GeometryReader(JsonValues):
         elif kind == "Point":
             shape = self.point(keys)
         elif isinstance(kind, str) and kind in _WITHOUT_AREA:
-            message = f"a {kind} has no area; draw a polygon, or give a point a radius"
-            self.reading.report((*keys, "type"), message, "no-area")
+            self.reading.without_area((*keys, "type"), f"a {kind} has no area")
         else:
             self.wrong((*keys, "type"), "the type of a geometry is Polygon, MultiPolygon or Point")
         return [] if shape is None else [(keys, shape)]
@@ -132,8 +133,7 @@ class GeometryReader(JsonValues):
 
     def point(self, keys: Keys) -> MapCircle | None:
         """A point as a circle, if it has a radius."""
-        message = "a point without a radius; add the property radius_m, or draw a polygon"
-        self.reading.report(keys, message, "no-area")
+        self.reading.without_area(keys, "a point without a radius (radius_m) has no area")
         return None
 
     def _outline(self, keys: Keys) -> MapOutline | None:
@@ -149,6 +149,7 @@ class GeometryReader(JsonValues):
         places = map(_place, values if isinstance(values, list) else [])
         ring = [place for place in places if place is not None]
         if not isinstance(values, list) or len(ring) < len(values):
+            self.reading.saw(ring)
             for corner in self.entries(keys, "a polygon's ring"):  # to tell what is wrong
                 self.position(corner)
             return None
@@ -176,12 +177,14 @@ class _Reader(GeometryReader):
         kind = self.at("type")
         if kind == "FeatureCollection":
             for number, keys in enumerate(self.entries(("features",), "the features"), start=1):
-                self._feature(keys, number)
+                with self.reading.area():
+                    self._feature(keys, number)
         elif kind == "Feature":
             self._feature((), 1)
         else:
             self.reading.add(self.reading.name_of("", 1), self.shapes(()), NO_TERMS)
         self.reading.tell_others("features", "property")
+        self.reading.refuse_without_areas("draw a polygon, or give a point the property radius_m")
 
     def _feature(self, keys: Keys, number: int) -> None:
         self._properties = (*keys, "properties")
@@ -196,10 +199,15 @@ class _Reader(GeometryReader):
             self.reading.note(keys, "a feature without a geometry: left out", "no-area")
         else:
             names = (*(properties.get(key) for key in _NAME_KEYS), self.at(*keys, "id"))
-            name = next((str(name) for name in names if name not in (None, "")), "")
-            terms = terms_of(properties, self.reading, lambda key: (*self._properties, key))
+            given = next((str(name) for name in names if name not in (None, "")), "")
+            name = self.reading.name_of(given, number)
+            kinds = (properties.get(key) for key in _KIND_KEYS)
+            if self.reading.skips(name, *(str(kind) for kind in kinds if kind is not None)):
+                return
             shapes = self.shapes((*keys, "geometry"))
-            self.reading.add(self.reading.name_of(name, number), shapes, terms)
+            if shapes:
+                terms = terms_of(properties, self.reading, lambda way: (*self._properties, *way))
+                self.reading.add(name, shapes, terms)
 
     def point(self, keys: Keys) -> MapCircle | None:
         for name in _RADIUS_KEYS:

@@ -11,7 +11,8 @@ from typing import Final
 
 from shapely import LineString
 
-from air_router.files.maps.zone_reading import MapOutline, ZoneReading, place_of
+from air_router.files.maps.map_area import MapOutline, place_of
+from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
 from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from air_router.files.whole_file import PlacedSource
@@ -60,10 +61,10 @@ class GpxDocument:
     tracks: list[GpxLine] = field(default_factory=list)  # a line for each segment
 
 
-def read_gpx(raw: bytes, path: Path) -> GpxDocument:
+def read_gpx(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> GpxDocument:
     """A GPX file's bytes. Raises DocumentError: it is not XML, or not GPX."""
     root = parse_xml(raw, path)
-    document = GpxDocument(ZoneReading(PlacedSource(path), "GPX"))
+    document = GpxDocument(ZoneReading(PlacedSource(path), "GPX", choice))
     if root.name != "gpx":
         message = f"the outermost element is <{root.name[:30]}>, not <gpx>; choose another file"
         raise DocumentError.at(path, message, "unknown-format", *root.keys)
@@ -104,14 +105,18 @@ def _points(document: GpxDocument, parent: Element, tag: str) -> list[GpxPoint]:
 # As zones
 
 
-def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
+def read_gpx_zones(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
     """The zones of a GPX file. Raises DocumentError: it is no GPX."""
-    document = read_gpx(raw, path)
+    document = read_gpx(raw, path, choice)
     reading = document.reading
     lines = [*document.routes, *document.tracks]
     zones = [line for line in lines if line.kind == _ZONE] or lines
     for number, line in enumerate(zones, start=1):
-        _add_zone(reading, line, line.name or f"{path.stem} {number}")
+        with reading.area():
+            name = line.name or f"{path.stem} {number}"
+            reading.saw([point.place for point in line.points])
+            if not reading.skips(name, line.kind):
+                _add_zone(reading, line, name)
     left = len(lines) - len(zones) + len(document.points)
     if left:
         message = f"{left} points and lines of other types than 'zone': left out"

@@ -18,17 +18,20 @@ from typing import Any, Final
 from air_router.files.json_document import is_number
 from air_router.files.maps.feature_set import FeatureSet, MapPoint, counterclockwise
 from air_router.files.maps.limits import terms_of
-from air_router.files.maps.zone_reading import (
-    MAX_ALTITUDE_M,
-    MAX_RADIUS_M,
+from air_router.files.maps.map_area import (
     MapArea,
     MapCircle,
     MapOutline,
     MapRing,
-    Shapes,
-    ZoneReading,
     outline_of_rings,
     place_of,
+)
+from air_router.files.maps.zone_reading import (
+    MAX_ALTITUDE_M,
+    MAX_RADIUS_M,
+    Shapes,
+    ZoneChoice,
+    ZoneReading,
 )
 from air_router.files.whole_file import PlacedSource
 from air_router.files.xml_document import Element, parse_xml
@@ -46,12 +49,17 @@ _AREAS: Final = frozenset({"Placemark", "Polygon"})
 _GROUND, _SEA = "relativeToGround", "absolute"  # KML's altitude modes
 _REFERENCES: Final = {_GROUND: Reference.GROUND, _SEA: Reference.AMSL}
 _LONGEST_JSON: Final = 10_000
+_COMMA = re.compile(r"\s*,\s*")
+
+_DJI_MISSION: Final = "templateType"
+_DJI_TEMPLATES: Final = frozenset({"waypoint", "mapping2d", "mapping3d", "mappingStrip"})
+"""What folders of DJI's missions are for: their polygons say what is surveyed."""
 
 
-def read_kml(raw: bytes, path: Path) -> ZoneReading:
+def read_kml(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
     """The zones of a KML file's bytes. Raises DocumentError: it is not XML."""
     root = parse_xml(raw, path)
-    reader = _Reader(ZoneReading(PlacedSource(path), "KML"))
+    reader = _Reader(ZoneReading(PlacedSource(path), "KML", choice))
     if root.name in _FOLDERS:
         reader.read(root)
     else:
@@ -65,16 +73,22 @@ class _Reader:
         self.reading = reading
 
     def read(self, root: Element) -> None:
-        for number, element in enumerate(self._placemarks(root), start=1):
-            self._placemark(element, number)
+        for number, (element, folders) in enumerate(self._placemarks(root, ()), start=1):
+            with self.reading.area():
+                self._placemark(element, folders, number)
         self.reading.tell_others("placemarks", "data")
+        self.reading.refuse_without_areas("draw a polygon, or give a point the data 'radius_m'")
 
-    def _placemarks(self, folder: Element) -> Iterator[Element]:
+    def _placemarks(
+        self, folder: Element, within: tuple[str, ...]
+    ) -> Iterator[tuple[Element, tuple[str, ...]]]:
+        """All placemarks, each with what the folders around it are called and are for."""
+        within = (*within, folder.text_of("name"), folder.text_of(_DJI_MISSION))
         for child in folder.children:
             if child.name == "Placemark":
-                yield child
+                yield child, within
             elif child.name in _FOLDERS:
-                yield from self._placemarks(child)
+                yield from self._placemarks(child, within)
             elif child.name in _NOT_FOLLOWED:
                 message = f"<{child.name}> is not followed: left out"
                 self.reading.note(child.keys, message, "not-a-zone")
@@ -87,12 +101,14 @@ class _Reader:
             message = f"what is in <{element.name[:30]}> is not read; put its areas into a Folder"
             self.reading.report(element.keys, message, "not-kml")
 
-    def _placemark(self, element: Element, number: int) -> None:
+    def _placemark(self, element: Element, folders: tuple[str, ...], number: int) -> None:
         places = {data.attributes["name"]: data for data in _data_elements(element)}
         data = {name: _value(place) for name, place in places.items()}
         if not self.reading.takes(data):
             return
-        terms = terms_of(data, self.reading, lambda name: places.get(name, element).keys)
+        name = self.reading.name_of(element.text_of("name"), number)
+        if self.reading.skips(name, *filter(None, folders)):
+            return
         circle = self._circle(element, data)
         polygons = list(self._polygons(element, besides=circle))
         shapes: Shapes = [] if circle is None else [(element.keys, circle)]
@@ -101,9 +117,18 @@ class _Reader:
             shapes += [(polygon.keys, outline)] if outline else []
         heights = [self._height(polygon) for polygon in polygons]
         upper = _highest(heights if circle is None else [])
+        if not shapes:
+            return
+        terms = terms_of(data, self.reading, lambda way: places.get(str(way[0]), element).keys)
+        if kinds := [kind for kind in folders if kind in _DJI_TEMPLATES]:
+            message = (
+                f"'{name}' is the area of a DJI mission ({kinds[0]}): read as a no-fly zone; if it "
+                f"is none, skip '{kinds[0]}'"
+            )
+            self.reading.note(element.keys, message, "mission-area")
         if upper is not None and terms.altitudes is None:
             terms = replace(terms, altitudes=Altitudes(upper=upper))
-        self.reading.add(self.reading.name_of(element.text_of("name"), number), shapes, terms)
+        self.reading.add(name, shapes, terms)
 
     def _circle(self, element: Element, data: dict[str, Any]) -> MapCircle | None:
         """A point with a radius."""
@@ -114,7 +139,10 @@ class _Reader:
             message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
             self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
-        places = None if point is None else self._places(point)
+        places = [] if point is None else self._places(point)
+        if places == []:
+            message = "a radius without a place: add a <Point> with coordinates"
+            self.reading.report(element.keys, message, "missing-key")
         return MapCircle(places[0], radius_m) if places else None
 
     def _polygons(self, element: Element, *, besides: MapCircle | None = None) -> Iterator[Element]:
@@ -129,11 +157,7 @@ class _Reader:
             elif child.name == "Point" and besides is not None:
                 continue
             elif child.name in _NO_AREAS:
-                message = (
-                    f"a {child.name} has no area; draw a polygon, or give a point the data "
-                    "'radius_m'"
-                )
-                self.reading.report(child.keys, message, "no-area")
+                self.reading.without_area(child.keys, f"a {child.name} has no area")
             elif child.name != "ExtendedData":
                 self._refuse_hidden(child)
         if not found:
@@ -160,29 +184,28 @@ class _Reader:
 
     def _places(self, element: Element) -> list[Geodetic] | None:
         """The places of <coordinates>; None, with a problem noted."""
-        places = []
-        for word in element.text.split():
+        places: list[Geodetic] = []
+        for word in _tuples(element.text):
             try:
                 longitude_deg, latitude_deg, _ = _numbers(word)
             except ValueError:
                 message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
+                self.reading.saw(places)
                 self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
                 return None
             place = place_of(latitude_deg, longitude_deg)
             if place is None:
                 message = f"there is no place '{word[:40]}'"
+                self.reading.saw(places)
                 self.reading.report_place(element.keys, message, longitude_deg, latitude_deg)
                 return None
             places.append(place)
-        if not places:
-            message = "no coordinates; draw it again"
-            self.reading.report(element.keys, message, "zone-too-few-corners")
-        return places or None
+        return places
 
     def _height(self, polygon: Element) -> AltitudeLimit | None:
         """Where an extruded polygon ends; None: it has no limit."""
         reference = _REFERENCES.get(polygon.text_of("altitudeMode"))
-        words = polygon.text_of("outerBoundaryIs", "LinearRing", "coordinates").split()
+        words = _tuples(polygon.text_of("outerBoundaryIs", "LinearRing", "coordinates"))
         try:
             highest_m = max(_numbers(word)[2] for word in words)
         except ValueError:
@@ -212,6 +235,11 @@ def _value(data: Element) -> Any:
         return json.loads(text) if len(text) < _LONGEST_JSON else text
     except (ValueError, RecursionError):
         return text
+
+
+def _tuples(text: str) -> list[str]:
+    """The words of <coordinates>, a place each; with blanks after commas, as Google Earth reads."""
+    return _COMMA.sub(",", text).split()
 
 
 def _numbers(word: str) -> tuple[float, float, float]:

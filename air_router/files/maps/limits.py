@@ -8,13 +8,14 @@ of GeoJSON. What is not certain makes a zone taller, never lower, and is told.
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Final
 
 from pydantic import ValidationError
 
-from air_router.files.json_document import NUMBER
+from air_router.files.json_document import NUMBER, is_number, value_at
 from air_router.files.maps.zone_reading import MAX_ALTITUDE_M, ZoneReading
 from air_router.files.mission_document import Keys
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, TermsForm, ZoneTerms
@@ -33,7 +34,7 @@ _UNITS: Final = {  # numbers: openAIP's
 }
 _DATUMS: Final = {
     **dict.fromkeys(("GND", "AGL", "ASFC", "SFC", "GROUND", "SURFACE", "0"), Reference.GROUND),
-    **dict.fromkeys(("MSL", "AMSL", "ALT", "1"), Reference.AMSL),
+    **dict.fromkeys(("MSL", "AMSL", "ALT", "QNH", "1"), Reference.AMSL),
     **dict.fromkeys(("STD", "2"), None),
 }
 _TEXT = re.compile(
@@ -47,33 +48,62 @@ _ENDLESS: Final = ("UNL", "UNLD", "UNLTD", "UNLIM", "UNLIMITED")
 _COLDEST, _LOWEST_M = 0.9, 600.0
 """A flight level lies no lower than this part of its height, less what low pressure takes."""
 
-_NAMES: Final = ("upperLimit", "upperCeiling"), ("lowerLimit", "lowerCeiling")
-_MAY_BE_LIMIT = re.compile(
-    r"upper|lower|ceiling|floor|altitude|height|(max|min)_?alt", re.IGNORECASE
+_SIDES: Final = ("upper", "lower")
+_VALUES: Final = ("limit", "ceiling", "val", "")
+"""What follows the side in the names of limits, without "_" and capitals: openAIP's and ED-269's,
+openAIP's of before, the FAA's, ED-318's."""
+
+_REFERENCES: Final = ("reference", "verticalreference", "ref", "code", "datum")
+_OWN_UNITS: Final = ("uom", "unit")
+_UNITS_OF_BOTH: Final = ("uom", "uomdimensions", "unit", "units")
+_PARTS: Final = {
+    side: (
+        [*(side + unit for unit in _OWN_UNITS), *_UNITS_OF_BOTH],
+        [side + reference for reference in _REFERENCES],
+    )
+    for side in _SIDES
+}
+"""Names of the unit and the reference of each side's limit."""
+
+_OF_DIALECTS: Final = frozenset(
+    name for parts in _PARTS.values() for names in parts for name in names
 )
-_FAA_PARTS: Final = ("VAL", "UOM", "CODE", "DESC")
+_WORDS_OF_LIMITS: Final = frozenset(
+    {"upper", "lower", "ceiling", "floor", "altitude", "altitudes", "alt", "height", "limit"}
+    | {"limits", "agl", "amsl", "msl", "maxalt", "minalt", "vertical", "top", "base"}
+)
+"""A property with one of these words in its name may be a limit."""
+
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+_POINTS: Final = " .,;\u00b7"  # behind limits in text
+_DEEPEST: Final = 6
+_SAME_M: Final = 0.01
 _NO_VALUE: Final = -9990.0
 """The FAA writes -9998 where there is none."""
 
+Note = Callable[[Keys, str, str], None]
+"""Takes the way to a property, what is to say of it, and the code."""
+
 
 def terms_of(
-    properties: Mapping[str, Any], reading: ZoneReading, place: Callable[[str], Keys]
+    properties: Mapping[str, Any], reading: ZoneReading, place: Callable[[Keys], Keys]
 ) -> ZoneTerms:
     """The terms in the properties of a zone.
 
     Args:
         properties: Of one zone.
         reading: Takes problems and notes.
-        place: Where a property stands, by its name.
+        place: Where a property stands, by the way to it.
     """
 
-    def note(name: str, message: str, code: str) -> None:
-        reading.note(place(name), message, code)
+    def note(keys: Keys, message: str, code: str) -> None:
+        reading.note(place(keys), message, code)
 
     given = {name: value for name, value in properties.items() if value is not None}
-    for side in ("lower", "upper"):
-        if side in given:
-            given.setdefault(f"{side}_m", given[side])
+    read: set[Keys] = set()
+    if _in_metres(given):
+        read = {(side,) for side in _SIDES if f"{side}_m" not in given}
+        given = {f"{side}_m": given[side] for side in _SIDES if side in given} | given
     if isinstance(given.get("active"), dict):
         given["active"] = [given["active"]]
     known = {name: given[name] for name in TermsForm.model_fields if name in given}
@@ -82,12 +112,21 @@ def terms_of(
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             name, *inner = detail["loc"]
-            keys = (*place(str(name)), *inner)
+            keys = (*place((str(name),)), *inner)
             reading.report(keys, error_text(detail, TermsForm), code_of(detail))
         return ZoneTerms()
-    if not any(name.startswith(("lower", "upper")) for name in known):
+    if not any(name.startswith(_SIDES) for name in known):
         return replace(terms, altitudes=limits_in_properties(properties, note))
+    note_unread(properties, read | {(name,) for name in known}, note, terms.altitudes)
     return terms
+
+
+def _in_metres(given: Mapping[str, Any]) -> bool:
+    """Whether `lower` and `upper` are our own: metres, with none of another dialect's names."""
+    others = {_bare(name) for name in given if name not in TermsForm.model_fields}
+    return others.isdisjoint(_OF_DIALECTS) and all(
+        is_number(given[side]) for side in _SIDES if side in given
+    )
 
 
 def limit_in_text(
@@ -113,56 +152,145 @@ def limit_in_text(
     )
 
 
-def limits_in_properties(
-    properties: Mapping[str, Any], note: Callable[[str, str, str], None]
-) -> Altitudes | None:
-    """The limits in properties of openAIP or the FAA; None: there are none.
+def limits_in_properties(properties: Mapping[str, Any], note: Note) -> Altitudes | None:
+    """The limits in properties of openAIP, the FAA or of geozones; None: there are none.
 
-    What may be a limit and is not understood is noted: name of the property, message, code.
+    They may stand in an object of the properties, as Spain's do, or several times, as Estonia's.
+    What may be a limit and is not understood is noted.
     """
-    read: set[str] = set()
-    found: list[AltitudeLimit | None] = []
-    for names, side in zip(_NAMES, ("UPPER", "LOWER"), strict=True):
-        name = next((name for name in names if properties.get(name) is not None), f"{side}_VAL")
-        read |= {*names, *(f"{side}_{part}" for part in _FAA_PARTS)}
-        try:
-            found.append(_of_properties(properties, name, side))
-        except ValueError as error:
-            note(name, f"'{name}': {error}", UNCLEAR)
-            found.append(None)
+    read: set[Keys] = set()
+    answer: Altitudes | None = None
+    for number, way in enumerate(_ways_to_limits(properties)):
+        notes: list[tuple[Keys, str, str]] = []
+        altitudes, ways = _of_layer(value_at(properties, way), way, lambda *n: notes.append(n))  # noqa: B023
+        if number == 0:
+            answer, read = altitudes, read | ways
+            for each in notes:
+                note(*each)
+        elif not notes and altitudes == answer:  # the same once more
+            read |= ways
     if properties.get("CEILING") is not None:
-        read.add("CEILING")
+        read.add(("CEILING",))
         message = (
             f"'CEILING' {properties['CEILING']!s:.20}: up to there the FAA may authorise a flight; "
             "read as from the ground up. With an authorisation, give the zone 'lower_m'"
         )
-        note("CEILING", message, UNCLEAR)
-    for name in properties.keys() - read:
-        if _MAY_BE_LIMIT.search(name) and properties[name] not in (None, ""):
-            message = (
-                f"'{name}' may be an altitude limit and is not read: write 'lower_m' or 'upper_m'"
-            )
-            note(name, message, UNCLEAR)
+        note(("CEILING",), message, UNCLEAR)
+    note_unread(properties, read, note, answer)
+    return answer
+
+
+def _of_layer(
+    layer: Mapping[str, Any], way: Keys, note: Note
+) -> tuple[Altitudes | None, set[Keys]]:
+    """The limits in an object, and the ways to all that says them."""
+    names = {_bare(name): name for name in list(layer)[::-1]}
+    read: set[Keys] = set()
+    found: list[AltitudeLimit | None] = []
+    for side in _SIDES:
+        said = (names[side + end] for end in _VALUES if _said(layer, names, side + end))
+        name, description = next(said, None), names.get(f"{side}desc")
+        parts = [next((names[key] for key in keys if key in names), None) for keys in _PARTS[side]]
+        read |= {(*way, part) for part in (name, description, *parts) if part is not None}
+        unit, datum = (None if part is None else layer[part] for part in parts)
+        endless = description is not None and str(layer[description]).upper() in _ENDLESS
+        try:
+            value = None if name is None or endless else layer[name]
+            found.append(_of_value(value, unit, datum, side))
+        except ValueError as error:
+            note((*way, str(name)), f"'{name}': {error}", UNCLEAR)
+            found.append(None)
     upper, lower = found
-    return Altitudes(lower, upper) if lower or upper else None
+    return Altitudes(lower, upper) if lower or upper else None, read
 
 
-def _of_properties(properties: Mapping[str, Any], name: str, side: str) -> AltitudeLimit | None:
-    value = properties.get(name)
+def note_unread(
+    properties: Any, read: Collection[Keys], note: Note, known: Altitudes | None = None
+) -> None:
+    """Note all that may be a limit and was not read, wherever it stands in the properties.
+
+    Args:
+        properties: Of a zone.
+        read: The ways to what was.
+        note: Takes what is found.
+        known: The zone's limits: what says the same in metres needs no note.
+    """
+    limits = (known.lower, known.upper) if known is not None else ()
+    metres = [0.0 if limit is None else limit.metres for limit in limits]
+    for way, name, value in _leaves(properties, ()):
+        if way in read or not may_be_limit(name):
+            continue
+        if is_number(value) and any(abs(value - each) < _SAME_M for each in metres):
+            continue
+        message = f"'{name}' may be an altitude limit and is not read: write 'lower_m' or 'upper_m'"
+        note(way, message, UNCLEAR)
+
+
+def _leaves(properties: Any, way: Keys) -> Iterator[tuple[Keys, str, Any]]:
+    """All that stands in properties, with the way to it and the name of it or of its list."""
+    items = properties.items() if isinstance(properties, dict) else enumerate(properties)
+    for key, value in items:
+        if isinstance(value, dict | list):
+            if value and len(way) < _DEEPEST:
+                yield from _leaves(value, (*way, key))
+        elif value is not None and value != "" and not isinstance(value, bool):
+            named = (
+                key
+                if isinstance(key, str)
+                else next((k for k in reversed(way) if isinstance(k, str)), "")
+            )
+            yield (*way, key), str(named), value
+
+
+@lru_cache(maxsize=4096)
+def may_be_limit(name: str) -> bool:
+    """Whether a property's name speaks of altitudes."""
+    return not _WORDS_OF_LIMITS.isdisjoint(word.lower() for word in _WORD.findall(name))
+
+
+@lru_cache(maxsize=4096)
+def _bare(name: str) -> str:
+    """A name without what dialects write in different ways."""
+    return name.replace("_", "").lower()
+
+
+def _said(layer: Mapping[str, Any], names: Mapping[str, str], key: str) -> bool:
+    return key in names and layer[names[key]] not in (None, "")
+
+
+def _ways_to_limits(properties: Mapping[str, Any]) -> list[Keys]:
+    """The ways to objects among a zone's properties that have limits, the nearest first."""
+    ways: list[Keys] = [()]
+    found = []
+    for way in ways:
+        layer = value_at(properties, way)
+        if not _LIMITS.isdisjoint(map(_bare, layer)):
+            found.append(way)
+        if len(way) < _DEEPEST:
+            ways += [(*way, name) for name, inner in layer.items() if isinstance(inner, dict)]
+    return found
+
+
+_LIMITS: Final = frozenset(
+    side + end for side in _SIDES for end in (*_VALUES, *_REFERENCES, *_OWN_UNITS)
+)
+
+
+def _of_value(value: Any, unit: Any, datum: Any, side: str) -> AltitudeLimit | None:
+    """A limit given as number or text with the unit and reference beside it, or as an object."""
     if isinstance(value, dict):
-        parts = [value.get(part) for part in ("value", "unit", "referenceDatum")]
-    elif name == f"{side}_VAL":
-        parts = [properties.get(f"{side}_{part}") for part in ("VAL", "UOM", "CODE")]
-        if str(properties.get(f"{side}_DESC")).upper() in _ENDLESS:
-            return None
-    else:
-        return limit_in_text(str(value), upper=side == "UPPER", unit="", datum="")
-    if parts[0] is None:
+        value, unit, datum = (value.get(part) for part in ("value", "unit", "referenceDatum"))
+    if value is None:
         return None
-    number = float(parts[0]) if NUMBER.fullmatch(str(parts[0])) else math.nan
+    units, datums = ("" if word is None else str(word).strip() for word in (unit, datum))
+    if isinstance(value, str) and not NUMBER.fullmatch(value.strip()):
+        return limit_in_text(value.strip(_POINTS), upper=side == "upper", unit=units, datum=datums)
+    if not (units or datums) and str(value).strip() in _GROUND_WORDS:
+        return _limit(0.0, "FT", "GND", upper=side == "upper")
+    number = float(value) if NUMBER.fullmatch(str(value).strip()) else math.nan
     if number <= _NO_VALUE:
         return None
-    return _limit(number, str(parts[1]), str(parts[2]), upper=side == "UPPER")
+    return _limit(number, units, datums, upper=side == "upper")
 
 
 def _limit(value: float, unit: str, datum: str, *, upper: bool) -> AltitudeLimit | None:

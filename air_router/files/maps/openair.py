@@ -8,68 +8,88 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 from air_router.files.maps.limits import UNCLEAR, limit_in_text
-from air_router.files.maps.zone_reading import (
-    MAX_RADIUS_M,
-    AllowedZones,
-    MapCircle,
-    MapOutline,
-    Shapes,
-    ZoneReading,
-)
+from air_router.files.maps.map_area import MapCircle, MapOutline
+from air_router.files.maps.zone_reading import MAX_RADIUS_M, Shapes, ZoneChoice, ZoneReading
 from air_router.files.whole_file import PlacedSource
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, ZoneTerms
 from geo.frame import Geodetic, arc_around, polar
 from mocha_link.team.problem import line_column
 
 _NAUTICAL_MILE_M: Final = 1852.0
-_ANGLE = r"(\d{1,3}(?:\.\d{1,12})?)(?::(\d{1,2}(?:\.\d{1,12})?))?(?::(\d{1,2}(?:\.\d{1,12})?))?\s*"
+_PART = r"(\d{1,2}(?:\.\d{0,60})?)"
+_ANGLE = rf"(\d{{1,3}}(?:\.\d{{0,60}})?)(?::{_PART})?(?::{_PART})?\s*"
 _PLACE = re.compile(rf"{_ANGLE}([NS])[\s,]*{_ANGLE}([EW])", re.IGNORECASE)
-_NUMBER = re.compile(r"\d{1,6}(?:\.\d{1,12})?")
-_COMMAND = re.compile(r"\s*([A-Za-z]{1,2})(?:\s+(\S.*))?")
+_NUMBER = re.compile(r"\d{1,6}(?:\.\d{0,60})?")
+_COMMAND = re.compile(r"\s*([A-Za-z]{1,2})!?(?:\s+(\S.*))?")
+_COMMENT = re.compile(r"[*;].*")
+_NAME = re.compile(r"\s*AN\s", re.IGNORECASE)
 _SAID: Final = frozenset({"AN", "AY", "AL", "AH"})
+_TERRAIN: Final = frozenset({"TO", "TC"})
+_HOURS: Final = frozenset({"AA", "AP", "AW", "TW"})
+"""When an airspace applies, in several dialects."""
 
 Place = tuple[int, int]
 """Line and column in the file."""
 
 
-def read_openair(raw: bytes, path: Path, allow: Collection[str] = ()) -> ZoneReading:
-    """The zones of an OpenAir file's bytes; `allow`: classes, types or names to be flown in.
+def looks_like_openair(text: str) -> bool:
+    """Whether an airspace begins in it."""
+    return re.search(r"^[ \t]*AC[ \t]", text, re.MULTILINE) is not None
+
+
+def read_openair(raw: bytes, path: Path, choice: ZoneChoice | None = None) -> ZoneReading:
+    """The zones of an OpenAir file's bytes.
 
     Many such files are in Latin-1, whose letters stand in names and remarks only.
+
+    Args:
+        raw: The file's bytes.
+        path: Names it in messages.
+        choice: Classes, types or names that the operator may fly in, or leaves out.
     """
-    reading = ZoneReading(PlacedSource(path), "OpenAir")
+    reading = ZoneReading(PlacedSource(path), "OpenAir", choice)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         text = raw.decode("latin1")
         message = "not UTF-8 text: read as Latin-1; look at the names"
         reading.note(line_column(raw[: error.start]), message, "not-utf8")
-    lines = re.split(r"\r\n?|\n", text)
-    if not any(re.match(r"[ \t]*AC\s", line) for line in lines):
+    text = re.sub(r"\r\n?", "\n", text)
+    if not looks_like_openair(text):
         message = "no airspace begins in it (no line 'AC'); choose another file"
         reading.report((), message, "unknown-format")
         return reading
-    _Reader(reading, AllowedZones(allow)).read(lines)
+    _Reader(reading).read(text.split("\n"))
     return reading
 
 
 class _Reader:
-    def __init__(self, reading: ZoneReading, allowed: AllowedZones) -> None:
-        self._reading, self._allowed = reading, allowed
+    def __init__(self, reading: ZoneReading) -> None:
+        self._reading = reading
         self._centre: Geodetic | None = None  # of arcs and circles, set by V X=
         self._zone: _Airspace | None = None  # the one whose lines are read
         self._terrain = False  # whether those of terrain are
 
     def read(self, lines: Sequence[str]) -> None:
-        for number, line in enumerate(lines, start=1):
-            self._line(line.partition("*")[0].rstrip(), number)
-        self._close()
-        self._allowed.tell(self._reading, "class, type or name")
+        begins = [n for n, line in enumerate(lines) if _begins(line)]
+        self._lines(lines, range(begins[0]))
+        for begin, end in pairwise((*begins, len(lines))):
+            with self._reading.area():
+                self._lines(lines, range(begin, end))
+                self._close()
+        self._reading.choice.tell(self._reading, "class, type or name", "class, type or name")
+
+    def _lines(self, lines: Sequence[str], numbers: range) -> None:
+        for number in numbers:
+            line = lines[number]
+            bare = line.partition("*")[0] if _NAME.match(line) else _COMMENT.sub("", line)
+            self._line(bare.rstrip(), number + 1)
 
     def _line(self, line: str, number: int) -> None:
         """Read a line without its comment and the blanks at its end."""
@@ -77,39 +97,59 @@ class _Reader:
             return
         match = _COMMAND.fullmatch(line)
         if match is None:
-            self._wrong((number, 1), f"'{line.strip()[:40]}' is no OpenAir command")
+            self._no_command(line, number)
             return
         command, value = match[1].upper(), match[2] or ""
         at = (number, match.start(2 if value else 1) + 1)
+        zone = self._zone
         if command == "AC":
-            self._close()
             self._terrain = False
             self._zone = _Airspace((number, match.start(1) + 1), value.upper())
-        elif command in ("TO", "TC"):
-            self._close()
+        elif command in _TERRAIN:
             self._terrain = True
             self._reading.note(at, "terrain is no airspace: left out", "not-a-zone")
-        elif command in _SAID and self._zone is not None:
-            self._zone.say(command, value, at)
-        elif command == "AA" and value.upper() != "NONE":
-            self._reading.note(at, "when it applies is not read: always", "unclear-time")
+        elif command in _SAID and zone is not None:
+            zone.say(command, value, at)
+        elif command in _HOURS and zone is not None and value.upper() != "NONE":
+            zone.hours = zone.hours or at
         elif command[0] in "DV":
             self._geometry(command, value, at)
-        elif command[0] not in "AS":  # frequencies, labels, pens: not where the zone is
-            self._wrong(at, f"'{command}' is no OpenAir command")
+        elif command[0] not in "AST":  # frequencies, labels, pens: not where the zone is
+            self._no_command(line, number)
+
+    def _no_command(self, line: str, number: int) -> None:
+        """A line of an unknown kind: wrong, if it may say where the airspace lies."""
+        message = f"'{line.strip()[:40]}' is no OpenAir command"
+        if _PLACE.search(line) or line.lstrip()[:1].upper() in ("D", "V"):
+            self._wrong((number, 1), message)
+        else:
+            self._reading.note((number, 1), f"{message}: left out", "wrong-form")
 
     def _close(self) -> None:
         zone, self._zone = self._zone, None
         if zone is None:
             return
+        reading = self._reading
         words = {key: value for key, (value, _) in zone.said.items()}
-        name = words.get("AN", "")[:80] or f"{self._reading.path.stem} {zone.place[0]}"
-        if zone.broken or self._allowed.takes(name, zone.kind, words.get("AY", ""), name):
-            return
+        name = words.get("AN", "")[:80] or f"{reading.path.stem} {zone.place[0]}"
+        kinds = (zone.kind, words.get("AY", ""))
+        if reading.skips(name, *kinds) or reading.choice.allow.takes(name, *kinds, name):
+            reading.forget()
+        elif zone.broken:
+            reading.saw([*zone.corners, *(circle.centre for circle in zone.circles)])
+        elif not zone.corners and not zone.circles:
+            if zone.said:  # else it only has the colours of its class
+                reading.note(zone.place, f"'{name}' has no border: left out", "no-area")
+        else:
+            self._add(zone, name)
+
+    def _add(self, zone: _Airspace, name: str) -> None:
         shapes: Shapes = [(zone.place, circle) for circle in zone.circles]
-        if zone.corners or not shapes:
-            ring = self._reading.ring(zone.corners, zone.place)
-            shapes += [(zone.place, MapOutline(ring))] if ring else []
+        ring = self._reading.ring(zone.corners, zone.place) if zone.corners else None
+        shapes += [(zone.place, MapOutline(ring))] if ring else []
+        if zone.hours is not None:
+            message = "when it applies is not read: always"
+            self._reading.note(zone.hours, message, "unclear-time")
         lower, upper = self._limit(zone, "AL"), self._limit(zone, "AH")
         altitudes = Altitudes(lower, upper) if lower or upper else None
         self._reading.add(name, shapes, ZoneTerms(altitudes=altitudes))
@@ -133,9 +173,10 @@ class _Reader:
         zone = self._zone
         if command == "V":
             self._variable(value, at)
+        elif self._terrain:
+            return
         elif zone is None:
-            if not self._terrain:
-                self._wrong(at, f"'{command}' stands before the first airspace: begin it with AC")
+            self._wrong(at, f"'{command}' stands before the first airspace: begin it with AC")
         elif command == "DP":
             zone.corners += self._places(value, 1, at) or []
         elif command in ("DA", "DB", "DC"):
@@ -144,7 +185,11 @@ class _Reader:
             self._wrong(at, f"'{command}' is not read: draw the airspace with DP, DA, DB or DC")
 
     def _round(self, zone: _Airspace, command: str, value: str, at: Place) -> None:
-        """A circle or an arc around the centre: an arc's ends are directions, or places."""
+        """A circle or an arc around the centre: an arc's ends are directions, or places.
+
+        Places that are given stay as they are: computed anew they would lie a hair beside the
+        corner that the line before or behind the arc gives once more.
+        """
         ends = self._places(value, 2, at) if command == "DB" else []
         numbers = [] if command == "DB" else self._numbers(value, 3 if command == "DA" else 1, at)
         centre = self._centre
@@ -154,10 +199,13 @@ class _Reader:
             self._wrong(at, "no centre: a line 'V X=' with a place has to stand before it")
         elif command == "DC":
             zone.circles.append(MapCircle(centre, numbers[0]))
+        elif command == "DA":
+            arc = [(direction_deg, numbers[0]) for direction_deg in numbers[1:]]
+            zone.corners += arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)
         else:
             arc = [polar(centre, place) for place in ends]
-            arc += [(direction_deg, numbers[0]) for direction_deg in numbers[1:]]
-            zone.corners += arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)
+            between = arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)[1:-1]
+            zone.corners += [ends[0], *between, ends[1]]
 
     def _variable(self, value: str, at: Place) -> None:
         name, _, text = (part.strip() for part in value.partition("="))
@@ -200,6 +248,7 @@ class _Reader:
     def _wrong(self, at: Place, message: str, code: str = "wrong-form") -> None:
         if self._zone is not None:
             self._zone.broken = True
+            self._reading.saw([] if self._centre is None else [self._centre])
         self._reading.report(at, f"{message}; correct it", code)
 
 
@@ -212,6 +261,7 @@ class _Airspace:
         self.contradicted: set[str] = set()  # commands that say one thing, then another
         self.corners: list[Geodetic] = []  # of its outline so far
         self.circles: list[MapCircle] = []  # each an area of its own
+        self.hours: Place | None = None  # where it says when it applies
         self.clockwise = True  # direction of the next arc
         self.broken = False  # a line of it could not be read
 
@@ -221,6 +271,11 @@ class _Airspace:
         self.said[command] = (value, at)
 
 
+def _begins(line: str) -> bool:
+    """Whether an airspace or terrain begins in a line."""
+    return line.split(None, 1)[:1] != [] and line.split(None, 1)[0].upper() in {"AC", *_TERRAIN}
+
+
 def _place(match: re.Match[str]) -> Geodetic | None:
     parts = match.groups()
     latitude_deg, longitude_deg = (
@@ -228,7 +283,7 @@ def _place(match: re.Match[str]) -> Geodetic | None:
         for angle in (parts[:3], parts[4:7])
     )
     minutes = [float(part) for part in (*parts[1:3], *parts[5:7]) if part]
-    if latitude_deg > 90 or longitude_deg > 180 or any(part >= 60 for part in minutes):
+    if latitude_deg > 90 or longitude_deg > 180 or any(part > 60 for part in minutes):
         return None
     return Geodetic(
         math.copysign(latitude_deg, -1 if parts[3].upper() == "S" else 1),

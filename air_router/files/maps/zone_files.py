@@ -1,111 +1,149 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
-GeoJSON, KML and KMZ, GPX, OpenAir, and the geozones of ED-269 and ED-318. What is near enough to
-matter for a mission becomes part of its draft; docs/files.md says what is read of each format.
+GeoJSON, KML and KMZ, GPX, OpenAir, ArduPilot's fences, the geozones of ED-269 and ED-318. What is
+near enough to matter for a mission becomes part of its draft; docs/files.md says what is read of
+each format.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterator, Sequence
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
 
 from air_router.files.json_document import json_from_text
+from air_router.files.maps.ardupilot_fences import (
+    is_fence_file,
+    is_waypoint_file,
+    read_fences,
+    read_old_fence,
+)
 from air_router.files.maps.geojson import read_geojson
 from air_router.files.maps.geozones import read_geozones
 from air_router.files.maps.gpx import read_gpx_zones
 from air_router.files.maps.kml import read_kml
-from air_router.files.maps.openair import read_openair
-from air_router.files.maps.zone_reading import (
-    AllowedZones,
-    MapArea,
-    MapCircle,
-    MapOutline,
-    ZoneReading,
-    unique_names,
-)
+from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline, unique_names
+from air_router.files.maps.openair import looks_like_openair, read_openair
+from air_router.files.maps.surroundings import Surroundings
+from air_router.files.maps.zone_reading import ZoneChoice, ZoneReading
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.whole_file import PlacedSource, bytes_within, is_file
 from air_router.files.xml_document import kml_in
 from geo.airspace.airspace import FENCE
 from geo.airspace.zone import Shape
-from geo.frame import LocalFrame, Point
 from mocha_link.team.problem import DocumentError, Problem, text_in
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
 
-FENCED_REACH_M: Final = 2_000.0
-OPEN_REACH_M: Final = 50_000.0
-"""Zones farther than this from the fence, or from the mission's places without one, are left out:
-no mission reaches farther."""
-
 MOST_ZONES: Final = 3_000
 """Of one file near a mission; more are not looked at one by one by any person."""
 
-_XML_READERS: Final = {".kml": read_kml, ".gpx": read_gpx_zones}
+_Knows = Callable[[bytes, str], bool]
+_Read = Callable[[bytes, Path, ZoneChoice], ZoneReading]
 _OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
-_DEGREE_M: Final = 111_000.0
+_GPX: Final = re.compile(rb"<(?:[^>]{0,2000}>\s{0,200}<){0,5}(?:\w{1,20}:)?gpx[\s/>]")
+_BYTE_ORDER_MARK, _ZIP = b"\xef\xbb\xbf", b"PK\x03\x04"
 _HALF_TURN_DEG: Final = 180.0
 _TALL_DEG: Final = 20.0
 
 
-def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
+def read_zones(
+    path: Path, *, allow: Collection[str] = (), skip: Collection[str] = ()
+) -> ZoneReading:
     """The no-fly zones of a file, wherever on Earth they are.
 
+    What format it is of is seen in it; its name only decides where nothing in it does.
+
     Args:
-        path: a `.geojson`, `.json`, `.kml`, `.kmz`, `.gpx` or OpenAir file (`.txt`, `.air`).
+        path: GeoJSON, KML, KMZ, GPX, OpenAir, geozones, or ArduPilot's fences.
         allow: restriction types (CONDITIONAL, ...) and identifiers of geozones, classes and names
             of airspaces to leave out, because the operator may fly there.
+        skip: kinds and names of zones of any file to leave out, because they are none.
 
     Raises:
         DocumentError: the file cannot be read, or is of no known format; all else that is wrong
             with it is in the answer's `problems`.
     """
     raw = bytes_within(path, MAX_BYTES)
-    suffix = path.suffix.lower()
-    if suffix == ".kmz":
-        kml, others = kml_in(raw, path, MAX_BYTES)
-        packed = _without_kinds(read_kml(kml, path), allow)
-        if others:
-            message = f"of its KML files one is read; left out: {', '.join(others)[:80]}"
-            packed.note((), message, "not-a-zone")
-        return packed
-    if suffix in _XML_READERS or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _without_kinds(_XML_READERS.get(suffix, read_kml)(raw, path), allow)
-    if suffix in _OPENAIR_SUFFIXES:
-        return read_openair(raw, path, allow)
+    content, suffix = raw.removeprefix(_BYTE_ORDER_MARK).lstrip(), path.suffix.lower()
+    read = next(read for knows, read in _FORMATS if knows(content, suffix))
+    return read(raw, path, ZoneChoice(allow, skip))
+
+
+def _in_kmz(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
+    kml, others = kml_in(raw, path, MAX_BYTES)
+    packed = read_kml(kml, path, choice)
+    if others:
+        message = f"of its KML files one is read; left out: {', '.join(others)[:80]}"
+        packed.note((), message, "not-a-zone")
+    return packed
+
+
+def _in_json(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
     document = json_from_text(text_in(raw, path), path)
     data = document.data
     if isinstance(data, dict) and data.get("fileType") == "Plan":
         message = "a QGroundControl plan is a mission; use it as one, or convert it to GeoJSON"
         raise DocumentError([document.problem((), message, "unknown-format")])
-    reading = read_geozones(document, allow)
+    reading = read_geozones(document, choice)
     if reading is None and isinstance(data, dict) and isinstance(data.get("type"), str):
-        reading = _without_kinds(read_geojson(document), allow)
+        reading = read_geojson(document, choice)
+        choice.tell(reading, f"restriction or class ({reading.kind} has none)")
     if reading is not None:
         return reading
     message = (
-        "none of GeoJSON, KML, GPX, OpenAir and geozones (ED-269, ED-318); choose another file"
+        "none of GeoJSON, KML, GPX, OpenAir, ArduPilot's fences and geozones (ED-269, ED-318); "
+        "choose another file"
     )
     raise DocumentError([document.problem((), message, "unknown-format")])
 
 
-def _without_kinds(reading: ZoneReading, allow: Collection[str]) -> ZoneReading:
-    """The zones of a file that does not say of what kind they are: none can be allowed."""
-    AllowedZones(allow).tell(reading, f"restriction or class ({reading.kind} has none)")
-    return reading
+def _plain(read: _Read) -> _Read:
+    """A reader of files that do not say of what kind their zones are: none can be allowed."""
+
+    def reading_of(raw: bytes, path: Path, choice: ZoneChoice) -> ZoneReading:
+        reading = read(raw, path, choice)
+        choice.tell(reading, f"restriction or class ({reading.kind} has none)")
+        return reading
+
+    return reading_of
 
 
-def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[str] = ()) -> None:
+def _of_text(read: Callable[[str, Path, ZoneChoice], ZoneReading]) -> _Read:
+    return lambda raw, path, choice: read(text_in(raw, path), path, choice)
+
+
+_FORMATS: Final[tuple[tuple[_Knows, _Read], ...]] = (
+    (lambda content, suffix: content.startswith(_ZIP) or suffix == ".kmz", _plain(_in_kmz)),
+    (lambda content, _: _GPX.match(content) is not None, _plain(read_gpx_zones)),
+    (lambda content, _: content.startswith(b"<"), _plain(read_kml)),
+    (lambda content, _: content.startswith((b"{", b"[")), _in_json),
+    (lambda content, _: is_waypoint_file(content), _plain(_of_text(read_fences))),
+    (lambda content, _: is_fence_file(content), _plain(_of_text(read_old_fence))),
+    (lambda content, _: looks_like_openair(content.decode("latin1")), read_openair),
+    (lambda _, suffix: suffix == ".kml", _plain(read_kml)),
+    (lambda _, suffix: suffix == ".gpx", _plain(read_gpx_zones)),
+    (lambda _, suffix: suffix in _OPENAIR_SUFFIXES, read_openair),
+    (lambda *_: True, _in_json),
+)
+"""Who reads a file: the first one that knows it, by its content or the ending of its name."""
+
+
+def add_zones(
+    draft: MissionDocument,
+    path: Path,
+    keys: Keys,
+    allow: Collection[str] = (),
+    skip: Collection[str] = (),
+) -> None:
     """Add the zones of a file that are near enough to matter, once all else has been read.
 
-    Problems and notices of the file go into the draft. `keys` say where the draft names the file.
+    Problems and notices of the file go into the draft, but for those of zones that are far from the
+    mission: one that cannot be read is noted. `keys` say where the draft names the file.
     """
     if draft.frame is None:
         return
@@ -113,16 +151,17 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
         draft.report(keys, f"there is no file {path}; correct the path", "no-such-file")
         return
     try:
-        reading = read_zones(path, allow=allow)
+        reading = read_zones(path, allow=allow, skip=skip)
     except DocumentError as error:
         draft.problems.extend(error.problems)
         return
-    draft.problems.extend(reading.problems)
-    draft.notes.extend(reading.notes)
+    around = Surroundings(draft, draft.frame)
+    problems, notes = reading.findings(around.may_reach)
+    draft.problems.extend(problems)
+    draft.notes.extend(notes)
     if not (reading.zones or reading.problems or reading.notes):
         draft.note(keys, f"{reading.path.name}: there are no zones in it", "no-zones")
-    around = _Surroundings(draft, draft.frame)
-    near = [zone for zone in reading.zones if around.may_reach(_corners(zone))]
+    near = [zone for zone in reading.zones if around.may_reach(zone.extent())]
     exchanged = list(_exchanged(reading, near, around))
     if len(near) > MOST_ZONES:
         message = (
@@ -134,7 +173,7 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
     else:
         kept = _add_near(draft, near, around)
         draft.problems.extend(_too_wide(reading, kept, around))
-        if len(kept) < len(reading.zones) and not reading.problems:
+        if len(kept) < len(reading.zones) and not problems:
             message = (
                 f"{reading.path.name}: {len(kept)} of {len(reading.zones)} zones are within "
                 f"{around.reach_m / 1000:g} km of the mission; the others are left out"
@@ -143,27 +182,35 @@ def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[
 
 
 def _add_near(
-    draft: MissionDocument, near: Sequence[MapArea], around: _Surroundings
+    draft: MissionDocument, near: Sequence[MapArea], around: Surroundings
 ) -> list[MapArea]:
-    """Add the zones that are near enough; which these are."""
+    """Add the zones that are near enough; which these are, as the file has them."""
     kept: list[tuple[MapArea, Shape]] = []
+    read: list[MapArea] = []
     for zone in near:
-        shape = zone.placed(around.frame)
-        if isinstance(shape, Problem):
-            draft.problems.append(shape)
-        elif around.distance_m(shape) <= around.reach_m:
-            kept.append((zone, shape))
+        sound, repair = zone.sound()
+        placed: list[tuple[MapArea, Shape]] = []
+        for area in sound:
+            shapes = area.placed_areas(around.frame)
+            if isinstance(shapes, Problem):
+                draft.problems.append(shapes)
+            else:
+                placed += [each for each in shapes if around.distance_m(each[1]) <= around.reach_m]
+        kept += placed
+        read += [zone] if placed else []
+        if repair is not None and placed:
+            draft.notes.append(repair)
     taken = (FENCE, *(area.name for area in draft.zones))
     names = unique_names((zone.name for zone, _ in kept), taken)
     for name, (zone, shape) in zip(names, kept, strict=True):
         here = zone.problem("", "")  # without the whole document that it was read from
         keys, source = (here.line, here.column), PlacedSource(here.path)
         draft.zones.append(Area(name, shape, keys, True, zone.terms, source))
-    return [zone for zone, _ in kept]
+    return read
 
 
 def _exchanged(
-    reading: ZoneReading, near: Sequence[MapArea], around: _Surroundings
+    reading: ZoneReading, near: Sequence[MapArea], around: Surroundings
 ) -> Iterator[Problem]:
     """What says that latitudes and longitudes are exchanged, of all circles or all outlines.
 
@@ -173,7 +220,7 @@ def _exchanged(
         if any(isinstance(zone.shape, kind) for zone in near):
             continue
         for zone in (zone for zone in reading.zones if isinstance(zone.shape, kind)):
-            turned = _corners(zone)[:, ::-1]
+            turned = zone.extent()[:, ::-1]
             if np.abs(turned[:, 0]).max() <= 90 and around.may_reach(turned):
                 message = (
                     f"no-fly zone '{zone.name}' is far from the mission, and near with latitude "
@@ -184,7 +231,7 @@ def _exchanged(
 
 
 def _too_wide(
-    reading: ZoneReading, kept: Sequence[MapArea], around: _Surroundings
+    reading: ZoneReading, kept: Sequence[MapArea], around: Surroundings
 ) -> Iterator[Problem]:
     """What says of a zone that it is far only because sides lead around the Earth the short way.
 
@@ -193,7 +240,7 @@ def _too_wide(
     """
     near = {id(zone) for zone in kept}
     for zone in reading.zones:
-        corners = _corners(zone)
+        corners = zone.extent()
         wide = np.ptp(corners[:, 1]) >= _HALF_TURN_DEG and not isinstance(zone.shape, MapCircle)
         if id(zone) in near or not wide:
             continue
@@ -206,59 +253,3 @@ def _too_wide(
                 "smaller"
             )
             yield zone.problem(message, "too-wide")
-
-
-class _Surroundings:
-    """Those of a mission, in degrees for a first look and in metres for the second.
-
-    Attributes:
-        frame: The mission's.
-        reach_m: Zones that are farther away are left out.
-    """
-
-    def __init__(self, draft: MissionDocument, frame: LocalFrame) -> None:
-        places = [corner for area in draft.fences for corner in area.shape.corners]
-        self.frame, self.reach_m = frame, FENCED_REACH_M if places else OPEN_REACH_M
-        if not places:
-            spots = (draft.home, *draft.waypoints, *draft.rally_points)
-            places = [spot.position for spot in spots if spot is not None] or [Point(0.0, 0.0)]
-        west, south, east, north = shapely.MultiPoint(places).bounds
-        self._box = shapely.box(west, south, east, north)  # around the mission's places
-        middle = frame.to_geodetic(Point((west + east) / 2, (south + north) / 2))
-        half_m = math.hypot(east - west, north - south) / 2 + self.reach_m
-        half_deg = 1.01 * half_m / _DEGREE_M  # of latitude, from the middle to the edge
-        widest_deg = min(abs(middle.latitude_deg) + half_deg, 89.9)
-        self._middle = np.array(middle)  # latitude, longitude
-        self._half = np.array([half_deg, half_deg / math.cos(math.radians(widest_deg))])
-
-    def may_reach(self, corners: NDArray[np.float64]) -> bool:
-        """Whether a box around corners (rows of latitude, longitude) may come near enough."""
-        offsets = corners - self._middle
-        offsets[:, 1] = (offsets[:, 1] + 180) % 360 - 180
-        if np.ptp(offsets[:, 1]) > 180:  # around half the Earth: the look in metres decides
-            return True
-        return bool(
-            (offsets.min(axis=0) <= self._half).all() and (offsets.max(axis=0) >= -self._half).all()
-        )
-
-    def may_reach_unwrapped(self, corners: NDArray[np.float64]) -> bool:
-        """The same on a map that ends at the antimeridian."""
-        near = (corners.min(axis=0) <= self._middle + self._half) & (
-            corners.max(axis=0) >= self._middle - self._half
-        )
-        return bool(near.all())
-
-    def distance_m(self, shape: Shape) -> float:
-        """From the box of the mission's places to a shape."""
-        return float(self._box.distance(shape.polygon))
-
-
-def _corners(zone: MapArea) -> NDArray[np.float64]:
-    """Latitudes and longitudes around which the zone's box is drawn."""
-    if not isinstance(zone.shape, MapCircle):
-        return np.array(zone.shape.ring)
-    half_deg = 1.01 * zone.shape.radius_m / _DEGREE_M
-    widest_deg = min(abs(zone.shape.centre.latitude_deg) + half_deg, 89.9)
-    half_lon_deg = min(half_deg / math.cos(math.radians(widest_deg)), 89.0)
-    half = np.array([half_deg, half_lon_deg])
-    return np.array([zone.shape.centre - half, zone.shape.centre + half])

@@ -1,113 +1,44 @@
-"""What zones in files have in common: where they lie in degrees, their terms and their place."""
+"""What files of zones have in common: their zones, what is wrong with each, and what is noted."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from air_router.files.mission_document import DocumentSource, Keys, local_ring
-from air_router.files.zone_terms import NO_TERMS, ZoneTerms
+import numpy as np
+
+from air_router.files.maps.map_area import (
+    MapArea,
+    MapCircle,
+    MapOutline,
+    MapRing,
+    Places,
+    numbered,
+)
+from air_router.files.mission_document import DocumentSource, Keys
+from air_router.files.zone_terms import ZoneTerms
 from air_router.words import counted
-from geo.airspace.zone import Circle, Outline, Shape, ZoneError
-from geo.frame import FrameError, Geodetic, LocalFrame
+from geo.frame import Geodetic
 from mocha_link.sanitize import sanitize
 from mocha_link.team.problem import Problem, ProblemList
 
-MAX_RADIUS_M = 1_000_000.0
-MAX_ALTITUDE_M = 100_000.0
-MAX_CORNERS = 20_000
+MAX_RADIUS_M: Final = 1_000_000.0
+MAX_ALTITUDE_M: Final = 100_000.0
+MAX_CORNERS: Final = 200_000
+"""Of one ring: a river that is a country's border has tens of thousands."""
+
+UNREAD: Final = "zone-unread"
+"""The code of the note about a zone far from the mission that could not be read."""
 
 _POLE_DEG, _HALF_TURN_DEG = 90.0, 180.0
-
-MapRing = tuple[Geodetic, ...]
-"""The corners of an outline in degrees; the last one joins the first."""
-
-
-@dataclass(frozen=True, slots=True)
-class MapOutline:
-    """An area on the map with holes in it."""
-
-    ring: MapRing
-    holes: tuple[MapRing, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class MapCircle:
-    """A circle on the map."""
-
-    centre: Geodetic
-    radius_m: float
-
 
 Shapes = list[tuple[Keys, MapOutline | MapCircle]]
 """The shapes of one zone, and where each stands in its file."""
 
 ZONE_KIND = "zone"
 """What files that we write call a zone among waypoints and fences."""
-
-
-def place_of(latitude_deg: float, longitude_deg: float) -> Geodetic | None:
-    """A place on the map; None: there is none such."""
-    if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
-        return Geodetic(float(latitude_deg), float(longitude_deg))
-    return None
-
-
-def outline_of_rings(rings: Sequence[MapRing | None]) -> MapOutline | None:
-    """The outline of a ring and those of its holes; None: one of them could not be read."""
-    read = [ring for ring in rings if ring is not None]
-    return MapOutline(read[0], tuple(read[1:])) if read and len(read) == len(rings) else None
-
-
-@dataclass(frozen=True, slots=True)
-class MapArea:
-    """A fence or a zone on the map, wherever it came from.
-
-    Attributes:
-        name: What people or its file call it.
-        shape: Where it is, in degrees.
-        terms: How far, how high and when it is kept away from.
-        source: The file that it was read from; None: it was not.
-        keys: Where it stands in that file.
-    """
-
-    name: str
-    shape: MapOutline | MapCircle
-    terms: ZoneTerms = NO_TERMS
-    source: DocumentSource | None = None
-    keys: Keys = ()
-
-    def problem(self, message: str, code: str) -> Problem:
-        """A problem with this area, at its place in its file."""
-        if self.source is None:
-            return Problem(Path(), 1, 1, message, code)
-        return self.source.problem(self.keys, message, code)
-
-    def placed(self, frame: LocalFrame, what: str = "no-fly zone ") -> Shape | Problem:
-        """Its shape in a local frame, or why it has none there."""
-        try:
-            if isinstance(self.shape, MapCircle):
-                return Circle(frame.to_local(*self.shape.centre), self.shape.radius_m)
-            rings = (self.shape.ring, *self.shape.holes)
-            ring, *holes = (local_ring(ring, frame) for ring in rings)
-            return Outline(ring, tuple(holes))
-        except (ZoneError, FrameError) as error:
-            code = error.code if isinstance(error, ZoneError) else "not-on-earth"
-            message = f"{what}'{self.name}' cannot be an area: {error}; draw it again"
-            return self.problem(message, code)
-
-
-def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
-    """The names, with a number behind those that are taken: two zones are never called the same."""
-    used, answer = set(taken), []
-    for name in names:
-        unique, number = name, 1
-        while unique in used:
-            number += 1
-            unique = f"{name} ({number})"
-        used.add(unique)
-        answer.append(unique)
-    return answer
 
 
 def _without_map_edge(places: list[Geodetic]) -> list[Geodetic]:
@@ -131,6 +62,27 @@ def _same(one: Geodetic, other: Geodetic) -> bool:
 
 
 @dataclass(slots=True)
+class _Findings:
+    """What was found out about one airspace, feature or placemark; or, without places, the file."""
+
+    problems: list[tuple[Keys, str, str]] = field(default_factory=list)  # keys, message, code
+    notes: list[tuple[Keys, str, str]] = field(default_factory=list)  # the same
+    places: list[Places] = field(default_factory=list)  # what is known of where it lies
+
+    @property
+    def extent(self) -> Places | None:
+        """Two opposite corners of a box around it; None: nothing says where it lies.
+
+        Where a part of it could not be read the box is three times as large.
+        """
+        if not self.places:
+            return None
+        places = np.vstack(self.places)
+        low, high = places.min(axis=0), places.max(axis=0)
+        more = high - low if self.problems else 0.0
+        return np.array([low - more, high + more])
+
+
 class ZoneReading:
     """What has been read from a file so far.
 
@@ -138,37 +90,110 @@ class ZoneReading:
         source: The file.
         kind: Its format, in words.
         zones: Its zones.
+        choice: Which of its zones the operator leaves out.
     """
 
-    source: DocumentSource
-    kind: str
-    zones: list[MapArea] = field(default_factory=list)
-    _others: int = 0  # areas that are no zones
-    _problems: ProblemList = field(default_factory=ProblemList)  # the first of each kind
-    _notes: ProblemList = field(default_factory=ProblemList)  # the first of each kind
+    def __init__(
+        self, source: DocumentSource, kind: str, choice: "ZoneChoice | None" = None
+    ) -> None:
+        self.source, self.kind = source, kind
+        self.zones: list[MapArea] = []
+        self.choice = choice or ZoneChoice()
+        self._findings = [_Findings()]  # in the file's order; the last one is being added to
+        self._others = 0  # areas that are no zones
+        self._lines: list[Keys] = []  # where things are drawn that have no area
+        self._areas = 0  # zones, and those left out by the operator
 
     @property
     def problems(self) -> list[Problem]:
         """What is wrong with it: the first of each kind, and how many more there are."""
-        return list(self._problems)
+        return self.findings()[0]
 
     @property
     def notes(self) -> list[Problem]:
         """What was left out or read with caution, though nothing is wrong with it."""
-        return list(self._notes)
+        return self.findings()[1]
+
+    def findings(
+        self, near: Callable[[Places], bool] = lambda _extent: True
+    ) -> tuple[list[Problem], list[Problem]]:
+        """Problems and notes, as they matter where a mission is flown.
+
+        A zone that cannot be read is a problem where it may be near, or where nothing says where it
+        lies, and a note elsewhere. Notes about zones that are read are for near ones.
+
+        Args:
+            near: Whether the mission may reach a box, given by latitudes and longitudes in it.
+        """
+        problems, notes = ProblemList(), ProblemList()
+        for found in self._findings:
+            if not found.problems and not found.notes:
+                continue
+            extent = found.extent
+            is_near = extent is None or near(extent)
+            for keys, message, code in found.problems:
+                if is_near:
+                    problems.add(self.path, code, partial(self.source.problem, keys, message, code))
+                else:
+                    words = f"a zone far from the mission cannot be read: {message}"
+                    notes.add(self.path, UNREAD, partial(self.source.problem, keys, words, UNREAD))
+            for keys, message, code in found.notes if is_near else ():
+                notes.add(self.path, code, partial(self.source.problem, keys, message, code))
+        return list(problems), list(notes)
+
+    @property
+    def unread(self) -> list[Problem]:
+        """What is wrong with single zones: without these the rest of the file can be used."""
+        listed = ProblemList()
+        for found in self._findings:
+            for keys, message, code in found.problems if found.places else ():
+                listed.add(self.path, code, partial(self.source.problem, keys, message, code))
+        return list(listed)
 
     @property
     def path(self) -> Path:
         """The file."""
         return self.source.path
 
+    @contextmanager
+    def area(self) -> Iterator[None]:
+        """While one airspace, feature or placemark is read: what is found out is about it."""
+        found, before = _Findings(), len(self.zones)
+        self._findings.append(found)
+        try:
+            yield
+        finally:
+            if found.problems or found.notes:
+                found.places += [zone.extent() for zone in self.zones[before:]]
+                self._findings.append(_Findings())
+            else:
+                self._findings.pop()
+
+    def saw(self, places: Sequence[Geodetic]) -> None:
+        """Places of an area that could not be read as a whole: there it is."""
+        if places:
+            self._findings[-1].places.append(np.array(places))
+
+    def skips(self, name: str, *kinds: str) -> bool:
+        """Whether the operator leaves out the area that is read, by its name or kind."""
+        skipped = self.choice.skip.takes(name, *kinds, name)
+        if skipped:
+            self.forget()
+        return skipped
+
+    def forget(self) -> None:
+        """Drop what was found out about the area that is read: it is left out."""
+        self._areas += 1
+        self._findings[-1].problems.clear()
+        self._findings[-1].notes.clear()
+
     def report(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem."""
-        self._problems.add(self.path, code, lambda: self.source.problem(keys, message, code))
+        self._findings[-1].problems.append((keys, message, code))
 
     def note(self, keys: Keys, message: str, code: str) -> None:
         """Note what the operator should know."""
-        self._notes.add(self.path, code, lambda: self.source.problem(keys, message, code))
+        self._findings[-1].notes.append((keys, message, code))
 
     def takes(self, properties: Mapping[str, Any]) -> bool:
         """Whether these are the properties of a zone; what is something else is counted."""
@@ -183,6 +208,16 @@ class ZoneReading:
             message = f"{self._others} {what} are no zones, by their {where} 'kind': left out"
             self.note((), message, "not-a-zone")
 
+    def without_area(self, keys: Keys, message: str) -> None:
+        """Note what is drawn and has no area: a point, a line."""
+        self._lines.append(keys)
+        self.note(keys, f"{message}: left out", "no-area")
+
+    def refuse_without_areas(self, advice: str) -> None:
+        """Report a file in which there are points and lines, and nothing has an area."""
+        if self._lines and not self._areas and not any(f.problems for f in self._findings):
+            self.report(self._lines[0], f"nothing in it has an area; {advice}", "no-area")
+
     def name_of(self, name: str, number: int) -> str:
         """The name of a zone, or else that of the file with the zone's number in it."""
         return name[:80] or f"{self.path.stem} {number}"
@@ -196,19 +231,18 @@ class ZoneReading:
         self.report(keys, f"{message}; {advice}", "not-on-earth")
 
     def ring(self, places: list[Geodetic], keys: Keys) -> MapRing | None:
-        """Corners as a ring; None, with a problem noted, if they are too few or too many."""
+        """Corners as a ring; None, with a problem or a note, if they are none or too many."""
         if len(places) > 1 and places[0] == places[-1]:
             places = places[:-1]
         places = _without_map_edge(places)
-        different = len(set(places))
-        if different < 3:
-            message = f"a ring has {different} different corners, an area needs 3; draw it again"
-            self.report(keys, message, "zone-too-few-corners")
+        if not places:
+            self.note(keys, "a border without corners: left out", "no-area")
             return None
         if len(places) > MAX_CORNERS:
             message = (
                 f"a ring of {len(places)} corners, at most {MAX_CORNERS} are read; simplify it"
             )
+            self.saw(places)
             self.report(keys, message, "too-large")
             return None
         return tuple(places)
@@ -220,23 +254,34 @@ class ZoneReading:
         terms: ZoneTerms,
     ) -> None:
         """Add a zone; one of several shapes becomes as many, with a number behind the name."""
+        self._areas += len(shapes)
         name = sanitize(name)
-        for number, (keys, shape) in enumerate(shapes, start=1):
-            numbered = name if len(shapes) == 1 else f"{name}, part {number}"
-            self.zones.append(MapArea(numbered, shape, terms, self.source, keys))
+        names = [name] if len(shapes) == 1 else numbered(name, len(shapes))
+        for part, (keys, shape) in zip(names, shapes, strict=True):
+            self.zones.append(MapArea(part, shape, terms, self.source, keys))
 
 
-class AllowedZones:
-    """The kinds and names of zones that the operator may fly in, and which zones these are."""
+class LeftOut:
+    """Kinds and names of zones that the operator leaves out, and which zones these are.
 
-    def __init__(self, words: Collection[str]) -> None:
-        self._words = {_british(word): word for word in words}  # as the operator wrote them
+    Args:
+        words: The kinds and names, as the operator wrote them.
+        why: What a note says of those zones.
+        code: The code of that note.
+        unused: The code of the note about words that are of no zone.
+    """
+
+    def __init__(self, words: Collection[str], why: str, code: str, unused: str) -> None:
+        self._words = {_comparable(word): word for word in words}  # as the operator wrote them
+        self._why, self._code, self._unused = why, code, unused  # for the notes
         self._used: set[str] = set()  # those that a zone is of
         self._zones: list[str] = []  # names of those left out
 
     def takes(self, zone: str, *words: str) -> bool:
-        """Whether one of these words, which say what a zone is, is among those allowed."""
-        matches = set(map(_british, words)) & self._words.keys()
+        """Whether one of these words, which say what a zone is, is among them."""
+        if not self._words:
+            return False
+        matches = set(map(_comparable, words)) & self._words.keys()
         if matches:
             self._used |= matches
             self._zones.append(zone)
@@ -246,13 +291,31 @@ class AllowedZones:
         """Note which zones were left out, and which words are none of the file's `kinds`."""
         if zones := self._zones:
             shown = ", ".join(zones[:10]) + (" ..." if len(zones) > 10 else "")
-            message = f"{counted(len(zones), 'zones')} that you allow: left out ({shown})"
-            reading.note((), message, "zone-allowed")
+            message = f"{counted(len(zones), 'zones')} that you {self._why}: left out ({shown})"
+            reading.note((), message, self._code)
         for unused in sorted(self._words.keys() - self._used):
             message = f"no zone is of {kinds} '{self._words[unused][:40]}'"
-            reading.note((), message, "allow-unused")
+            reading.note((), message, self._unused)
 
 
-def _british(word: str) -> str:
-    """ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
-    return word.upper().replace("AUTHORIZATION", "AUTHORISATION")
+class ZoneChoice:
+    """Which zones of a file the operator leaves out.
+
+    Attributes:
+        allow: Those that the operator may fly in.
+        skip: Those that are no zones for this mission: another mission's area, a plan of the site.
+    """
+
+    def __init__(self, allow: Collection[str] = (), skip: Collection[str] = ()) -> None:
+        self.allow = LeftOut(allow, "allow", "zone-allowed", "allow-unused")
+        self.skip = LeftOut(skip, "skip", "zone-skipped", "skip-unused")
+
+    def tell(self, reading: ZoneReading, allowed: str, skipped: str = "name or kind") -> None:
+        """Note what was left out, and words that fit nothing; what they are compared with."""
+        self.allow.tell(reading, allowed)
+        self.skip.tell(reading, skipped)
+
+
+def _comparable(word: str) -> str:
+    """Without capitals; ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
+    return word.strip().upper().replace("AUTHORIZATION", "AUTHORISATION")

@@ -118,7 +118,7 @@ def _fill(draft: MissionDocument, form: MissionForm) -> None:
             crosses = zone.crosses_fence
             draft.zones.append(Area(name, shape, keys, crosses_fence=crosses, terms=zone.terms()))
     for keys, listed in _right("no_fly_files", form.no_fly_files):
-        add_zones(draft, folder / listed.file, (*keys, "file"), listed.allow)
+        add_zones(draft, folder / listed.file, (*keys, "file"), listed.allow, listed.skip)
 
 
 def _right(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.files.maps.feature_set import map_area
-from air_router.files.maps.zone_reading import MapCircle
+from air_router.files.maps.map_area import MapCircle
 from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,

@@ -208,7 +208,9 @@ class ItemsReader(PlanValues):
         if frame in _AMSL_FRAMES and altitude_m is not None:
             altitude_m = self._above_home(altitude_m, keys)
         elif frame in _TERRAIN_FRAMES:
-            self._refuse_frame(keys, "the height of the terrain here is not in the plan")
+            self._refuse_frame(
+                keys, "an altitude above the terrain, whose height here is not in the plan"
+            )
             return None
         elif frame not in RELATIVE_FRAMES:
             self._refuse_frame(keys, f"altitude frame {shown(frame)} is not read")
@@ -221,7 +223,11 @@ class ItemsReader(PlanValues):
         return altitude_m
 
     def _refuse_frame(self, keys: Keys, why: str) -> None:
-        message = f"{why}; choose altitudes relative to launch in QGroundControl"
+        message = (
+            f"{why}; in QGroundControl set the item's altitude to 'Relative To Launch', or to "
+            "'Calc Above Terrain', which stores the terrain's height; in Mission Planner to "
+            "'Relative'"
+        )
         self.draft.report((*keys, "frame"), message, "altitude-frame")
 
     def _above_home(self, altitude_amsl_m: float, keys: Keys) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import map_area
-from air_router.files.maps.zone_reading import MapCircle, MapRing
+from air_router.files.maps.map_area import MapCircle, MapRing
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.missions.qgc_items import MavCommand
 from air_router.files.settings import (

@@ -17,8 +17,9 @@ from air_router.errors import ExitCode
 from air_router.files.json_document import json_from_text, json_text
 from air_router.files.maps.zone_files import read_zones
 from air_router.files.mission_document import MissionDocument
-from air_router.files.missions.qgc_read import plan_draft, read_waypoints
+from air_router.files.missions.qgc_read import plan_draft
 from air_router.files.missions.qgc_write import ConversionWarnings, plan_of
+from air_router.files.missions.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_draft
 from geo.airspace.zone import Circle
@@ -243,7 +244,7 @@ HOME = "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t450\t1\n"
         (HOME + "1 0 3 16 0 0 0 0 97 8 30 1\n", "3:18", "not-on-earth"),
         (HOME + "1 0 3 16 0 0 0 0 47 8 0 1\n", "3:23", "out-of-range"),
         (HOME + "1 0 10 16 0 0 0 0 47 8 9 1\n", "3:5", "altitude-frame"),
-        (HOME + "1 0 3 5001 4 0 0 0 47 8 9 1\n", "3:7", "unknown-command"),
+        (HOME + "1 0 3 5001 4 0 0 0 47 8 9 1\n", "3:1", "wrong-form"),
     ],
 )
 def test_what_is_wrong_in_a_waypoint_file_has_its_place(tmp_path, capsys, text, place, code):
@@ -303,9 +304,9 @@ def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
         (["town.yaml", "no/x.kml"], 1, "No such file or directory"),
         (["nowhere.yaml", "x.kml"], 3, "cannot read the file"),
         (["nowhere.kml", "x.geojson"], 3, "cannot read the file"),
-        (["bow.geojson", "x.kml"], 3, "[zone-self-intersects]"),
-        (["bow.geojson", "x.kml", "--zones", "bad.geojson"], 3, "[zone-too-few-corners]"),
-        (["town.yaml", "x.kml", "--zones", "bad.geojson"], 3, "[zone-too-few-corners]"),
+        (["far.geojson", "x.kml"], 3, "[not-on-earth]"),
+        (["zones.kml", "x.kml", "--zones", "bad.geojson"], 3, "[wrong-type]"),
+        (["town.yaml", "x.kml", "--zones", "bad.geojson"], 3, "[wrong-type]"),
         (["bad.plan", "x.yaml"], 3, "[missing-key]"),
         (["town.yaml"], 2, "TO"),
     ],
@@ -314,8 +315,7 @@ def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
     arguments, code, words = case
     for name in ("town.yaml", "zones.kml", "walk.gpx"):
         (tmp_path / name).write_bytes((FILES / name).read_bytes())
-    ring = [[8, 47], [8.001, 47.001], [8.001, 47], [8, 47.001]]
-    for name, corners in (("bow", ring), ("bad", ring[:2])):
+    for name, corners in (("far", [[8, 47], [8, 97]]), ("bad", "8,47 8,48")):
         polygon = {"type": "Polygon", "coordinates": [corners]}
         (tmp_path / f"{name}.geojson").write_text(json.dumps(polygon))
     (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')

@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.files.maps.limits import limit_in_text
+from air_router.files.maps.map_area import MapCircle
 from air_router.files.maps.openair import read_openair
 from air_router.files.maps.zone_files import read_zones
-from air_router.files.maps.zone_reading import MapCircle
 from air_router.files.xml_document import kml_in, kmz_of
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from geo.frame import ARC_ERROR_M, Geodetic, arc_around, polar
@@ -161,7 +161,7 @@ def test_limits_of_openaip_and_the_faa():
         ('"upperLimit": "2000ft AGL"', Altitudes(None, AltitudeLimit(609.6, GROUND)), []),
         ('"upperLimit": 120, "lowerLimit": "100 AGL"', None, ["upperLimit", "lowerLimit"]),
         ('"upperLimit": "400 ft", "lowerLimit": "0"', None, ["upperLimit"]),
-        ('"upper_m": 50, "upperLimit": "SFC"', Altitudes(None, AltitudeLimit(50)), []),
+        ('"upper_m": 50, "upperLimit": "SFC"', Altitudes(None, AltitudeLimit(50)), ["upperLimit"]),
     ],
 )
 def test_limits_that_are_none_or_unclear(tmp_path, properties, altitudes, told):
@@ -301,7 +301,11 @@ def test_no_openair_crashes_its_reader(lines):
         assert problem.code
         assert 1 <= problem.line <= len(text.splitlines()) + 1
     for zone in reading.zones:
-        assert isinstance(zone.shape, MapCircle) or len(zone.shape.ring) >= 3
+        areas, note = zone.sound()
+        assert areas
+        assert note is None or note.code == "zone-repaired"
+        for area in areas:
+            assert isinstance(area.shape, MapCircle) or len(area.shape.ring) >= 3
 
 
 def test_long_lines_end_soon():

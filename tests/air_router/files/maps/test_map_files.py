@@ -21,8 +21,8 @@ from air_router.files.maps.feature_set import (
 )
 from air_router.files.maps.geojson import geojson_of, geojson_text, read_geojson
 from air_router.files.maps.kml import kml_text, read_kml
+from air_router.files.maps.map_area import MapArea, MapCircle, MapOutline
 from air_router.files.maps.zone_files import read_zones
-from air_router.files.maps.zone_reading import MapArea, MapCircle, MapOutline
 from air_router.files.mission_document import local_ring
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference, ZoneTerms
 from air_router.mission.loading import read_draft

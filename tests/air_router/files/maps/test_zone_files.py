@@ -14,8 +14,8 @@ from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
 from air_router.files.maps.geozones import validity_of
+from air_router.files.maps.map_area import MapCircle, MapOutline, unique_names
 from air_router.files.maps.zone_files import add_zones, read_zones
-from air_router.files.maps.zone_reading import MapCircle, MapOutline, unique_names
 from air_router.files.mission_document import MissionDocument, MissionPoint
 from air_router.files.zone_terms import AltitudeLimit, Altitudes, Reference
 from air_router.mission.loading import load_mission
@@ -348,17 +348,6 @@ def test_a_problem_with_a_zone_stands_in_its_own_file(tmp_path):
         load_mission(path)
     (problem,) = caught.value.problems
     assert (problem.path, problem.code) == (path, "waypoint-in-zone")
-    crossed = {
-        "type": "Polygon",
-        "coordinates": [[[8.0, 47.001], [8.001, 47.002], [8.001, 47.001], [8.0, 47.002]]],
-    }
-    (tmp_path / "bow.geojson").write_text(json.dumps(crossed, indent=1))
-    path = mission(tmp_path, "no_fly_files: [bow.geojson]\n")
-    with pytest.raises(DocumentError) as caught:
-        load_mission(path)
-    (problem,) = caught.value.problems
-    assert str(problem).startswith(f"{tmp_path}/bow.geojson:1:1: no-fly zone 'bow 1' cannot be")
-    assert problem.code == "zone-self-intersects"
 
 
 def draft_at(home):
@@ -520,7 +509,7 @@ def test_rings_and_zones_without_end_are_bounded(tmp_path):
         assert 1_000 < len(outline.ring) < 25_000
     assert time.process_time() - started < 4
     draft = draft_at(Geodetic(47.0, 8.0))
-    assert add(tmp_path, draft, star(20_001)) == []
+    assert add(tmp_path, draft, star(200_001)) == []
     assert [problem.code for problem in draft.problems] == ["too-large"]
     triangles = [[[[8 + i / 1e5, 47], [8 + i / 1e5, 47.001], [8, 47.002]]] for i in range(1, 3002)]
     draft = draft_at(Geodetic(47.0, 8.0))

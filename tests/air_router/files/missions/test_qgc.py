@@ -122,7 +122,10 @@ def put(data, *keys):
         (("mission", "items", 1, "command", 31002), "29:28: command 31002 is not read yet"),
         (("mission", "items", 1, "command", "x"), "29:28: an item's command must be a whole"),
         (("mission", "items", 0, "command", 20), "15:28: the plan returns or lands before this"),
-        (("mission", "items", 1, "frame", 10), "30:26: the height of the terrain here is not in"),
+        (
+            ("mission", "items", 1, "frame", 10),
+            "30:26: an altitude above the terrain, whose height here",
+        ),
         (("mission", "items", 1, "frame", 2), "30:26: altitude frame 2 is not read"),
         (("mission", "plannedHomePosition", 2, None), "an altitude above the sea, and home has"),
         (("mission", "items", 1, "params", 6, 0), "38:21: the altitude is 0 m above home"),

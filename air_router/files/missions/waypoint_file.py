@@ -1,0 +1,191 @@
+"""Reads waypoint files: the lines of these are items of a plan.
+
+Waypoint files ("QGC WPL 110") are those of Mission Planner, MAVProxy and QGroundControl, with an
+item of twelve columns on each line. The first is home where it is a waypoint above the sea, as
+ArduPilot's programs write it. Fences and rally points are files of that form, too.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.files.maps.ardupilot_fences import (
+    FENCE_COMMANDS,
+    FenceCommand,
+    FenceItem,
+    fence_areas,
+    old_fence_items,
+)
+from air_router.files.maps.map_area import MapCircle
+from air_router.files.mission_document import Area, Keys, MissionDocument
+from air_router.files.missions.qgc_items import NOT_FLOWN, ItemsReader, MavCommand
+from air_router.files.settings import DEFAULT_SPEED_M_S
+from air_router.files.whole_file import PlacedSource
+from geo.airspace.airspace import FENCE
+from geo.airspace.zone import Shape
+from mocha_link.team.problem import DocumentError, Problem, ProblemList
+
+_FENCE: Final = "fence"
+"""The begin of keys that count all of the file's items, not only those that are flown."""
+
+_VERSION: Final = "QGC WPL 110"
+_COLUMNS: Final = 12
+_FRAME, _COMMAND, _PARAMS = 2, 3, 4
+_AMSL_FRAME: Final = 0
+
+
+class _WaypointFile:
+    """The file's lines, which know where a value stands. Keys are those of a plan's items.
+
+    Attributes:
+        path: The file.
+        flown: Which of the file's items are the plan's: without home, fences and rally points.
+    """
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path = path
+        self.flown: list[int] = []
+        lines = enumerate(text.splitlines(), start=1)
+        rows = [(number, list(re.finditer(r"\S+", line))) for number, line in lines]
+        self._rows = [(number, words) for number, words in rows if words][1:]  # line, words
+
+    def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
+        """A problem with the value at `("mission", "items", row, "params", number)`, or alike."""
+        if len(keys) < 3 or not isinstance(keys[2], int):
+            return Problem(self.path, 1, 1, message, code)
+        index = keys[2] if keys[0] == _FENCE else self.flown[keys[2]]
+        number, words = self._rows[index]
+        column = {"frame": _FRAME, "command": _COMMAND, "params": _PARAMS}.get(str(keys[-1]), 0)
+        if len(keys) == 5 and isinstance(keys[4], int):
+            column = _PARAMS + keys[4]
+        return Problem(self.path, number, words[column].start() + 1, message, code)
+
+    def items(self) -> list[dict[str, Any]]:
+        """The lines as items of a plan.
+
+        Raises:
+            DocumentError: with every line that is not twelve numbers.
+        """
+        problems, items = ProblemList(), []
+        for number, words in self._rows:
+            numbers = [_number(word[0], whole=i < _PARAMS) for i, word in enumerate(words)]
+            if len(words) != _COLUMNS:
+                message = f"an item has {_COLUMNS} columns, found {len(words)}; export again"
+                wrong = partial(Problem, self.path, number, 1, message, "wrong-length")
+                problems.add(self.path, "wrong-length", wrong)
+            elif None in numbers:
+                word = words[numbers.index(None)]
+                message = f"'{word[0][:20]}' is not such a number; correct it"
+                wrong = partial(Problem, self.path, number, word.start() + 1, message, "wrong-type")
+                problems.add(self.path, "wrong-type", wrong)
+            else:
+                frame, command, *params = numbers[_FRAME:-1]
+                items.append(
+                    {"type": "SimpleItem", "frame": frame, "command": command, "params": params}
+                )
+        if found := list(problems):
+            raise DocumentError(found)
+        return items
+
+
+def read_waypoints(text: str, path: Path) -> MissionDocument:
+    """A draft of the mission in a waypoint file.
+
+    Raises:
+        DocumentError: it is none, of another version, or a line is not an item.
+    """
+    first = text.partition("\n")[0].strip()
+    if first != _VERSION:
+        message = f"the first line is '{first[:40]}', read is '{_VERSION}'; export the file again"
+        raise DocumentError.at(path, message, "plan-version")
+    document = _WaypointFile(path, text)
+    draft = MissionDocument(document, path.stem)
+    items = document.items()
+    places = [row for row, item in enumerate(items) if item["params"][4] or item["params"][5]]
+    if not places:
+        draft.report((), "no waypoints in it; export the file again", "no-waypoints")
+        return draft
+    start = places[0]
+    home = items[start]
+    *place, altitude_m = home["params"][4:]
+    keys: Keys = (_FENCE, "items", start, "params", 4)
+    if not draft.find_frame("home", place, keys):
+        return draft
+    draft.home = draft.spot("home", place, keys)
+    document.flown = [n for n, item in enumerate(items) if item["command"] not in FENCE_COMMANDS]
+    if start == 0 and (home["command"], home["frame"]) == (MavCommand.WAYPOINT, _AMSL_FRAME):
+        draft.home_altitude_amsl_m = altitude_m
+        document.flown.remove(0)
+    else:
+        message = "the file has no home: the first place in it is taken; move it"
+        draft.note(keys, message, "home-assumed")
+    flown = [items[number] for number in document.flown]
+    ItemsReader(draft, {"mission": {"items": flown, "hoverSpeed": DEFAULT_SPEED_M_S}}).read()
+    fence = [
+        FenceItem(FenceCommand(item["command"]), *_of_fence(item), (_FENCE, "items", number))
+        for number, item in enumerate(items)
+        if item["command"] in FENCE_COMMANDS
+    ]
+    _add_fences(draft, fence)
+    return draft
+
+
+def read_old_fence_draft(text: str, path: Path) -> MissionDocument:
+    """A draft with the fence of an old `.fen` file, and with its first place as home."""
+    draft = MissionDocument(PlacedSource(path), path.stem)
+    items = old_fence_items(text)
+    if not items:
+        draft.report((), "no corners in it; draw the fence again", "zone-too-few-corners")
+        return draft
+    home = (items[0].latitude_deg, items[0].longitude_deg)
+    if draft.find_frame("the fence", home, items[0].keys):
+        draft.home = draft.spot("home", home, items[0].keys)
+        message = "a fence has no home: its first corner is taken; move it"
+        draft.note(items[0].keys, message, "home-assumed")
+        _add_fences(draft, items)
+    return draft
+
+
+def _of_fence(item: dict[str, Any]) -> tuple[float, float, float]:
+    """An item's first parameter, latitude and longitude."""
+    return item["params"][0], item["params"][4], item["params"][5]
+
+
+def _add_fences(draft: MissionDocument, items: Sequence[FenceItem]) -> None:
+    """Add fences, zones and rally points."""
+    for area in fence_areas(items):
+        name = FENCE if area.inclusion else f"zone {len(draft.zones) + 1}"
+        label = "the fence" if area.inclusion else f"no-fly zone '{name}'"
+        shape: Shape | None = None
+        if isinstance(area.shape, MapCircle):
+            shape = draft.circle(label, area.shape.centre, area.shape.radius_m, area.keys)
+        elif area.shape is not None:
+            shape = draft.polygon(label, area.shape.ring, area.keys)
+        else:
+            draft.report(area.keys, f"{label}: {area.error}", "wrong-form")
+        if shape is None:
+            draft.unread.add("fence")
+        else:
+            areas = draft.fences if area.inclusion else draft.zones
+            areas.append(Area(name, shape, area.keys, crosses_fence=not area.inclusion))
+    for item in items:
+        place = (item.latitude_deg, item.longitude_deg)
+        if item.command is FenceCommand.RALLY_POINT:
+            label = f"rally point {len(draft.rally_points) + 1}"
+            spot = draft.spot(label, place, item.keys)
+            draft.rally_points += [spot] if spot else []
+        elif item.command is FenceCommand.RETURN_POINT:
+            draft.note(item.keys, "the fence's return point is not flown", NOT_FLOWN)
+
+
+def _number(word: str, *, whole: bool) -> float | None:
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    if whole:
+        return int(value) if value.is_integer() else None
+    return value if math.isfinite(value) else None
