@@ -140,6 +140,7 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
                 uav=uav,
                 log_dir=folder,
                 clock=clock,
+                simulated=arguments.pace_from is not None,
             ),
         )
         web = web_of(arguments)

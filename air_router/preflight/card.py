@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Final
 
 from air_router.errors import RefusedError
+from air_router.words import counted
 
 
 class CheckVerdict(Enum):
@@ -61,10 +62,13 @@ class Card:
 
     @property
     def summary(self) -> str:
-        """How many lines are good, in words."""
-        good = sum(check.verdict is GOOD for check in self.checks)
-        others = "; none of the others stops the flight" if good < len(self.checks) else ""
-        return f"{good} of {len(self.checks)} lines are good{others}"
+        """How many checks passed, in words."""
+        total, bad = len(self.checks), len(self.bad)
+        warned = sum(check.verdict is LOOK for check in self.checks)
+        others = [counted(warned, "warnings")] if warned else []
+        others += [f"{bad} to be mended before the flight"] if bad else []
+        passed = f"{total - warned - bad} of {total} checks passed"
+        return "; ".join((passed, ", ".join(others))) if others else passed
 
     def lines(self, *, coloured: bool = False, all_of_them: bool = True) -> list[str]:
         """The card as text, one line each; `all_of_them`: also the good ones."""

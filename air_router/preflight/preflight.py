@@ -40,6 +40,8 @@ GPS_ALTITUDE_M: Final = 10.0
 WRONG_ALTITUDE_M: Final = 50.0
 """What no satellite receiver with a fix, and no model of the sea's level, is wrong by."""
 LEAST_UNIX_S: Final = 1_704_067_200.0  # 2024: before it was written no clock is right
+NO_REMOTE_CONTROL: Final = "no remote control is heard"
+"""PX4's warning, as `vehicle.px4` words it."""
 LEAST_DISK_B: Final = 50_000_000
 GOOD_DISK_B: Final = 500_000_000
 CLIMB_M_S: Final = 1.5
@@ -160,10 +162,11 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
     ]
 
 
-def health(inspection: Inspection) -> Check:
-    """The autopilot's own checks."""
+def health(inspection: Inspection, *, simulated: bool = False) -> Check:
+    """The autopilot's own checks; a simulated vehicle has no remote control."""
     problems = inspection.problems or ("it does not say why; see the ground station",)
-    warnings = inspection.warnings
+    absent = {NO_REMOTE_CONTROL} if simulated else set()
+    warnings = [warning for warning in inspection.warnings if warning not in absent]
     return _check(
         "health",
         (not inspection.healthy, BAD, "not ready to arm", "; ".join(problems)),

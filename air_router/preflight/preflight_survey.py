@@ -36,6 +36,7 @@ class PreflightSurvey:
     log_dir: Path | None = None  # where the log goes
     unix: Callable[[], float] = time.time  # this computer's clock
     clock: VehicleClock | None = None  # the vehicle's; None: as ours
+    simulated: bool = False  # what no simulation has is not judged: sticks, wind, GPS time, radios
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
@@ -58,18 +59,18 @@ class PreflightSurvey:
             *first,
             preflight.place(mission, self.router, info, telemetry),
             *preflight.altitude(mission, info, telemetry),
-            preflight.health(inspection),
+            preflight.health(inspection, simulated=self.simulated),
             preflight.gps(inspection.gps),
-            preflight.wind(inspection.wind_m_s),
+            *(() if self.simulated else (preflight.wind(inspection.wind_m_s),)),
             preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
             *parameters(mission, inspection.parameters, rate=rate),
             straight_return(mission),
             *preflight.notes(mission),
-            preflight.clock(
-                inspection, self.unix(), hours=any(zone.validity for zone in mission.zones)
-            ),
-            preflight.disk(_free_bytes(self.log_dir)),
         ]
+        if not self.simulated:
+            hours = any(zone.validity for zone in mission.zones)
+            checks.append(preflight.clock(inspection, self.unix(), hours=hours))
+        checks.append(preflight.disk(_free_bytes(self.log_dir)))
         if reachable is not None:
             checks.append(preflight.peers(reachable))
         return Card(tuple(checks))
@@ -91,9 +92,9 @@ class PreflightSurvey:
         return 1.0 if self.clock is None else await self.clock.measured_rate()
 
     async def _reachable(self) -> dict[str, bool] | None:
-        """Whose node answers now; None without a team."""
+        """Whose node answers now; None without a team, and where a simulation starts the nodes."""
         team = self.team
-        if team is None:
+        if team is None or self.simulated:
             return None
         names = team.robot(self.uav).peers
         places = [(team.robot(n).address, team.robot(n).port_for(self.uav)) for n in names]

@@ -19,6 +19,7 @@ from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.px4.px4_events import WORDS
 from air_router.vehicle.vehicle import FlightMode, GpsFix, Inspection, Telemetry, VehicleInfo
 from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
@@ -381,3 +382,28 @@ def test_a_plan_that_cannot_be_read_is_not_said_to_be_another(error, found):
     look = _plan(SimpleNamespace(recognise=recognise), None, upload=False)
     assert (check := asyncio.run(look)).found == found
     assert check.verdict is LOOK
+
+
+def test_a_summary_counts_what_passed_what_warns_and_what_stops():
+    assert CARD.summary == "1 of 3 checks passed; 1 warning, 1 to be mended before the flight"
+    assert Card(CARD.checks[:2]).summary == "1 of 2 checks passed; 1 warning"
+    assert Card(CARD.checks[:1]).summary == "1 of 1 checks passed"
+
+
+def test_what_a_simulation_cannot_have_is_not_judged(pennovation, router):
+    warning = WORDS["check_modes_manual_control"]
+
+    async def inspect(_):
+        return Inspection(healthy=True, warnings=(warning, "low voltage"))
+
+    def lines(*, simulated):
+        vehicle = SimpleNamespace(inspect=inspect)
+        survey = PreflightSurvey(pennovation, router, simulated=simulated)
+        there = telemetry(position=pennovation.home)
+        card = asyncio.run(survey.card(vehicle, info(home=pennovation.home), there))
+        return {check.name: check for check in card.checks}
+
+    real, simulated = lines(simulated=False), lines(simulated=True)
+    assert real.keys() - simulated.keys() == {"wind", "clock"}
+    assert warning in real["health"].advice
+    assert simulated["health"].advice == "low voltage"
