@@ -46,6 +46,12 @@ from air_router.mission.mission import Mission
 from air_router.routing.departure import BRAKING_M_S2, STANDING_M_S, names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.instructions import (
+    BE_READY_AT_HOME,
+    FLY_OUT,
+    OUT_OF_ITS_WAY,
+    RELOAD_AGAIN,
+)
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import FENCE, Airspace
 
@@ -97,7 +103,7 @@ class AirspaceUpdate:
             context.say("zones not changed: the flight is over")
             return
         if self._context.zones is ZoneChange.UPLOADING:
-            context.say("zones not changed: others are being put on board just now; ask again")
+            context.warn("zones not changed: others are being put on board just now", RELOAD_AGAIN)
             return
         before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
         if router is None or not among(router, mission):
@@ -254,7 +260,7 @@ class AirspaceUpdate:
             paths, here = context.router.graph.paths, telemetry.position
             place = paths.nearest(here, reachable_from=context.mission.home)
             if self._way_out is None:
-                context.say(f"leaving {names_of(inside)}")
+                context.warn(f"leaving {names_of(inside)}", OUT_OF_ITS_WAY)
             self._way_out = Goal(here if place is None else place)
             context.zones = ZoneChange.LEAVING
             self._context.has_to_stop = False
@@ -271,9 +277,7 @@ class AirspaceUpdate:
         if motion is not None:
             gate.send(motion)
         if context.way.progress is Progress.NO_ROUTE:
-            context.say(
-                f"no way out of {names_of(inside)}: {navigator.refusal}; fly it out by hand"
-            )
+            context.alarm(f"no way out of {names_of(inside)}: {navigator.refusal}", FLY_OUT)
             gate.stop()
             gate.hold("no way out")
             self._stuck_until_s = telemetry.time_s + STUCK_S
@@ -299,12 +303,12 @@ class AirspaceUpdate:
             self._context.on_board = OnBoard.OURS
             self._context.say(f"{self._what} is on board")
         else:
-            self._context.say(f"{self._what} is not on board: {event.why_not}")
+            self._context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
             if self._put_off:
                 self._context.zones = ZoneChange.CLEARING  # once more when the mission is resumed
                 return
             if self._context.knows(Signal.COME_HOME):
-                self._context.come_home(f"{self._what} is not on board")
+                self._context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
                 return
         if self._context.in_air and not self._widen():
             self._context.handler.replan()

@@ -111,7 +111,10 @@ class CommandHandler:
             self._check_in_the_air()
         ending = context.ending
         by_request = context.state is State.HOME and ending is not None and ending.by_request
-        why = self._returns.due(context.heard) if by_request else context.ending_why
+        why = context.ending_why
+        if by_request:
+            due = self._returns.due(context.heard)
+            why = None if due is None else due.why
         if why is not None:
             raise _comes_home(why)
 

@@ -18,8 +18,21 @@ from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
-from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.input_limits import MODE_S
+from air_router.vehicle.instructions import (
+    CHECK_LINK,
+    CONNECT_ANOTHER,
+    FLY_OUT,
+    IN_YOUR_HANDS,
+    KEEP_CLEAR,
+    LAND_BY_HAND,
+    NO_UPLOADS,
+    RESUME_AGAIN,
+    TAKE_WHERE_IT_HOLDS,
+    UPLOAD_OURS,
+    WATCH_FAILSAFE,
+    Instruction,
+)
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
@@ -37,6 +50,9 @@ COMPARED_S: Final = 60.0
 
 _TOLD_S: Final = 10.0
 """How often something that goes on is told."""
+
+_LONG_SILENCE_S: Final = 10.0
+"""A silence that lasts so long is an alarm."""
 
 _SILENCE_S: Final = 3.0
 """A silence that was shorter is not told."""
@@ -92,6 +108,7 @@ class ControlAuthority:
     _gate: CommandGate
     _climb: InitialClimb
     _monitor: SafetyMonitor
+    _instruction: Instruction = TAKE_WHERE_IT_HOLDS  # about why hands will be off
     _compared_by_s: float = 0.0  # so long the comparison is waited for
     _holds: int = 0  # commanded before hands are off
     _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
@@ -102,10 +119,16 @@ class ControlAuthority:
 
     # Away.
 
-    def give_up(self, why: str) -> None:
-        """Have it hold, then hands off; both wait until it is known who flies it."""
+    def give_up(self, why: str, instruction: Instruction) -> None:
+        """Have it hold, then hands off; both wait until it is known who flies it.
+
+        Args:
+            why: In words.
+            instruction: What the pilot does about it.
+        """
+        self._instruction = instruction
         if self._context.inputs.silent:
-            self._context.say(f"{why}: told to hold once its flight mode is heard")
+            self._context.alarm(f"{why}: told to hold once its flight mode is heard", instruction)
         self._context.giving_up = why
         self._context.compares = None
         self._holds = 0
@@ -139,13 +162,18 @@ class ControlAuthority:
 
     def _let_go(self, why: str) -> None:
         self._context.giving_up = None
-        self.take_over(ControlHolder.PILOT, why)
+        if self._context.knows(Signal.TAKEN_OVER):
+            self._context.taken_by = ControlHolder.PILOT
+            self._context.alarm(f"hands off: {why}", self._instruction)
+            self._context.signal(Signal.TAKEN_OVER)
 
     def taken(self, telemetry: Telemetry) -> None:
         """The vehicle flies in a mode that we did not ask for, or by a failsafe."""
         who = ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT
         self._chosen = (telemetry.mode, self._context.now_s)
-        self.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
+        failsafe = who is ControlHolder.FAILSAFE
+        instruction = WATCH_FAILSAFE if failsafe else IN_YOUR_HANDS
+        self.take_over(who, f"{who.value} chose {telemetry.mode.value} mode", instruction)
 
     def look_on(self, telemetry: Telemetry) -> None:
         """Another flies: tell what a pilot may not see, and who took it if that shows late."""
@@ -154,10 +182,16 @@ class ControlAuthority:
         late = telemetry.mode is mode and context.now_s - taken_s <= LATE_S
         if telemetry.failsafe and late and context.taken_by is ControlHolder.PILOT:
             context.taken_by = ControlHolder.FAILSAFE
-            context.say(f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode")
+            context.warn(
+                f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode",
+                WATCH_FAILSAFE,
+            )
         self._look_at_inputs(telemetry)
-        news = self._breaches.news(self._monitor.breach(telemetry), context.now_s)
-        if news is not None:
+        breach = self._monitor.breach(telemetry)
+        news = self._breaches.news(breach, context.now_s)
+        if news is not None and breach is not None:
+            context.alarm(news, FLY_OUT)
+        elif news is not None:
             context.say(news)
 
     def wait(self, telemetry: Telemetry) -> None:
@@ -166,8 +200,8 @@ class ControlAuthority:
         self.check()
 
     def _look_at_inputs(self, telemetry: Telemetry) -> None:
-        for what, _ in self._context.inputs.look(telemetry).news:
-            self._context.say(what)
+        for news in self._context.inputs.look(telemetry).news:
+            self._context.announce(news.what, news.instruction)
 
     def nothing_heard(self, event: LinkSilent) -> None:
         """The vehicle says nothing: that is told at once, then now and then."""
@@ -177,7 +211,11 @@ class ControlAuthority:
         context.silent_s = silent_s
         if silent_s >= max(self._silence_told_s + _TOLD_S, _SILENCE_S):
             self._silence_told_s = silent_s
-            context.say(f"nothing heard from the vehicle for {silent_s:.0f} s")
+            text = f"nothing heard from the vehicle for {silent_s:.0f} s"
+            if silent_s < _LONG_SILENCE_S:
+                context.warn(text, CHECK_LINK)
+            else:
+                context.alarm(text, CHECK_LINK)
 
     def heard_again(self, event: object) -> bool:
         """Whether an event after a silence counts: a telemetry once its mode was told since.
@@ -196,17 +234,28 @@ class ControlAuthority:
         self._mode_s, self._context.silent_s = None, 0.0
         return True
 
-    def take_over(self, who: ControlHolder, why: str) -> None:
-        """The pilot, or a failsafe, flies from now on."""
-        if self._context.knows(Signal.TAKEN_OVER):
-            self._context.taken_by = who
-            self._context.say(f"hands off: {why}")
-            self._context.signal(Signal.TAKEN_OVER)
+    def take_over(self, who: ControlHolder, why: str, instruction: Instruction) -> None:
+        """The pilot, or a failsafe, flies from now on.
+
+        Args:
+            who: Has it.
+            why: In words.
+            instruction: What the pilot does about it.
+        """
+        context = self._context
+        if not context.knows(Signal.TAKEN_OVER):
+            return
+        context.taken_by = who
+        if who is ControlHolder.FAILSAFE:
+            context.alarm(f"hands off: {why}", instruction)
+        else:
+            context.warn(f"hands off: {why}", instruction)
+        context.signal(Signal.TAKEN_OVER)
 
     def fallen(self, why: str) -> None:
         """Its motors were stopped in the air: nothing can be done for it."""
         self._context.taken_by = None
-        self._context.say(f"hands off: {why}")
+        self._context.alarm(f"hands off: {why}", KEEP_CLEAR)
         if self._context.knows(Signal.TAKEN_OVER):
             self._context.signal(Signal.TAKEN_OVER)
 
@@ -223,14 +272,14 @@ class ControlAuthority:
                 context.say("a multicopter with PX4 is on the link again, and nothing else")
             return
         if context.state is State.READY and not context.in_air:
-            context.alarm(why, SET_UP)
+            context.alarm(why, CONNECT_ANOTHER)
             context.stayed_why = why
             context.signal(Signal.GROUNDED)
             return
         if before is None:
-            context.alarm(why, "fly the vehicle by hand, and land it")
+            context.alarm(why, LAND_BY_HAND)
         if context.in_charge:
-            self.take_over(ControlHolder.PILOT, why)
+            self.take_over(ControlHolder.PILOT, why, LAND_BY_HAND)
 
     # The plan on board.
 
@@ -243,7 +292,7 @@ class ControlAuthority:
         context = self._context
         context.on_board = OnBoard.REPLACED
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
-        context.say(f"{what}; comparing it with this mission's")
+        context.warn(f"{what}; comparing it with this mission's", NO_UPLOADS)
         flies_plan = context.in_charge and context.state is not State.LAND
         self._compared_by_s = context.now_s + COMPARED_S
         self._hold_again_s = context.now_s + RETRY_S
@@ -268,7 +317,7 @@ class ControlAuthority:
         context.compares = None
         if context.held is not None:  # no leg may begin there, whatever plan is on board
             context.stopped_why = None
-            context.say(f"{again}; holding: {context.held}")
+            context.alarm(f"{again}; holding: {context.held.why}", context.held.instruction)
             return
         context.say(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")
         context.climbs_first = True  # it may have sunk, or have been stopped in its climb
@@ -289,13 +338,13 @@ class ControlAuthority:
             context.stayed_why = why
             context.signal(Signal.GROUNDED)
         elif context.state is State.READY and not context.in_charge:
-            self.take_over(ControlHolder.PILOT, why)
+            self.take_over(ControlHolder.PILOT, why, UPLOAD_OURS)
         elif context.state in {State.LAND, State.PASSIVE}:
-            context.say(why)
+            context.warn(why, UPLOAD_OURS)
             context.compares = None
             context.handler.replan()  # a landing needs no plan
         elif context.in_charge and context.giving_up is None:
-            self.give_up(why)
+            self.give_up(why, TAKE_WHERE_IT_HOLDS)
 
     # And back.
 
@@ -338,7 +387,7 @@ class ControlAuthority:
         """
         why = self.why_not_back(flies_plan=not upload)
         if why is not None:
-            self._context.say(f"not resumed: {why}")
+            self._context.warn(f"not resumed: {why}", RESUME_AGAIN)
             return why
         self._context.say("resumed: the mission goes on from here")
         self._take_back()

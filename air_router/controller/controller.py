@@ -57,6 +57,13 @@ from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.input_limits import CALM
+from air_router.vehicle.instructions import (
+    BE_READY_AT_HOME,
+    CHECK_PEER,
+    CLIMB_BY_HAND,
+    FLY_OUT,
+    IN_YOUR_HANDS,
+)
 from air_router.vehicle.vehicle import (
     ItemReached,
     LinkSilent,
@@ -145,7 +152,7 @@ class Controller:
             PlanRenewed: self.airspace_update.plan_renewed,
             RoutesWidened: self.airspace_update.routes_widened,
             FlownBefore: self._flown_before,
-            PeerFault: lambda event: context.say(event.words),
+            PeerFault: lambda event: context.warn(event.words, CHECK_PEER),
             PlanReplaced: authority.plan_replaced,
             PlanCompared: authority.plan_compared,
             WrongVehicle: authority.another_vehicle,
@@ -188,11 +195,11 @@ class Controller:
         elif ours and flies and chosen:
             authority.taken(telemetry)
         elif ours and (foreign := self._monitor.foreign_order(telemetry)) is not None:
-            authority.take_over(ControlHolder.PILOT, foreign)
+            authority.take_over(ControlHolder.PILOT, foreign, IN_YOUR_HANDS)
         elif context.giving_up is not None or context.compares is not None:
             authority.wait(telemetry)
         elif ours and (breach := self._monitor.breach(telemetry, context.leaving)) is not None:
-            authority.give_up(f"{breach} is not resumed by itself")
+            authority.give_up(f"{breach} is not resumed by itself", FLY_OUT)
         elif context.state is State.READY:
             self._take_off(telemetry, moved)
         elif context.state is State.PASSIVE:
@@ -218,10 +225,10 @@ class Controller:
         if context.state is State.READY:
             self.states.ready.watch(telemetry)
         climbs = context.state is State.READY and context.handed_over and telemetry.in_air
-        if climbs and (why := self.returns.due(telemetry)) is not None:
-            context.come_home(why)
+        if climbs:
+            self.returns.end_if_due(telemetry)
         if moved is Response.HOLD and context.in_charge:
-            context.come_home("home was moved in the climb")
+            context.come_home("home was moved in the climb", BE_READY_AT_HOME)
 
     def _go_on(self, telemetry: Telemetry, moved: Response | None) -> None:
         """It is ours, and where it may be: all inputs are there; then on with the mission."""
@@ -262,7 +269,9 @@ class Controller:
             return True
         if climb.climb is not None and climb.go_on(telemetry):
             if climb.stuck(telemetry):
-                self._authority.give_up("the climb to the mission's altitude does not go on")
+                self._authority.give_up(
+                    "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
+                )
             return True
         return self.context.jumped
 

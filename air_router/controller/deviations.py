@@ -39,6 +39,7 @@ from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
 from air_router.vehicle.input_limits import InputStatus, Stop
+from air_router.vehicle.instructions import BE_READY_AT_HOME, NO_OTHER_HOME
 from air_router.vehicle.vehicle import Telemetry
 
 HOLD_S: Final = 2.0
@@ -68,7 +69,7 @@ class Deviations:
         """Say what is off, or is over, and do what follows."""
         for deviation in found:
             again = deviation.counts and self._happens_again(self._context.heard.time_s)
-            self._respond(Response.HOME if again else deviation.response, deviation.words)
+            self._respond(deviation._replace(response=Response.HOME) if again else deviation)
 
     def home_moved(self, moved: Response, *, cruises: bool) -> None:
         """Do what follows home having been moved just now, which is told already.
@@ -79,7 +80,7 @@ class Deviations:
                 zones change is held for.
         """
         if cruises:
-            self._respond(moved, "home was moved", said=True)
+            self._respond(Deviation(moved, "home was moved", NO_OTHER_HOME), said=True)
         elif moved is Response.HOLD and self._context.zones is not None:
             self._gate.stop()
             self._context.has_to_stop = True
@@ -89,10 +90,12 @@ class Deviations:
         """Tell which inputs are missing; whether too few of them come to fly on by."""
         context = self._context
         landing = context.state is State.LAND  # PX4 does so without a position too
-        for what, then in status.news:
-            context.say(f"{what}: {'landing on' if landing else then}" if then else what)
+        for news in status.news:
+            then = "landing on" if landing and news.then else news.then
+            text = f"{news.what}: {then}" if then else news.what
+            context.announce(text, news.instruction, alarms=news.alarms and not landing)
         if status.home_why is not None:
-            context.come_home(status.home_why)
+            context.come_home(status.home_why, BE_READY_AT_HOME)
         if context.state is State.READY:
             return False
         if status.stop is Stop.NONE:
@@ -107,16 +110,18 @@ class Deviations:
             context.signal(Signal.TIMER)
         return True
 
-    def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
+    def _respond(self, deviation: Deviation, *, said: bool = False) -> None:
+        response, words, instruction, _, alarms = deviation
         context = self._context
         if response is Response.HOME:
             comes_home = context.knows(Signal.COME_HOME)
-            context.come_home(words)
+            context.come_home(words, instruction)
             if comes_home:
                 return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
         if not said:
-            context.say(f"{words}: holding" if holds else words)
+            text = f"{words}: holding" if holds else words
+            context.announce(text, instruction, alarms=alarms)
         if holds:
             self._gate.hold(words)
         if response is not Response.TELL:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
@@ -20,6 +20,15 @@ from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.routing.return_planner import LANDING_MARGIN, WayHome
+from air_router.vehicle.instructions import (
+    BE_READY,
+    BE_READY_AT_HOME,
+    FLY_OUT,
+    NO_OTHER_SPEED,
+    TOO_MUCH_WIND,
+    WATCH_HEIGHT,
+    Instruction,
+)
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -89,10 +98,10 @@ class HeightWatch:
         if before is not None and abs(gained_m) > JUMP_M + CLIMB_M_S * max(now_s - before[0], 0.0):
             words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
-                return Deviation(Response.HOLD, words)
+                return Deviation(Response.HOLD, words, WATCH_HEIGHT)
             self._context.jumped = True
             self._off_since_s, self._back_since_s = now_s, None
-            return Deviation(Response.WAIT, words)
+            return Deviation(Response.WAIT, words, WATCH_HEIGHT)
         if self._off_since_s is not None:
             return self._while_off(telemetry, out_m, self._off_since_s)
         if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - _NEARER_M:
@@ -101,7 +110,7 @@ class HeightWatch:
         if now_s - self._out_since_s < OFF_S:
             return None
         self._off_since_s, self._back_since_s = now_s, None
-        return Deviation(Response.HOLD, f"too {self._off(altitude_m)}", counts=True)
+        return Deviation(Response.HOLD, f"too {self._off(altitude_m)}", WATCH_HEIGHT, counts=True)
 
     def _while_off(
         self, telemetry: Telemetry, out_m: float, off_since_s: float
@@ -114,13 +123,13 @@ class HeightWatch:
                 return None
             self._context.jumped = False
             self._off_since_s = self._out_since_s = None
-            return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again")
+            return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again", None)
         self._back_since_s = None
         if now_s - off_since_s < OFF_HOME_S:
             return None
         self._context.jumped = False
         self._off_since_s = math.inf  # once, until it is back
-        return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}")
+        return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}", WATCH_HEIGHT)
 
     def _off(self, altitude_m: float) -> str:
         band = self._context.mission.cruise
@@ -173,8 +182,8 @@ class ClearanceWatch:
         left_m = max(spare_m + kept_m, 0.0)
         words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
         if told_m is not None:
-            return Deviation(Response.TELL, words)
-        return Deviation(Response.HOLD, words, counts=True)
+            return Deviation(Response.TELL, words, FLY_OUT, alarms=True)
+        return Deviation(Response.HOLD, words, BE_READY, counts=True)
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
@@ -222,8 +231,8 @@ class SpeedWatch:
             "another ground station changed its speed, or the wind carries it"
         )
         if isinstance(self._gate.last, HoldHere):  # for another reason; it brakes
-            return Deviation(Response.TELL, words)
-        return Deviation(Response.HOLD, words, counts=True)
+            return Deviation(Response.TELL, words, NO_OTHER_SPEED)
+        return Deviation(Response.HOLD, words, NO_OTHER_SPEED, counts=True)
 
     def _slow(self, telemetry: Telemetry, speed_m_s: float) -> Deviation | None:
         leg, mission, far = self._gate.last, self._context.mission, False
@@ -240,7 +249,7 @@ class SpeedWatch:
             return None
         self._slow_told = True
         words = f"it flies only {speed_m_s:.1f} m/s and was told {mission.speed_m_s:.1f} m/s"
-        return Deviation(Response.TELL, words)
+        return Deviation(Response.TELL, words, TOO_MUCH_WIND)
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now: out of another's it brakes."""
@@ -291,6 +300,13 @@ class Envelope:
                 watch.forget()
 
 
+class Due(NamedTuple):
+    """Why the vehicle comes home now, and what the pilot does; None: it was to end like this."""
+
+    why: str
+    instruction: Instruction | None = None
+
+
 @dataclass(slots=True, eq=False)
 class ReturnMonitor:
     """Decides when the mission ends, and says where no way leads home.
@@ -317,33 +333,36 @@ class ReturnMonitor:
             or reachability.walls is not None
             or reachability.among is not context.router
         ):
-            news = reachability.look(telemetry, due=context.state is State.HOME)
-            if news is not None:
-                context.say(news)
+            reachability.look(telemetry, due=context.state is State.HOME)
         if Signal.COME_HOME in context.spec.on:
-            why = self.due(telemetry)
-            if why is not None:
-                context.come_home(why)
+            self.end_if_due(telemetry)
 
-    def due(self, telemetry: Telemetry, *, by_time: bool = True) -> str | None:
+    def end_if_due(self, telemetry: Telemetry) -> None:
+        """Have it come home where its battery or its time demands that."""
+        due = self.due(telemetry)
+        if due is not None:
+            self._context.come_home(due.why, due.instruction)
+
+    def due(self, telemetry: Telemetry, *, by_time: bool = True) -> Due | None:
         """Why the vehicle comes home now, for its battery or its time; None to stay out."""
         context, mission, charge = self._context, self._context.mission, telemetry.battery
         need_home = None
         if context.pace.endurance_s is not None:
             need_home = self._way_home.need(telemetry, context.router)
         if charge is not None and charge <= mission.battery_reserve:
-            return f"battery at {charge:.0%}"
+            return Due(f"battery at {charge:.0%}", BE_READY_AT_HOME)
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
-            return (
+            return Due(
                 f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
-                f"{LANDING_MARGIN:.0%} are to be left on the ground"
+                f"{LANDING_MARGIN:.0%} are to be left on the ground",
+                BE_READY_AT_HOME,
             )
         if not by_time:
             return None
         airborne_s = 0.0 if context.airborne_s is None else context.now_s - context.airborne_s
         if mission.duration_s is not None and airborne_s >= mission.duration_s:
-            return f"{mission.duration_s:.0f} s of mission are over"
+            return Due(f"mission duration ({mission.duration_s:.0f} s) reached")
         over = context.home_by_s is not None and context.now_s >= context.home_by_s
         if over and mission.latest_start is not None:
-            return "the hours that its no-fly zones were chosen for are over"
+            return Due("the hours that its no-fly zones were chosen for are over")
         return None

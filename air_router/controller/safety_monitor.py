@@ -19,6 +19,11 @@ from air_router.controller.motion.command_gate import MODES, CommandGate
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.instructions import (
+    NO_OTHER_HOME,
+    WATCH_HEIGHT,
+    Instruction,
+)
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -173,11 +178,21 @@ class Response(Enum):
 
 
 class Deviation(NamedTuple):
-    """What to say, and what to do about it."""
+    """What to say, and what to do about it.
+
+    Attributes:
+        response: What follows.
+        words: Announced.
+        instruction: What the pilot or the operator does; None: it is over.
+        counts: Held for again and again, the vehicle comes home instead.
+        alarms: The pilot has to act now.
+    """
 
     response: Response
-    words: str  # announced
-    counts: bool = False  # held for again and again, it comes home instead
+    words: str
+    instruction: Instruction | None
+    counts: bool = False
+    alarms: bool = False
 
 
 @dataclass(slots=True, eq=False)
@@ -213,12 +228,12 @@ class HomeWatch:
                 share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
                 self.receiver_off_m += share * max(-_SAMPLE_M, min(news_m, _SAMPLE_M))
             self._receiver_at_s = now_s
-        moved, told, say = telemetry.home_moved, self._told, self._context.say
+        moved, told, context = telemetry.home_moved, self._told, self._context
         if moved is None:
             self._told = None
             if told is None:
                 return None
-            say("home is back in its place")
+            context.say("home is back in its place")
             return Response.BACK
         if told is not None and math.dist(moved, told) < HOME_AGAIN_M:
             return None
@@ -227,12 +242,12 @@ class HomeWatch:
         before_m = None if amsl_m is None else amsl_m - telemetry.altitude_m
         words = f"home was moved: {moved.words(before_m)}"
         if not moved.changes_heights:
-            say(f"{words}; the autopilot's own Return flies there")
+            context.warn(f"{words}; the autopilot's own Return flies there", NO_OTHER_HOME)
             return Response.TELL
         if told is not None and abs(moved.up_m - told.up_m) < HOME_AGAIN_M:
-            say(words)  # its place is told in a message of its own
+            context.warn(words, NO_OTHER_HOME)  # its place is told in a message of its own
             return Response.TELL
-        say(f"{words}; heights count from the take-off as before")
+        context.warn(f"{words}; heights count from the take-off as before", NO_OTHER_HOME)
         return Response.HOLD
 
     def doubt(self, telemetry: Telemetry) -> Deviation | None:
@@ -246,7 +261,7 @@ class HomeWatch:
                     f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
                     f"{telemetry.altitude_m + self.receiver_off_m:.0f} m by the satellites"
                 )
-                return Deviation(response, words)
+                return Deviation(response, words, WATCH_HEIGHT)
         return None
 
 

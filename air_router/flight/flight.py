@@ -17,6 +17,7 @@ from typing import Final
 
 from air_router.control.control_server import ControlServer
 from air_router.controller.controller import Controller
+from air_router.controller.model.actions import Announce
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
@@ -38,6 +39,7 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
 from air_router.vehicle.airframe import SET_UP
 from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.instructions import TAKE_FROM_HERE, TAKE_OVER, Instruction, Severity
 from air_router.vehicle.vehicle import (
     FlightMode,
     LinkSilent,
@@ -338,18 +340,28 @@ class Flight:
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():
-                self._status.say("the vehicle is left as it is: a pilot may have taken it unheard")
+                await self._last_words(
+                    "the companion stops; the vehicle is left as it is, its flight mode was not "
+                    "heard",
+                    TAKE_OVER,
+                )
             elif ours:
                 await self._vehicle.hold()
-                self._status.say("the vehicle holds; take over, or let it return")
+                await self._last_words("the companion stops; the vehicle holds", TAKE_FROM_HERE)
         except AirRouterError as error:
-            self._status.say(f"the vehicle was told to hold and did not confirm: {error}")
+            await self._last_words(
+                f"the companion stops; the vehicle was told to hold and did not confirm: {error}",
+                TAKE_OVER,
+            )
         finally:
             self._status.end()
             self._gossip.close()
             if self._control is not None:
                 self._control.close()
             await self._vehicle.close()
+
+    async def _last_words(self, text: str, instruction: Instruction) -> None:
+        await self.loop.tell(Announce(text, Severity.ALARM, instruction))
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         report = self.stats.report(outcome, self._clock.now_s(), self._gossip.newest_stamps())

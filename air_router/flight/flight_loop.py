@@ -45,6 +45,7 @@ from air_router.gossip.gossip import Gossip
 from air_router.mission.flight_plan import FlightPlan
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.instructions import Severity
 from air_router.vehicle.vehicle import FlightMode, Vehicle
 from air_router.web.serving import Say, Served
 from geo.frame import LocalFrame
@@ -74,6 +75,11 @@ class NoPage:
         """Nothing is served."""
         del say
         return nullcontext()
+
+
+def _for_pilot(said: Announce) -> str:
+    """An announcement as ground stations show it: who speaks, before what."""
+    return f"air_router: {said.words}"
 
 
 class CommandService:
@@ -255,7 +261,8 @@ class FlightLoop:
             case ReadAgain() | RenewPlan() | WidenRoutes():
                 self.start(self.reloader.work(action))
             case Announce():
-                self._tell(action.words, now_s)
+                self._show(action, now_s)
+                self.start(self._vehicle.announce(_for_pilot(action), action.severity))
             case CommandAck(by=by, accepted=accepted, why=why):
                 self._gossip.tell_answer(action)
                 word = "accepted" if accepted else "refused"
@@ -288,9 +295,14 @@ class FlightLoop:
             self._controller.context.home_by_s = now_s + left_s
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
 
-    def _tell(self, text: str, now_s: float) -> None:
-        self._status.say(f"{now_s:8.1f} s  {text}")
-        self.start(self._vehicle.announce(f"air_router: {text}"))
+    async def tell(self, said: Announce) -> None:
+        """Tell the operator, here, and the pilot, by the ground station."""
+        self._show(said, self._clock.boot_s())
+        await self._vehicle.announce(_for_pilot(said), said.severity)
+
+    def _show(self, said: Announce, now_s: float) -> None:
+        label = "" if said.severity is Severity.INFO else f"{said.severity.name}: "
+        self._status.say(f"{now_s:8.1f} s  {label}{said.words}", said.severity)
 
     def end(self, outcome: str, exit_code: ExitCode) -> None:
         """The flight is over; the first outcome counts."""

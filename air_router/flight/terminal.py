@@ -21,11 +21,16 @@ from types import MappingProxyType
 from typing import Final, TextIO
 
 from air_router.control.command_request import CommandRequest, parse_command
+from air_router.vehicle.instructions import Severity
 from mocha_link.errors import RequestError
 
 REFRESH_S: Final = 0.25
 PLAIN_REFRESH_S: Final = 10.0
 """Where there is no terminal, a line now and then instead of one that is drawn over."""
+
+_LOOK: Final = MappingProxyType({Severity.WARNING: "\x1b[33m", Severity.ALARM: "\a\x1b[1;31m"})
+_PLAIN: Final = "\x1b[0m"
+"""ANSI: yellow; bold red, and a bell. The line itself says "WARNING" or "ALARM"."""
 
 
 class StatusLine:
@@ -58,8 +63,10 @@ class StatusLine:
         else:
             self._write(text + "\n")
 
-    def say(self, text: str) -> None:
-        """Print a line of news that stays."""
+    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
+        """Print a line that stays; on a terminal graver ones in colour, and alarms with a bell."""
+        if self._live and severity in _LOOK:
+            text = f"{_LOOK[severity]}{text}{_PLAIN}"
         if self._live:
             text = "\r" + " " * self._width + "\r" + text
             self._width = 0

@@ -233,8 +233,7 @@ class Gossip:
         if self.node.latest(peer, topic.name) is None:
             words = (
                 f"{peer} was synced with {SILENT_SYNCS} times and has said nothing on {topic.name} "
-                f"({topic.type}), by which it would be found; see whether its program or bridge "
-                "runs (docs/robot.md)"
+                f"({topic.type}), by which it would be found"
             )
             self._deliver(PeerFault(words))
 
@@ -269,8 +268,7 @@ class Gossip:
                 self._refuse(message.robot, data, str(error))
             words = sanitize(
                 f"{message.topic} of {message.robot} cannot be read and is left alone, told once: "
-                f"{error}; correct its publisher, or its type or 'ros' in the team file "
-                "(docs/robot.md)"
+                f"{error}"
             )
             told = (message.robot, message.topic) in self._unreadable
             self._unreadable.add((message.robot, message.topic))

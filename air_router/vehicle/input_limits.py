@@ -9,6 +9,13 @@ from enum import Enum
 from operator import attrgetter, lt
 from typing import Final, NamedTuple
 
+from air_router.vehicle.instructions import (
+    CHECK_LINK,
+    CHECK_STREAMS,
+    TAKE_OVER_BLIND,
+    WATCH_BATTERY,
+    Instruction,
+)
 from air_router.vehicle.vehicle import Telemetry
 
 TOLD_AGAIN_S: Final = 30.0
@@ -46,6 +53,7 @@ class InputLimit:
         stop_s: No leg begins any more, and what `stop` says is done; None: never.
         home_s: The mission ends; None: never.
         home_without: Home is flown though it is still missing.
+        instruction: What the pilot or the operator does.
         why: Why so.
     """
 
@@ -54,6 +62,7 @@ class InputLimit:
     age: str
     told_s: float
     home_s: float | None
+    instruction: Instruction
     why: str
     stop: Stop = Stop.NONE
     stop_s: float | None = None
@@ -91,6 +100,7 @@ LIMITS: Final = (
         stop_s=2.0,
         home_s=30.0,
         home_without=False,
+        instruction=TAKE_OVER_BLIND,
         why="legs are checked from where the vehicle is: home is flown once it is known again",
     ),
     InputLimit(
@@ -101,6 +111,7 @@ LIMITS: Final = (
         stop=Stop.SILENT,
         stop_s=MODE_S,
         home_s=None,
+        instruction=CHECK_LINK,
         why="a pilot may have taken the vehicle",
     ),
     InputLimit(
@@ -109,6 +120,7 @@ LIMITS: Final = (
         "armed_s",
         told_s=5.0,
         home_s=30.0,
+        instruction=CHECK_STREAMS,
         why="neither disarming nor a failsafe may show; on the ground it counts as disarmed",
     ),
     InputLimit(
@@ -119,6 +131,7 @@ LIMITS: Final = (
         stop=Stop.HOLD,
         stop_s=10.0,
         home_s=30.0,
+        instruction=TAKE_OVER_BLIND,
         why="the fix may be lost; home is flown by the positions, which still come",
     ),
     InputLimit(
@@ -127,6 +140,7 @@ LIMITS: Final = (
         "battery_s",
         told_s=5.0,
         home_s=30.0,
+        instruction=WATCH_BATTERY,
         why="the reserve cannot be watched",
     ),
     InputLimit(
@@ -135,6 +149,7 @@ LIMITS: Final = (
         "item_s",
         told_s=5.0,
         home_s=60.0,
+        instruction=CHECK_STREAMS,
         why="a jump does not show: after four, legs are flown as points",
     ),
     InputLimit(
@@ -143,6 +158,7 @@ LIMITS: Final = (
         "landed_s",
         told_s=5.0,
         home_s=60.0,
+        instruction=CHECK_STREAMS,
         why="armed and 5 m above home it counts as in the air, disarmed as on the ground",
     ),
 )
@@ -154,10 +170,19 @@ _TOLD_S: Final = tuple(limit.told_s for limit in LIMITS)
 
 
 class InputNews(NamedTuple):
-    """What to announce: what is missing, and what is done about it."""
+    """What to announce.
+
+    Attributes:
+        what: Is missing, or is back.
+        then: What is done about it; empty: nothing.
+        instruction: What the pilot or the operator does; None: it is back.
+        alarms: The pilot has to act now: the vehicle waits for it.
+    """
 
     what: str
-    then: str  # empty: nothing is done
+    then: str
+    instruction: Instruction | None = None
+    alarms: bool = False
 
 
 class InputStatus(NamedTuple):
@@ -206,7 +231,7 @@ class InputWatch:
         if not telemetry.fix:
             missing[NO_FIX] = Stop.HOLD
             if NO_FIX not in self.stopped:
-                news.append(InputNews("GPS has lost its fix", Stop.HOLD.value))
+                news.append(InputNews("GPS has lost its fix", Stop.HOLD.value, TAKE_OVER_BLIND))
         stopped = tuple(self.stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
@@ -251,4 +276,5 @@ class InputWatch:
         if stops <= before and now_s < told_s + TOLD_AGAIN_S:
             return []
         self._told[limit.words] = (stops or before, now_s)
-        return [InputNews(f"{limit.words} not heard for {age_s:.0f} s", limit.then(age_s))]
+        what = f"{limit.words} not heard for {age_s:.0f} s"
+        return [InputNews(what, limit.then(age_s), limit.instruction, alarms=stops)]

@@ -15,6 +15,7 @@ from typing import Final, Protocol
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.instructions import Severity
 from geo.frame import Point
 
 
@@ -345,7 +346,7 @@ class Vehicle(Protocol):
     async def land(self) -> None:
         """Descend here and touch down."""
 
-    async def announce(self, text: str) -> None:
+    async def announce(self, text: str, severity: Severity) -> None:
         """Tell the pilot: shown by ground stations, kept in the autopilot's log."""
 
     async def close(self) -> None:

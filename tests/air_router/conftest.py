@@ -243,8 +243,13 @@ class PretendFlight(Airframe):
         return [a.target for a in self.actions if isinstance(a, StateChanged)]
 
     @property
+    def announced(self):
+        return [a for a in self.actions if isinstance(a, Announce)]
+
+    @property
     def said(self):
-        return [a.text for a in self.actions if isinstance(a, Announce)]
+        """What was announced, without what pilot or operator are to do about it."""
+        return [a.text for a in self.announced]
 
     @property
     def motions(self):
@@ -451,8 +456,8 @@ class PretendVehicle(Vehicle):
         self._fail("land")
         self.airframe.target, self.airframe.mode = None, FlightMode.LAND
 
-    async def announce(self, text):
-        self.announced.append(text)
+    async def announce(self, text, severity):
+        self.announced.append((text, severity))
 
     async def close(self):
         self.verbs.append("close")

@@ -11,6 +11,7 @@ from air_router.mission.flight_plan import Command, FlightPlan, Frame
 from air_router.mission.loading import load_mission
 from air_router.sim.ports import free_port
 from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.instructions import Severity
 from air_router.vehicle.px4 import px4, px4_connection, px4_plan
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.vehicle import (
@@ -191,7 +192,7 @@ def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it
 
 
 def test_what_is_said_before_a_vehicle_is_there_is_in_the_log(mission, udp_port, caplog):
-    run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed"))
+    run(mission, udp_port, lambda vehicle: vehicle.announce("zones changed", Severity.INFO))
     assert "was not told 'zones changed': no vehicle is connected yet" in caplog.text
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 
 from air_router.controller.model.states import Signal, State
+from air_router.vehicle.instructions import Severity
 from geo.frame import Point
 
 
@@ -69,14 +70,6 @@ class WidenRoutes:
     off_m: float  # how far above the cruise altitudes, or below, the other one is
 
 
-class Severity(Enum):
-    """How much an announcement matters to the pilot and the operator."""
-
-    INFO = "info"  # for the log: nothing to do
-    WARNING = "warning"  # something is off; the flight copes, or soon will not
-    ALARM = "alarm"  # the pilot has to act
-
-
 @dataclass(frozen=True, slots=True)
 class Announce:
     """An announcement to the pilot and the operator.
@@ -93,8 +86,8 @@ class Announce:
 
     @property
     def words(self) -> str:
-        """The text and, behind a semicolon, the instruction."""
-        return f"{self.text}; {self.instruction}" if self.instruction else self.text
+        """The text and, as a sentence of its own, the instruction."""
+        return f"{self.text}. {self.instruction}" if self.instruction else self.text
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ class RobotSought:
 class PeerFault:
     """A robot's messages are of no use to the mission, and the operator can change that."""
 
-    words: str  # whose, what is wrong, and what to do
+    words: str  # whose, and what is wrong
 
 
 @dataclass(frozen=True, slots=True)

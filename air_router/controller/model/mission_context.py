@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from air_router.controller.model.actions import Action, Announce, ControlHolder, Severity
+from air_router.controller.model.actions import Action, Announce, ControlHolder
 from air_router.controller.model.states import Signal, Spec, State
 from air_router.mission.mission import Mission
 from air_router.routing.return_planner import Pace
 from air_router.routing.router import Leg, NoRoute, Router
 from air_router.vehicle.input_limits import InputWatch
+from air_router.vehicle.instructions import Instruction, Severity
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -63,12 +64,22 @@ class Ending:
         by_request: Such a return may be called off.
         place: Where it lands, in words.
         in_haste: The battery demands it: it waits for nothing that is put on board.
+        instruction: What the pilot or the operator does about it; None: it ends as it was to.
     """
 
     why: str
     by_request: bool = False
     place: str = "at home"
     in_haste: bool = False
+    instruction: Instruction | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Why a vehicle that was handed over hovers, and what the pilot does about it."""
+
+    why: str
+    instruction: Instruction
 
 
 class Progress(Enum):
@@ -166,8 +177,8 @@ class MissionContext:
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
         wrong_vehicle: Why no mission is flown with what is on the link; None: it is right.
-        held: Why a vehicle that was handed over hovers where no leg of this mission may begin, and
-            what the pilot does about it; None: it does not.
+        held: Why a vehicle that was handed over hovers where no leg of this mission may begin;
+            None: it does not.
         giving_up: Why hands will be off as soon as the vehicle holds; None if they will not.
         compares: What was replaced on board, while it holds until that was compared.
         zones: How far a change of zones is; None if none is under way.
@@ -209,7 +220,7 @@ class MissionContext:
     taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
     wrong_vehicle: str | None = None
-    held: str | None = None
+    held: Held | None = None
     giving_up: str | None = None
     compares: str | None = None
     zones: ZoneChange | None = None
@@ -257,25 +268,35 @@ class MissionContext:
         """Whether the state reacts to a signal."""
         return signal in self.spec.on
 
-    def come_home(self, why: str, *, by_request: bool = False) -> None:
+    def come_home(
+        self, why: str, instruction: Instruction | None = None, *, by_request: bool = False
+    ) -> None:
         """End the mission, in the air by flying home.
 
         Where it comes home already, by request, that may not be called off any more. One that is
         `held` stays where it is.
+
+        Args:
+            why: In words.
+            instruction: What the pilot or the operator does; None: the mission ends as it was to.
+            by_request: Such a return may be called off.
         """
         if self.held is not None:  # by what ways it would come home, is not checked
             if self.ending_why != why:
-                self.ending = Ending(why, by_request)
-                self.say(f"{why}: it should come home, and cannot: {self.held}")
+                self.ending = Ending(why, by_request, instruction=instruction)
+                self.alarm(
+                    f"{why}: it should come home, and cannot: {self.held.why}",
+                    self.held.instruction,
+                )
             return
         if not self.knows(Signal.COME_HOME):
             requested = self.ending if self.state is State.HOME else None
             if requested is not None and requested.by_request and not by_request:
                 # It may not be called off any more.
                 words = f"{requested.why}; {why}"
-                self.ending = Ending(words, in_haste=requested.in_haste)
+                self.ending = Ending(words, in_haste=requested.in_haste, instruction=instruction)
             return
-        self.ending = Ending(why, by_request)
+        self.ending = Ending(why, by_request, instruction=instruction)
         if self.in_air:
             self.signal(Signal.COME_HOME)
         else:
@@ -294,13 +315,22 @@ class MissionContext:
         """Announce what the pilot and the operator need to do nothing about."""
         self.actions.append(Announce(text))
 
-    def warn(self, text: str, instruction: str) -> None:
+    def warn(self, text: str, instruction: Instruction) -> None:
         """Announce what is off, and what the pilot or the operator does if it stays so."""
         self.actions.append(Announce(text, Severity.WARNING, instruction))
 
-    def alarm(self, text: str, instruction: str) -> None:
+    def alarm(self, text: str, instruction: Instruction) -> None:
         """Announce what the pilot has to act on now, and how."""
         self.actions.append(Announce(text, Severity.ALARM, instruction))
+
+    def announce(self, text: str, instruction: Instruction | None, *, alarms: bool = False) -> None:
+        """Announce one of a kind: with an instruction it is a warning, or alarms the pilot."""
+        if instruction is None:
+            self.say(text)
+        elif alarms:
+            self.alarm(text, instruction)
+        else:
+            self.warn(text, instruction)
 
     # The state's timer, and what is tried again.
 

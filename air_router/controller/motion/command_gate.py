@@ -41,6 +41,12 @@ from air_router.controller.model.mission_context import MissionContext, Way, Zon
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.departure import BRAKING_M_S2, Momentum, PendingSetpoint
+from air_router.vehicle.instructions import (
+    CHECK_LINK,
+    FLY_OUT_OR_RELOAD,
+    READ_PX4,
+    Instruction,
+)
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -291,14 +297,14 @@ class CommandGate:
     def wait_for_way(self, refusal: str) -> None:
         """Hover where no way is clear, unless it waits for another already."""
         if self._context.retry_at_s is None:
-            self.wait_here(refusal)
+            self.wait_here(refusal, FLY_OUT_OR_RELOAD)
 
-    def wait_here(self, why: str) -> None:
+    def wait_here(self, why: str, instruction: Instruction) -> None:
         """Hover where no way is clear, say so once, and look again in a moment."""
         now_s = self._context.now_s
         if why != self.waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
             self.waits_why, self._wait_told_s = why, now_s
-            self._context.say(f"holding: {why}")
+            self._context.warn(f"holding: {why}", instruction)
         self.hold(why)
         self._context.retry_in(RETRY_S)
 
@@ -334,11 +340,13 @@ class CommandGate:
             return
         self.pending = self.last = None
         self.refused_jumps += event.sent and isinstance(event.action, FlyToNode)
-        what = "the vehicle did not follow" if event.sent else "not sent"
-        self._context.say(f"{what}: {event.reason}")
+        if event.sent:
+            self._context.warn(f"the vehicle did not follow: {event.reason}", CHECK_LINK)
+        else:
+            self._context.say(f"not sent: {event.reason}")
         if self.refused_jumps >= JUMPS and not self.by_points:
             self.by_points = True
-            self._context.say("the plan on board is not flown: flying to points instead")
+            self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)
         self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 
     def let_go(self) -> None:

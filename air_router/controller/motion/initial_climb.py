@@ -9,6 +9,7 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
 from air_router.controller.model.mission_context import MissionContext, Way
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
 from air_router.mission.mission import Mission
+from air_router.vehicle.instructions import CLIMB_BY_HAND
 from air_router.vehicle.vehicle import Telemetry
 
 ALTITUDE_M: Final = 2.0
@@ -88,7 +89,7 @@ class InitialClimb:
         self._context.way = Way(self._context.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
-            self._gate.wait_here(why_not)
+            self._gate.wait_here(why_not, CLIMB_BY_HAND)
             return None
         if not goes_on:  # another climb than the one that a pilot may have ended
             self._context.say(

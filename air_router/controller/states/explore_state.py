@@ -18,6 +18,7 @@ from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.return_state import HomeReachability
 from air_router.mission.mission import Waypoint
+from air_router.vehicle.instructions import FLY_OUT_OR_RELOAD
 from geo.frame import Point
 
 PASSING_M: Final = 15.0
@@ -161,7 +162,9 @@ class ExploreState(StateHandler):
         if self._reachability.walls is not None:
             # What cannot be reached from home is skipped already.
             gate.stop()
-            gate.wait_here("no waypoint can be reached from here: no clear way home")
+            gate.wait_here(
+                "no waypoint can be reached from here: no clear way home", FLY_OUT_OR_RELOAD
+            )
             return
         refusals = []
         mark = exploration.mark()
@@ -179,7 +182,7 @@ class ExploreState(StateHandler):
             exploration.back_to(mark)
             why = navigator.refusal
             gate.stop()
-            gate.wait_here(f"no waypoint can be reached from here: {why}")
+            gate.wait_here(f"no waypoint can be reached from here: {why}", FLY_OUT_OR_RELOAD)
             return
         for refusal in refusals:
             self._context.say(refusal)

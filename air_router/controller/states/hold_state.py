@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, Refusal
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, Refusal
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate, stopping_point
@@ -13,6 +13,7 @@ from air_router.controller.motion.initial_climb import ALTITUDE_M
 from air_router.controller.states.goto_state import GotoState, GotoTask
 from air_router.controller.states.search_state import SearchState
 from air_router.routing.departure import STANDING_M_S
+from air_router.vehicle.instructions import ASK_AGAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ class HoldState(StateHandler):
         left_s = None if context.ends_s is None else max(0.0, context.ends_s - context.now_s)
         explores = context.spec.explores
         self._held = Held(context.state, explores, context.robot, goto_task, left_s)
-        context.actions.append(Announce(f"holding, as {by} asked"))
+        context.say(f"holding, as {by} asked")
         context.signal(Signal.HOLD)
 
     def go_on(self, by: str) -> str:
@@ -137,9 +138,10 @@ class HoldState(StateHandler):
             self.replan()
             return
         if under_way:
-            self._context.say(
+            self._context.warn(
                 f"it holds at {here_m:.0f} m above home: the order to {altitude_m:g} m was not "
-                "followed, and is over"
+                "followed, and is over",
+                ASK_AGAIN,
             )
         self.begin()
 

@@ -8,10 +8,20 @@ from enum import Enum
 from typing import Final
 
 from air_router.controller.model.actions import HoldHere
-from air_router.controller.model.mission_context import MissionContext, OnBoard, StateHandler
+from air_router.controller.model.mission_context import (
+    Held,
+    MissionContext,
+    OnBoard,
+    StateHandler,
+)
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.initial_climb import ALTITUDE_M, ClimbWatch
+from air_router.vehicle.instructions import (
+    BE_READY_AT_HOME,
+    DESCEND,
+    LAND_AND_START_AGAIN,
+)
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 HOME_TOLERANCE_M: Final = 20.0
@@ -28,10 +38,10 @@ class TakeOff(Enum):
 
 
 HELD: Final = {
-    TakeOff.MISPLACED: "Mission was chosen low and away from home; land, and start there",
-    TakeOff.TOO_HIGH: "Mission was chosen in another UAV's layer; descend, then have it resumed",
+    TakeOff.MISPLACED: Held("Mission was chosen low and away from home", LAND_AND_START_AGAIN),
+    TakeOff.TOO_HIGH: Held("Mission was chosen in another UAV's layer", DESCEND),
 }
-"""Take-offs that are not led on, and what the pilot should do."""
+"""Take-offs that are not led on, and what the pilot does."""
 
 
 def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
@@ -100,11 +110,11 @@ class ReadyState(StateHandler):
             gate.ours_in_the_air()
             context.signal(Signal.AIRBORNE)
         elif stage in HELD and gate.pending is None:
-            context.held = HELD[stage]
-            context.say(f"holding: {context.held}")
+            context.held = held = HELD[stage]
+            context.alarm(f"holding: {held.why}", held.instruction)
             gate.command(HoldHere(stage.value))
         elif context.held is None and self._stuck(telemetry) and gate.pending is None:
-            context.come_home("the climb does not go on")
+            context.come_home("the climb does not go on", BE_READY_AT_HOME)
 
     def _stuck(self, telemetry: Telemetry) -> bool:
         """Whether the climb that was handed over to us has not gone on for some time."""

@@ -20,6 +20,11 @@ from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.routing.router import Route, Router
+from air_router.vehicle.instructions import (
+    BRING_HOME_BY_HEIGHT,
+    FLY_OUT_OR_RELOAD,
+    WATCH_HEIGHT,
+)
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from geo.paths.separators import separators
@@ -70,8 +75,8 @@ class HomeReachability:
         """Whether zones that were drawn in flight leave no clear way home from here."""
         return self.walls is not None
 
-    def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
-        """What to say now, if anything.
+    def look(self, telemetry: Telemetry, *, due: bool) -> None:
+        """Say whether a way leads home, where that is news, and now and then while none does.
 
         Args:
             telemetry: where the vehicle is, in the air.
@@ -85,13 +90,12 @@ class HomeReachability:
             self._look(telemetry)
             if before is not None and self.walls is None:
                 self._tell_at_s = -math.inf
-                return "a clear way leads home again"
-        if self.walls is None:
-            return None
-        if telemetry.time_s < self._tell_at_s and due == self._due:
-            return None
+                self._context.say("a clear way leads home again")
+                return
+        if self.walls is None or (telemetry.time_s < self._tell_at_s and due == self._due):
+            return
         self._tell_at_s, self._due = telemetry.time_s + TOLD_S, due
-        return self._words(telemetry, due=due)
+        self._tell(telemetry, due=due)
 
     def _look(self, telemetry: Telemetry) -> None:
         mission, router = self._context.mission, self._context.router
@@ -112,27 +116,25 @@ class HomeReachability:
             walls = separators(airspace, place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 
-    def _words(self, telemetry: Telemetry, *, due: bool) -> str:
-        walls = self.walls or ()
+    def _tell(self, telemetry: Telemetry, *, due: bool) -> None:
+        context, walls = self._context, self.walls or ()
         named = names_of(walls[::-1][:_NAMED]) or "zones"  # the newest are last
         more = f" and {len(walls) - _NAMED} more" if len(walls) > _NAMED else ""
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
-        if due and self._context.by_one_altitude is not None:
-            return (
-                f"no way home is clear at both altitudes{charge}, for {named}{more}: 'home' once "
-                "more comes home clear at the autopilot's, as it does by itself at the battery's "
-                "reserve; or fly it out by hand"
+        if due and context.by_one_altitude is not None:
+            context.alarm(
+                f"no way home is clear at both altitudes{charge}, for {named}{more}: it hovers, "
+                "and comes home by the autopilot's altitude at the battery's reserve",
+                BRING_HOME_BY_HEIGHT,
             )
-        if not due:
-            return (
-                f"no way home{charge}: {named}{more} cut it off; take a zone away and "
-                "reload, or fly it out by hand"
+        elif due:
+            context.alarm(
+                f"no way home{charge}: it should come home and cannot, for {named}{more}; it "
+                "hovers until the autopilot's battery failsafe acts, which may fly through zones",
+                FLY_OUT_OR_RELOAD,
             )
-        return (
-            f"no way home{charge}: it should come home and cannot, for {named}{more}; it hovers "
-            "until a zone is taken away, a pilot flies it out, or the autopilot's battery "
-            "failsafe acts, which may fly through zones"
-        )
+        else:
+            context.warn(f"no way home{charge}: {named}{more} cut it off", FLY_OUT_OR_RELOAD)
 
 
 @dataclass(slots=True, eq=False)
@@ -152,7 +154,11 @@ class ReturnState(StateHandler):
     def begin(self) -> None:
         """Fly home along the graph, and say why."""
         ending = self._context.ending
-        self._context.say(f"coming home: {ending.why if ending else None}")
+        text = f"coming home: {ending.why if ending else None}"
+        if ending is None or ending.instruction is None:
+            self._context.say(text)
+        else:
+            self._context.warn(text, ending.instruction)
         self._go()
 
     def arrived(self) -> None:
@@ -188,7 +194,9 @@ class ReturnState(StateHandler):
     def _trust_altitude(self, why: str) -> bool:
         trusts = self._context.trust_altitude()
         if trusts:
-            self._context.say(f"coming home clear at the autopilot's altitude alone: {why}")
+            self._context.warn(
+                f"coming home clear at the autopilot's altitude alone: {why}", WATCH_HEIGHT
+            )
         return trusts
 
     def _go(self) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import Announce, PublishMap
+from air_router.controller.model.actions import PublishMap
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.mission_context import (
     Goal,
@@ -27,6 +27,7 @@ from air_router.controller.targets.pose_check import (
     PoseVerdict,
 )
 from air_router.controller.targets.target_list import Sighting, TargetTrack
+from air_router.vehicle.instructions import CHECK_LOCALISATION
 from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
@@ -248,7 +249,7 @@ class SearchState(StateHandler):
                 self._context.warn(
                     f"the position of {robot} jumped {jump.metres:.0f} m in {jump.seconds:.1f} s: "
                     "it is not followed there",
-                    f"check the localisation of {robot}, or have another robot sought",
+                    CHECK_LOCALISATION,
                 )
         elif track.verdict is PoseVerdict.BACK:
             self._jumpers.discard(robot)
@@ -317,7 +318,8 @@ class CommState(StateHandler):
         self._began.clear()
         self._synced.clear()
         context = self._context
-        context.actions += (PublishMap(), Announce(f"COMM {context.robot}: found"))
+        context.actions.append(PublishMap())
+        context.say(f"COMM {context.robot}: found")
         self._search_state.follow(force=True)
 
     def no_route(self, refusal: str) -> None:

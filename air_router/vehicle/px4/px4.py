@@ -13,6 +13,7 @@ from air_router.errors import ArmingRefusedError, NotConfirmedError, NoVehicleEr
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.instructions import Severity
 from air_router.vehicle.px4 import px4_requests
 from air_router.vehicle.px4.px4_commands import Px4Commands
 from air_router.vehicle.px4.px4_connection import Px4Connection
@@ -40,7 +41,12 @@ DATA_S: Final = 4.0
 HEALTH_S: Final = 60.0
 """Wall-clock limit for its health checks to pass before arming."""
 
-NOTICE: Final = 5  # MAV_SEVERITY
+_MAV_SEVERITY: Final = {Severity.INFO: 6, Severity.WARNING: 4, Severity.ALARM: 2}
+"""INFO, WARNING ("a possible future error if this is not resolved") and CRITICAL ("action must be
+taken immediately") of common.xml. QGroundControl lists all of them, and reads aloud NOTICE (5) and
+what is graver (`severity <= MAV_SEVERITY_NOTICE` in its Vehicle.cc): what asks for nothing is read,
+what asks for something is heard as well."""
+
 TEXT_LIMIT: Final = 50  # bytes of a STATUSTEXT
 
 
@@ -156,7 +162,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         async with self._onboard.lock:  # PX4 begins what is on board when the mode changes
             await super().start()
 
-    async def announce(self, text: str) -> None:
+    async def announce(self, text: str, severity: Severity) -> None:
         """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
         if not self._watches:
             _log.warning("the pilot was not told %r: no vehicle is connected yet", text)
@@ -165,7 +171,12 @@ class Px4Vehicle(Px4Motions, Vehicle):
         chunks = chunks_of(text)
         number = self._texts_sent if len(chunks) > 1 else 0
         for chunk, part in enumerate(chunks):
-            fields = {"severity": NOTICE, "text": part, "id": number, "chunk_seq": chunk}
+            fields = {
+                "severity": _MAV_SEVERITY[severity],
+                "text": part,
+                "id": number,
+                "chunk_seq": chunk,
+            }
             fault = self._telemetry.send("STATUSTEXT", fields, to_all=True)
             if fault is not None:
                 _log.warning("the pilot was not told %r: %s", text, fault)

@@ -93,7 +93,9 @@ ACCEPTED: Final = MappingProxyType(
             ),
             _HOME,
         ),
-        "JUMPING_POSES": _row(End.LANDED, says="the position of [a-z]+ jumped .*; check"),
+        "JUMPING_POSES": _row(
+            End.LANDED, says="the position of [a-z]+ jumped .*: it is not followed"
+        ),
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),

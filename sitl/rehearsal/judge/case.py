@@ -64,6 +64,9 @@ _SETTLED_S: Final = 8.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
+_LABEL: Final = re.compile(r"^( *[0-9.]+ s  )(WARNING|ALARM): ")
+_INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
+"""How a line begins that asks for something, and how it ends with what it asks for."""
 
 
 class Responsible(StrEnum):
@@ -90,6 +93,28 @@ class Violation:
 
     def __str__(self) -> str:
         return f"{self.time_s:.1f} s: {self.kind}: {self.text}"
+
+
+class Announced(NamedTuple):
+    """A line of the companion: when, how grave it says that it is, what, and what to do about it.
+
+    The label and the instruction are empty where a line has none.
+    """
+
+    time_s: float
+    label: str
+    text: str
+    instruction: str
+
+    @classmethod
+    def of(cls, time_s: float, line: str) -> Announced:
+        """What a line of the terminal says."""
+        found = _LABEL.match(line)
+        text = line if found is None else found[1] + line[found.end() :]
+        asked = _INSTRUCTION.search(text)
+        if asked is None:
+            return cls(time_s, found[2] if found else "", text, "")
+        return cls(time_s, found[2] if found else "", text[: asked.start()], asked[1])
 
 
 class Given(NamedTuple):
@@ -133,8 +158,8 @@ class Case:
         level: Whether it is at the plan's altitudes, in its own layer.
         off_m: How wrong the estimate is, by the scene.
         commands: What the companion sent to the vehicle.
-        said: What it announced, and when: all lines but those that show its state every few
-            seconds.
+        announced: What it announced: all lines but those that show its state every few seconds.
+        said: The same, and when, without what the pilot or operator is to do about it.
         given: A pilot's times, and a failsafe's: until we moved the vehicle again after an
             operator asked for it, both in Hold or Mission mode without a failsafe.
         by: Who answers for each sample.
@@ -170,7 +195,9 @@ class Case:
         self.level = (self.above_m >= low_m) & (self.above_m <= high_m + _TOO_HIGH_M)
         self.off_m = self._estimate_off()
         self.commands = [m for m in evidence.messages if m.component == COMPANION]
-        self.said = [(s.time_s, s.text) for s in evidence.lines if not _STATUS.match(s.text)]
+        lines = (line for line in evidence.lines if not _STATUS.match(line.text))
+        self.announced = [Announced.of(line.time_s, line.text) for line in lines]
+        self.said = [(each.time_s, each.text) for each in self.announced]
         self.given = list(self._given())
         self.by = [self._responsible(sample.time_s) for sample in evidence.samples]
         pilot = any(given.by is Responsible.PILOT for given in self.given)

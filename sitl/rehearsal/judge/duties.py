@@ -17,6 +17,7 @@ from sitl.rehearsal.judge.evidence import (
     SceneEvent,
     SceneEventKind,
     is_motion,
+    number,
 )
 from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.judge.space import leads_home
@@ -72,6 +73,9 @@ _FLIES: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "IDLE", "GOTO", "HO
 _ANNOUNCED: Final = re.compile(
     r" *[0-9.]+ s  (?!nothing heard|.*: (?:accepted|refused): |[A-Z]+ -> )(.+)"
 )
+_SEVERITIES: Final = {"": 6, "WARNING": 4, "ALARM": 2}
+"""MAV_SEVERITY by the label of a line: INFO, WARNING, CRITICAL."""
+
 _SENT_S: Final = 1.0
 """It is sent so long before or after the line, at most."""
 
@@ -318,18 +322,30 @@ def changed_files_that_are_left_are_told(case: Case) -> Iterator[Violation]:
 
 
 def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
-    """What the operator is told, the pilot reads in the ground station as well."""
+    """What the operator is told, the pilot reads in the ground station as well, as grave."""
     texts = [
-        (m.time_s, str(m.fields["text"]))
+        (m.time_s, number(m.fields, "severity"), str(m.fields["text"]))
         for m in case.evidence.messages
         if m.name == "STATUSTEXT" and m.component == COMPANION
     ]
-    for at_s, line in case.said if case.evidence.heard else ():
+    for at_s, label, line, instruction in case.announced if case.evidence.heard else ():
         announced = _ANNOUNCED.match(line)
         if announced is None or not case.answers(at_s, at_s + _SENT_S, ours=False):
             continue
-        sent = "".join(text for sent_s, text in texts if abs(sent_s - at_s) <= _SENT_S)
-        if announced[1] not in sent:
-            text = f"'{announced[1]}' was not sent to the ground station"
+        words = f"{announced[1]}. {instruction}" if instruction else announced[1]
+        severity = _SEVERITIES[label]
+        sent = "".join(
+            text for sent_s, s, text in texts if abs(sent_s - at_s) <= _SENT_S and s == severity
+        )
+        if words not in sent:
+            text = f"'{words}' was not sent to the ground station with severity {severity}"
             yield Violation(at_s, "told", text)
+            return
+
+
+def who_is_warned_knows_what_to_do(case: Case) -> Iterator[Violation]:
+    """A warning, or an alarm, says what the pilot or the operator does about it."""
+    for at_s, label, line, instruction in case.announced:
+        if label and not instruction:
+            yield Violation(at_s, "told", f"a {label.lower()} that asks for nothing: {line}")
             return

@@ -7,6 +7,7 @@ import random
 import pytest
 
 from air_router.controller.model.actions import (
+    Announce,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -19,6 +20,7 @@ from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, Reload
 from air_router.controller.model.states import State
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.instructions import FLY_OUT_OR_RELOAD, Severity
 from air_router.vehicle.vehicle import Ages, FlightMode, PlanCompared, PlanReplaced
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Zone
@@ -747,7 +749,7 @@ def test_without_a_way_home_by_several_reloads_it_says_so_at_once_and_now_and_th
     flight, drawn = enclosed(pretend)
     (told,) = told_no_way_home(flight)
     assert f"'{drawn[-1].name}'" in told
-    assert "take a zone away and reload" in told
+    assert Announce(told, Severity.WARNING, FLY_OUT_OR_RELOAD) in flight.announced
     flight.fly_until(lambda: len(told_no_way_home(flight)) == 3, 70.0)
     assert flight.controller.state is State.HOLD
 

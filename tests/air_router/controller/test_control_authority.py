@@ -14,13 +14,13 @@ from air_router.controller.model.actions import (
     FlyToPoint,
     HoldHere,
     LandHere,
-    Severity,
 )
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
+from air_router.vehicle.instructions import LAND_BY_HAND, Severity
 from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,
@@ -93,7 +93,7 @@ def test_a_type_that_changes_in_flight_is_an_alarm_and_nothing_is_commanded_any_
     commanded = len(flight.motions)
     flight.give(WrongVehicle(flight.now_s, WRONG))
     assert flight.controller.state is State.PASSIVE
-    assert alarms(flight) == [(WRONG, "fly the vehicle by hand, and land it")]
+    assert alarms(flight) == [(WRONG, LAND_BY_HAND)]
     flight.give(WrongVehicle(flight.now_s, WRONG.replace("fixed wing", "VTOL")))
     assert len(alarms(flight)) == 1  # it is told once, whatever it is
     flight.mode = FlightMode.HOLD

@@ -18,6 +18,7 @@ from air_router.controller.model.requests import GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
+from air_router.vehicle.instructions import CHECK_PEER, Severity
 from air_router.vehicle.vehicle import Ages, FlightMode, ItemReached, LinkSilent
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Zone
@@ -384,4 +385,5 @@ def test_a_robot_that_cannot_be_read_is_told_of_and_changes_nothing(airborne):
     flight = airborne()
     before = len(flight.actions)
     flight.give(PeerFault("/pose of io cannot be read"))
-    assert flight.actions[before:] == [Announce("/pose of io cannot be read")]
+    text = "/pose of io cannot be read"
+    assert flight.actions[before:] == [Announce(text, Severity.WARNING, CHECK_PEER)]

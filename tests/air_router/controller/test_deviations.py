@@ -13,6 +13,7 @@ from air_router.controller.envelope import (
     ReturnMonitor,
 )
 from air_router.controller.model.actions import (
+    Announce,
     CommandAck,
     FlyToNode,
     FlyToPoint,
@@ -27,6 +28,7 @@ from air_router.controller.model.states import State
 from air_router.controller.states.return_state import HomeReachability
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.instructions import BRING_HOME_BY_HEIGHT, Severity
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Circle, Outline, Zone
@@ -387,7 +389,8 @@ def test_where_no_way_home_is_clear_at_both_altitudes_the_operator_or_the_reserv
     flight.give(RoutesWidened(widens(flight)[-1].off_m))
     fly(flight, 1.0)
     (words,) = told(flight, "no way home is clear at both altitudes")
-    assert "no-fly zone 'ring': 'home' once more" in words
+    assert "no-fly zone 'ring'" in words
+    assert Announce(words, Severity.ALARM, BRING_HOME_BY_HEIGHT) in flight.announced
     fly(flight, 25.0)
     assert isinstance(flight.motions[-1], HoldHere)
     if asked:
@@ -486,6 +489,6 @@ def test_battery_and_duration_bring_it_home(pennovation):
         return returns.due(Telemetry(now_s, pennovation.home, 40.0, battery=battery))
 
     assert due(59.9, 0.9) is None
-    assert due(60.0, 0.9) == "60 s of mission are over"
-    assert due(0.0, pennovation.battery_reserve).startswith("battery at")
+    assert due(60.0, 0.9).why == "mission duration (60 s) reached"
+    assert due(0.0, pennovation.battery_reserve).why.startswith("battery at")
     assert due(0.0, None) is None

@@ -9,6 +9,7 @@ from air_router.controller.model.actions import Announce, FlyToPoint, Severity
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.states import State
 from air_router.controller.targets.pose_check import (
+from air_router.vehicle.instructions import CHECK_LOCALISATION
     FASTEST_M_S,
     LONGEST_S,
     MOVES_S,
@@ -93,7 +94,8 @@ def test_a_pose_that_jumps_moves_nothing_and_is_said_once_with_what_to_do(preten
     assert [m for m in moved if math.dist(m.position, here) > 20.0] == []
     (warning,) = warnings(flight)
     assert f"the position of {robot} jumped" in warning.text
-    assert robot in warning.instruction
+    assert robot in warning.text
+    assert warning.instruction == CHECK_LOCALISATION
 
 
 @pytest.mark.parametrize("ahead_s", [0.0, 3600.0])

@@ -28,6 +28,7 @@ from air_router.record.log import Log
 from air_router.record.replay import replay
 from air_router.report.flight_table import table
 from air_router.vehicle.airframe import Airframe
+from air_router.vehicle.instructions import IN_YOUR_HANDS, Severity
 from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,
@@ -104,7 +105,7 @@ def test_a_flight_from_connecting_to_landing(rig):
     assert report["robots"]["callisto"]["found"] == 0
     assert json.loads(json.dumps(report)) == report
     assert "done: " in table(report)
-    assert any("coming home" in text for text in flight.vehicle.announced)
+    assert any("coming home" in text for text, _ in flight.vehicle.announced)
     view = flight.flight.commands.grant(View(request="view", areas=True, map=True), "a test")
     steps = [(change["number"], change["left"], change["signal"]) for change in view["changes"]]
     assert steps[:2] == [(1, "READY", "AIRBORNE"), (2, "INIT", "COME_HOME")]
@@ -409,7 +410,8 @@ def test_a_pilot_who_takes_over_lands_it_and_is_told_so_in_the_ground_station(ri
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
     assert not {"hold", "land"} & set(flight.vehicle.verbs)
-    assert "air_router: hands off: the pilot chose Land mode" in flight.vehicle.announced
+    words = f"air_router: hands off: the pilot chose Land mode. {IN_YOUR_HANDS}"
+    assert (words, Severity.WARNING) in flight.vehicle.announced
     assert "hands off" in flight.out.getvalue()
 
 
@@ -581,7 +583,7 @@ def test_a_vehicle_that_may_have_been_taken_unheard_is_left_as_it_is(rig, unhear
     flight.plan((130.0, lose_all if unheard == "all" else lose_the_mode))
     flight.run()
     assert "hold" not in flight.vehicle.verbs
-    assert "a pilot may have taken it unheard" in flight.out.getvalue()
+    assert "left as it is, its flight mode was not heard. Pilot: take over" in flight.out.getvalue()
 
 
 def test_a_plan_that_a_ground_station_puts_on_board_meanwhile_is_not_started(rig):

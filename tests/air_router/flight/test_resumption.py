@@ -132,7 +132,7 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
     result = second.run()
     assert (result.outcome, result.report["came_home_because"]) == (
         "done",
-        "200 s of mission are over",
+        "mission duration (200 s) reached",
     )
     *entries, _ = Log(second.recorder.path)
     assert replay(entries).difference is None

@@ -107,7 +107,7 @@ def test_the_duration_goes_on_without_positions(away):
     Missing(flight, "position_s")
     flight.fly_until(lambda: flight.controller.state is State.HOME, 60.0)
     assert flight.controller.context.ending_why in {
-        "60 s of mission are over",
+        "mission duration (60 s) reached",
         "position not heard for 30 s",
     }
     assert flight.now_s - began_s <= 31.0

@@ -356,19 +356,36 @@ def test_a_fix_that_comes_and_goes_is_told_once(again, wrong):
 
 
 @pytest.mark.parametrize(
-    ("sent", "wrong"),
+    ("sent", "severity", "wrong"),
     [
-        (["air_router: hands off: the pilot chose Posi", "tion mode"], set()),
-        (["air_router: coming home"], {"told"}),
-        ([], {"told"}),
+        (["air_router: hands off: the pilot chose Posi", "tion mode. Pilot: fly it"], 4, set()),
+        (["air_router: hands off: the pilot chose Posi", "tion mode. Pilot: fly it"], 6, {"told"}),
+        (["air_router: hands off: the pilot chose Position mode"], 4, {"told"}),
+        (["air_router: coming home"], 4, {"told"}),
+        ([], 4, {"told"}),
     ],
 )
-def test_what_is_announced_is_sent_to_the_ground_station(sent, wrong):
+def test_what_is_announced_is_sent_to_the_ground_station(sent, severity, wrong):
     taken = (SceneEvent(15.0, SceneEventKind.PILOT, "sticks"),)
-    said = [(16.0, "    16.0 s  hands off: the pilot chose Position mode")]
-    texts = [WireMessage(16.0, 1, 191, 0, "STATUSTEXT", {"text": text}) for text in sent]
+    line = "    16.0 s  WARNING: hands off: the pilot chose Position mode. Pilot: fly it"
+    said = [(16.0, line)]
+    fields = [{"text": text, "severity": severity} for text in sent]
+    texts = [WireMessage(16.0, 1, 191, 0, "STATUSTEXT", each) for each in fields]
     how = {"faults": ("PILOT",), "happenings": taken, "code": 6, "said": said, "more": texts}
     assert found(flight(**how)) == wrong
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong"),
+    [
+        ("    16.0 s  ALARM: the position is lost. Pilot: take over", set()),
+        ("    16.0 s  ALARM: the position is lost", {"told"}),
+        ("    16.0 s  WARNING: the position is lost", {"told"}),
+        ("    16.0 s  the position is lost", set()),
+    ],
+)
+def test_a_warning_says_what_to_do(line, wrong):
+    assert found(evidence(FLOWN, said=[(16.0, line)])) == wrong
 
 
 # What an operator asked for.

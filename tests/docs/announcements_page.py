@@ -1,0 +1,183 @@
+"""The page of warnings and alarms, docs/announcements.md, as the code makes them.
+
+They are found in the code: whatever is handed an `Instruction` is a warning or an alarm.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from air_router.vehicle import instructions
+from air_router.vehicle.input_limits import LIMITS
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "announcements.md"
+HEAD = """\
+# Warnings and alarms
+
+Everything that a flight announces has a severity. The operator reads it in the
+[terminal](terminal.md), on the [live page](live-page.md), in the [record](records.md) and the
+report; the pilot in the ground station, as a STATUSTEXT.
+
+| severity | means | terminal | STATUSTEXT |
+|---|---|---|---|
+| info | nothing to do | as it is | INFO |
+| warning | something is off; the flight copes | yellow, `WARNING:` | WARNING, read aloud |
+| alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
+
+Every warning and alarm ends with what the pilot or the operator does about it. These are all of
+them; `…` stands for what differs. The code is the source of this table
+(`DOCS_WRITE=1 pytest tests/docs` writes it anew).
+
+| announcement | severity | what to do |
+|---|---|---|
+"""
+
+# How each function that is handed an instruction announces it: where the text is among its
+# arguments (and by which name), what is put before it, and how grave it is.
+MAKERS = {
+    "warn": (0, "text", "{}", "warning"),
+    "alarm": (0, "text", "{}", "alarm"),
+    "_last_words": (0, "text", "{}", "alarm"),
+    "Deviation": (1, "words", "{}", "warning"),
+    "Due": (0, "why", "coming home: {}", "warning"),
+    "Held": (0, "why", "holding: {}", "alarm"),
+    "InputNews": (0, "what", "{}", "warning"),
+    "come_home": (0, "why", "coming home: {}", "warning"),
+    "give_up": (0, "why", "hands off: {}", "alarm"),
+    "take_over": (1, "why", "hands off: {}", "warning"),
+    "wait_here": (0, "why", "holding: {}", "warning"),
+}
+# What a text says that comes from elsewhere, by function and instruction.
+SAID = {
+    ("look_on", "FLY_OUT"): ["breach of …"],
+    ("_differs", "UPLOAD_OURS"): ["another plan is on board (…)"],
+    ("_differs", "TAKE_WHERE_IT_HOLDS"): ["another plan is on board (…)"],
+    ("_vehicle_heard", "IN_YOUR_HANDS"): [
+        "a pilot or ground station gave it another place to go to",
+        "a pilot or ground station chose another plan item",
+    ],
+    ("fallen", "KEEP_CLEAR"): ["disarmed in the air at … m above home"],
+    ("__init__", "CHECK_PEER"): ["… of … cannot be read …", "… has said nothing on …"],
+    ("inputs_missing", "BE_READY_AT_HOME"): ["… not heard for … s"],
+    ("first", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
+    ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
+    ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
+    ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
+    ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
+    ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
+}
+KNOWN = {name: value for name, value in vars(instructions).items() if name.isupper()}
+
+
+class Row(NamedTuple):
+    """A warning or alarm."""
+
+    text: str
+    severity: str
+    instruction: str
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.Module]:
+    yield tree
+    yield from (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def own(scope: ast.AST) -> Iterator[ast.AST]:
+    """What stands in a function (or at the top of a file), and in no function within."""
+    for node in ast.iter_child_nodes(scope):
+        if not isinstance(node, ast.FunctionDef):
+            yield node
+            yield from own(node)
+
+
+def words_of(node: ast.AST, scope: ast.AST) -> list[str]:  # noqa: PLR0911 - one per expression
+    """The texts that an expression may be, with … for what only the flight knows."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return [text]
+        case ast.JoinedStr(values=parts):
+            texts = [""]
+            for part in parts:
+                texts = [text + more for text in texts for more in words_of(part, scope)]
+            return texts
+        case ast.FormattedValue(value=ast.Name() | ast.IfExp() as value):
+            return words_of(value, scope)
+        case ast.IfExp(body=first, orelse=other):
+            texts = [*words_of(first, scope), *words_of(other, scope)]
+            return [""] if "" in texts else texts
+        case ast.Name(id=name):
+            found = [
+                text
+                for each in own(scope)
+                if isinstance(each, ast.Assign)
+                and any(isinstance(t, ast.Name) and t.id == name for t in each.targets)
+                for text in words_of(each.value, scope)
+            ]
+            return list(dict.fromkeys(found)) or ["…"]
+        case ast.BinOp(left=left, right=right):
+            return [a + b for a in words_of(left, scope) for b in words_of(right, scope)]
+    return ["…"]
+
+
+def name_of(node: ast.AST) -> str:
+    return getattr(node, "id", getattr(node, "attr", ""))
+
+
+def handed(call: ast.Call, scope: ast.AST) -> list[str]:
+    """The instructions that a call is handed, by their names in the module."""
+    given = [*call.args, *(keyword.value for keyword in call.keywords)]
+    names = [name_of(node) for each in given for node in _either(each, scope)]
+    return [name for name in names if name in KNOWN]
+
+
+def _either(node: ast.AST, scope: ast.AST) -> Iterator[ast.AST]:
+    """An expression, or those that it may be."""
+    if isinstance(node, ast.IfExp):
+        yield from (node.body, node.orelse)
+        return
+    yield node
+    if isinstance(node, ast.Name) and node.id not in KNOWN:
+        for each in own(scope):
+            if isinstance(each, ast.Assign) and node.id in {name_of(t) for t in each.targets}:
+                yield from _either(each.value, scope)
+
+
+def rows() -> list[Row]:
+    """Every warning and alarm of the program, in alphabetical order."""
+    found = []
+    for path in sorted((ROOT / "air_router").rglob("*.py")):
+        for scope in functions(ast.parse(path.read_text("utf-8"))):
+            for call in own(scope):
+                if isinstance(call, ast.Call) and name_of(call.func) in MAKERS:
+                    found += _rows_of(call, scope)
+    for limit in LIMITS:
+        severity = "warning" if limit.stop_s is None else "warning; alarm once the vehicle stops"
+        found.append(Row(f"{limit.words} not heard for … s: …", severity, limit.instruction))
+    return sorted(set(found))
+
+
+def _rows_of(call: ast.Call, scope: ast.AST) -> Iterator[Row]:
+    at, name, pattern, severity = MAKERS[name_of(call.func)]
+    alarms = any(k.arg == "alarms" for k in call.keywords)
+    text = next((k.value for k in call.keywords if k.arg == name), None)
+    if text is None and len(call.args) > at:
+        text = call.args[at]
+    for instruction in handed(call, scope):
+        grave = "alarm" if alarms or instruction == "WATCH_FAILSAFE" else severity
+        texts = [] if text is None else words_of(text, scope)
+        if all(words.strip("… ") in {"", "too"} for words in texts):
+            texts = SAID[getattr(scope, "name", ""), instruction]
+        for words in texts:
+            yield Row(pattern.format(words), grave, KNOWN[instruction])
+
+
+def page() -> str:
+    """The page."""
+    lines = (
+        f"| {row.text.replace('|', '/')} | {row.severity} | {row.instruction} |" for row in rows()
+    )
+    return HEAD + "\n".join(lines) + "\n"
