@@ -9,7 +9,6 @@ from air_router.controller.model.actions import Announce, FlyToPoint, Severity
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.states import State
 from air_router.controller.targets.pose_check import (
-from air_router.vehicle.instructions import CHECK_LOCALISATION
     FASTEST_M_S,
     LONGEST_S,
     MOVES_S,
@@ -19,6 +18,7 @@ from air_router.vehicle.instructions import CHECK_LOCALISATION
     PoseCheck,
     PoseVerdict,
 )
+from air_router.vehicle.instructions import CHECK_LOCALISATION
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
 from tests.air_router.controller.test_controller import in_comm
