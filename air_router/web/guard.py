@@ -6,13 +6,16 @@ sends must come from a page of ours. On an address that other machines reach, a 
 
 A connection that is opened and left costs a file descriptor, and a process has a thousand of them:
 the flight needs some. So each address has its share, all together theirs, and a connection on which
-no whole request has come in time is closed. What is refused is closed without a word in the log.
+no whole request has come in time is closed; of too many the one goes that is least in use. What is
+refused is closed without a word in the log.
 """
 
 import asyncio
 import hmac
 import secrets
-from collections.abc import Awaitable, Callable
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Final, cast
 from urllib.parse import urlsplit
 from weakref import WeakSet
@@ -137,43 +140,68 @@ def _from_our_page(request: web.Request) -> bool:
 class ConnectionLimit:
     """Makes the protocols of a server's connections, as long as there is room.
 
+    Where there is none the connection goes that is least in use: one on which no request has come
+    yet, the oldest first, else the one that has been idle for the longest time. So connections that
+    a program of this machine holds keep no page of another user out, though all have one address.
+
     Args:
         make: The protocol of a connection that is let in.
     """
 
     def __init__(self, make: Callable[[], asyncio.BaseProtocol]) -> None:
         self._make = make
-        self._open: list[asyncio.Transport] = []  # oldest first
+        self._open: list[asyncio.Transport] = []  # the one that was used last is the last one
         self._asked: WeakSet[asyncio.BaseTransport] = WeakSet()  # those that have sent a request
+        self._busy: Counter[asyncio.BaseTransport] = Counter()  # those that are being answered
 
     def __call__(self) -> asyncio.BaseProtocol:
         """For `create_server`."""
         return _Entrance(self)
 
-    def asked(self, transport: asyncio.BaseTransport | None) -> None:
-        """A whole request has come on this connection."""
-        if transport is not None:
-            self._asked.add(transport)
+    @contextmanager
+    def answering(self, transport: asyncio.Transport | None) -> Iterator[None]:
+        """A whole request has come on this connection, which is not idle meanwhile."""
+        if transport is None:
+            yield
+            return
+        self._asked.add(transport)
+        self._busy[transport] += 1
+        try:
+            yield
+        finally:
+            self._busy[transport] -= 1
+            if not self._busy[transport]:
+                del self._busy[transport]
+            if transport in self._open:
+                self._open.remove(transport)
+                self._open.append(transport)
 
     def enter(self, transport: asyncio.Transport) -> None:
         """A connection was made: let it in, or close it."""
         self._open = [each for each in self._open if not each.is_closing()]
         address = _address(transport)
-        if sum(_address(each) == address for each in self._open) >= PER_ADDRESS:
+        same = [each for each in self._open if _address(each) == address]
+        if not (self._room(same, PER_ADDRESS) and self._room(self._open, IN_ALL)):
             transport.abort()
             return
-        if len(self._open) >= IN_ALL:
-            idle = next((each for each in self._open if each not in self._asked), None)
-            if idle is None:
-                transport.abort()
-                return
-            idle.abort()
-            self._open.remove(idle)
         self._open.append(transport)
         protocol = self._make()
         transport.set_protocol(protocol)
         protocol.connection_made(transport)
         asyncio.get_running_loop().call_later(REQUEST_S, self._look, transport)
+
+    def _room(self, those: list[asyncio.Transport], most: int) -> bool:
+        """Whether there is room for one more beside those, made by closing one if need be."""
+        if len(those) < most:
+            return True
+        idle = [each for each in those if each not in self._busy]
+        if not idle:
+            return False
+        gone = min(idle, key=lambda each: each in self._asked)  # of equal ones the first
+        gone.abort()
+        if gone in self._open:
+            self._open.remove(gone)
+        return True
 
     def _look(self, transport: asyncio.Transport) -> None:
         if transport not in self._asked and not transport.is_closing():

@@ -200,9 +200,10 @@ class Site:
     @web.middleware
     async def _note_request(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """A connection on which a request came is no longer one that was opened and left."""
-        if self._limit is not None:
-            self._limit.asked(request.transport)
-        return await handler(request)
+        if self._limit is None:
+            return await handler(request)
+        with self._limit.answering(request.transport):
+            return await handler(request)
 
     def _add_page(self, package: str, name: str) -> None:
         known = dict(_files_of(files("air_router.web") / "page", "/page/"))

@@ -194,14 +194,40 @@ def test_connections_that_are_left_open_cost_the_others_nothing(path, monkeypatc
             return reader
 
         first = [await left_open("127.0.0.2") for _ in range(5)]
-        await is_closed(await left_open("127.0.0.2"))  # it has had its share
+        await left_open("127.0.0.2")
+        await is_closed(first[0])  # it has had its share
         for host in ("127.0.0.3", "127.0.0.4"):
             for _ in range(2):
                 await left_open(host)
-        await is_closed(first[0])  # the oldest goes when there is no room
+        await is_closed(first[1])  # the oldest goes when there is no room
         answer, _ = await page.get("")
         assert answer.status == HTTPStatus.OK
         for writer in writers:
+            writer.close()
+
+    visit(path, talk)
+    assert caplog.text == ""
+
+
+def test_connections_that_are_held_keep_no_page_of_this_machine_out(path, monkeypatch, caplog):
+    """All programs of this machine, whichever user's, have one address."""
+    monkeypatch.setattr(guard, "PER_ADDRESS", 5)
+
+    async def talk(page):
+        port, held = URL(page.address).port, []
+        async with page.socket() as socket:  # a page that is open, for longer than all of them
+            assert (await ask(socket, 1, "undo"))["id"] == 1
+            for request in (b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+                for _ in range(12):
+                    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                    held.append(writer)
+                    writer.write(request)
+                    if request:  # answered, and kept alive
+                        assert b"200 OK" in await reader.readline()
+                answer, _ = await page.get("")
+                assert answer.status == HTTPStatus.OK
+            assert (await ask(socket, 2, "undo"))["id"] == 2
+        for writer in held:
             writer.close()
 
     visit(path, talk)
