@@ -74,16 +74,15 @@ class MissionFile:
             ChangedOnDiskError: the file was changed by another program.
             SaveError: it cannot be written.
         """
-        target = self.path.resolve()
         raw = (codecs.BOM_UTF8 if self._mark else b"") + text.encode()
         if len(raw) > MAX_BYTES:
             raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
         try:
             check = (lambda: None) if overwrite else self._check_unchanged
-            write_whole(target, raw, replace=True, check=check)
+            write_whole(self.path, raw, replace=True, check=check)
         except OSError as error:
             raise SaveError(
-                f"cannot write {target}: {error.strerror or type(error).__name__}; nothing is lost "
+                f"cannot write {self.path}: {error.strerror or type(error).__name__}; nothing is lost "
                 "here, save again when the reason is gone"
             ) from None
         self._digest = hashlib.sha256(raw).digest()
@@ -109,7 +108,7 @@ class MissionFile:
         while os.path.lexists(aside):  # of another page on this file, or of the last time
             number += 1
             aside = folder / f"{self.path.name}.unsaved-{number}"
-        write_whole(aside, text, replace=True)
+        write_whole(aside, text, replace=False)  # in a folder of all users it may be there by now
         return aside
 
     def _check_unchanged(self) -> None:

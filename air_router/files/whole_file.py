@@ -1,14 +1,20 @@
 """A whole file: read up to a limit, written so that it is there as a whole or not at all."""
 
 import contextlib
+import errno
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from air_router.errors import UsageError
+from mocha_link.path_safety import check_links
 from mocha_link.team.problem import Problem, bytes_of
+
+_ANY_WRITES: Final = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 class FileThereError(UsageError):
@@ -32,6 +38,14 @@ def bytes_within(path: Path, max_bytes: int) -> bytes:
     return bytes_of(path, max_bytes, "cut out the part that the mission needs")
 
 
+READ_ONLY: Final = "is read-only; allow writing (chmod u+w) or write to another file"
+
+
+def is_writable(path: Path) -> bool:
+    """Whether the rights of a file that is there let it be written, for root, too."""
+    return os.access(path, os.W_OK) and bool(path.stat().st_mode & _ANY_WRITES)
+
+
 def is_file(path: Path) -> bool:
     """Whether there is a file, no folder, at a path; none is where it is too long for one."""
     try:
@@ -53,14 +67,18 @@ def write_whole(
 
     Raises:
         FileThereError: there is such a file, and `replace` is not set.
-        OSError: the folder cannot be written to.
+        OSError: the folder cannot be written to, the file is read-only, or a link of another
+            user leads there.
     """
+    check_links(path)
     if path.exists() and not replace:
         raise _refusal(path)
     if path.is_char_device() or path.is_fifo():  # /dev/null, /dev/stdout: these stay what they are
         path.write_bytes(text.encode() if isinstance(text, str) else text)
         return
     path = path.resolve()  # a link stays a link
+    if path.exists() and not is_writable(path):
+        raise PermissionError(errno.EACCES, READ_ONLY, str(path))
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
     except OSError as error:  # it names the temporary file, which no caller asked for

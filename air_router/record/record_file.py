@@ -21,8 +21,11 @@ from typing import Final
 
 from mcap.writer import Writer
 
+from air_router.errors import RefusedError
 from air_router.files.whole_file import sync_folder
 from air_router.record.serialization import RecordChannel
+from mocha_link.errors import told
+from mocha_link.path_safety import made_folder
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +62,7 @@ def open_record(
     Raises:
         OSError: it cannot be made.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     facts = {
         "format": FORMAT,
         "mission": mission,
@@ -80,10 +83,10 @@ def open_record(
             number += 1
 
 
-def no_folder(error: OSError) -> OSError:
+def no_folder(error: OSError) -> RefusedError:
     """Why nothing can be recorded in the folder that the operator named, and what to do."""
     advice = "name a folder that can be written to, --log-dir D, or say --no-record"
-    return OSError(error.errno, f"{error.strerror}; {advice}", error.filename)
+    return RefusedError(f"{told(error)}; {advice}")
 
 
 def _version(name: str) -> str:

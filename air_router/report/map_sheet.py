@@ -3,6 +3,7 @@
 Needs matplotlib.
 """
 
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
+from air_router.files.whole_file import write_whole
 from air_router.report.svg import Labels, colours
 from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import Point
@@ -194,7 +196,10 @@ class MapSheet:
         self._draw_scale()
         look: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.12, "dpi": _DPI}
         try:
-            self._figure.savefig(path, facecolor="white", **look)
+            picture = io.BytesIO()
+            suffix = path.suffix.removeprefix(".") or None
+            self._figure.savefig(picture, format=suffix, facecolor="white", **look)
+            write_whole(path, picture.getvalue(), replace=True)
         except (OSError, ValueError) as error:
             raise PictureError(f"cannot write the picture {path}: {error}") from None
 

@@ -24,6 +24,7 @@ from air_router.sim.flights import Flights
 from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.web.serving import PageAddress, shown_beside, web_of
 from mocha_link.errors import MissingExtraError, needs_extra
+from mocha_link.path_safety import made_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -171,7 +172,7 @@ def _port(port: int | None, index: int) -> int | None:
 def _folder(log_dir: Path | None) -> Iterator[Path]:
     if log_dir is not None:
         try:
-            log_dir.mkdir(parents=True, exist_ok=True)
+            made_folder(log_dir)
         except OSError as error:
             raise no_folder(error) from None
         yield log_dir

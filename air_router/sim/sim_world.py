@@ -21,9 +21,11 @@ from typing import Any
 
 from air_router.errors import NoVehicleError
 from air_router.mission.fleet import Layer
+from air_router.record.record_file import no_folder
 from air_router.sim.ports import free_port, is_free
 from air_router.vehicle.pace import PaceSource
 from mocha_link.node.lifetime import Closeable
+from mocha_link.path_safety import new_file
 
 _log = logging.getLogger(__name__)
 
@@ -82,7 +84,11 @@ class Child:
         self._name = name
         self._log = log
         self._stopping = False  # asked to end
-        with log.open("wb") as stderr:
+        try:
+            stderr = new_file(log)
+        except OSError as error:
+            raise no_folder(error) from None
+        with stderr:
             self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
                 # The world ends with the flight, also if that is killed.
                 [

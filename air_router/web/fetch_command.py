@@ -28,6 +28,7 @@ from air_router.web.tile_file import (
     read_bounds,
     tiles_within,
 )
+from mocha_link.path_safety import check_links
 
 MOST_TILES: Final = 5_000
 """More are fetched only where the user says so: two hours of a server's time."""
@@ -198,6 +199,7 @@ _HAS: Final = "SELECT 1 FROM tiles WHERE zoom_level = ? AND tile_column = ? AND 
 def _opened(path: Path, template: str) -> Iterator[sqlite3.Connection]:
     source = hashlib.sha256(template.encode()).hexdigest()[:16]  # an address may hold a key
     try:
+        check_links(path)
         with closing(sqlite3.connect(path)) as file:
             file.executescript(_TABLES)
             known = file.execute("SELECT value FROM metadata WHERE name = 'source'").fetchone()
@@ -207,7 +209,7 @@ def _opened(path: Path, template: str) -> Iterator[sqlite3.Connection]:
                 )
             file.execute("INSERT OR REPLACE INTO metadata VALUES ('source', ?)", (source,))
             yield file
-    except sqlite3.Error as error:
+    except (sqlite3.Error, OSError) as error:
         raise UsageError(f"{path} cannot be written as MBTiles: {error}") from None
 
 

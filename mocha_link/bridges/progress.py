@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mocha_link.path_safety import check_links, made_folder
+
 SPARE = 8  # headers of a topic that are remembered beyond its history
 
 LOG = logging.getLogger("mocha_link")
@@ -42,7 +44,8 @@ class Progress:
     @staticmethod
     def _open(path: Path | None) -> sqlite3.Connection:
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            made_folder(path.parent)
+            check_links(path)
         file = sqlite3.connect(str(path or ":memory:"), check_same_thread=False)
         try:
             file.executescript(_SCHEMA)

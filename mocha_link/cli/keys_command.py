@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from mocha_link.cli.program import examples
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MochaLinkError, told
+from mocha_link.path_safety import check_links, new_file
 from mocha_link.team import keys
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.error_text import as_label
@@ -201,11 +203,16 @@ def _read(path: Path) -> tuple[str, bytes]:
 
 
 def _write(path: Path, raw: bytes) -> None:
+    try:
+        check_links(path)
+    except OSError as error:
+        raise TeamTextError(told(error)) from None
     path = path.resolve()  # the file itself, not a link to it
     fresh = path.with_name(path.name + ".new")
     try:
-        fresh.write_bytes(raw)
-        fresh.chmod(path.stat().st_mode & 0o777)
+        with new_file(fresh) as file:
+            os.fchmod(file.fileno(), path.stat().st_mode & 0o777)
+            file.write(raw)
         fresh.replace(path)
     except OSError as error:
         fresh.unlink(missing_ok=True)

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.path_safety import check_links
 from mocha_link.store.changes import Changes
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.trust import TeamConfig
@@ -99,6 +100,7 @@ class Contents:
 
 def connect(path: Path) -> sqlite3.Connection:
     """Open an SQLite file for use by one thread after another; a new one is only the user's."""
+    check_links(path)
     with suppress(OSError):  # it is there, or SQLite says why it cannot be
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
     return sqlite3.connect(path, timeout=LOCKED_S, isolation_level=None, check_same_thread=False)

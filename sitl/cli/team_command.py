@@ -11,6 +11,7 @@ from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.vehicle.pace import PaceClient
+from mocha_link.path_safety import new_file
 from mocha_link.team.team import Team
 from sitl.cli.vehicle_command import epoch, pace_source
 from sitl.process.end_with_parent import stop_signal
@@ -105,7 +106,8 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.report is not None:
             arguments.report.parent.mkdir(parents=True, exist_ok=True)
             text = json.dumps(content, indent=1, allow_nan=False)
-            arguments.report.write_text(text + "\n", encoding="utf-8")
+            with new_file(arguments.report) as file:
+                file.write(f"{text}\n".encode())
     return ExitCode.DONE
 
 

@@ -17,11 +17,12 @@ from air_router.cli.arguments import (
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
+from mocha_link.loopback import is_loopback
 from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.end_with_parent import stop_signal
 from sitl.process.pace import Pace
 from sitl.process.pace_link import FollowedPace, PaceServer
-from sitl.process.vehicle import Address, End, Ports, VehicleProcess, px4_ports
+from sitl.process.vehicle import HERE, Address, End, Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS
 from sitl.px4sim.state import Place
@@ -92,6 +93,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--gcs-to", type=_address, metavar="HOST:PORT", help="the same for the GCS link (14550)"
+    )
+    parser.add_argument(
+        "--listen",
+        metavar="ADDRESS",
+        help="receive there (default: this machine only; 0.0.0.0: whoever reaches it flies it)",
     )
     parser.add_argument("--no-gcs", action="store_true", help="no link to a ground station")
     parser.add_argument(
@@ -211,9 +217,20 @@ def _pace(arguments: argparse.Namespace) -> Pace:
 def _ports(arguments: argparse.Namespace) -> Ports:
     """PX4's, except where the command line names a partner: those links take a free port."""
     named = {"onboard": arguments.api_to, "ground": arguments.gcs_to, "truth": arguments.truth_to}
-    ends = {link: End(("", 0), partner) for link, partner in named.items() if partner is not None}
-    ports = px4_ports(arguments.instance)._replace(**ends)
+    ends = {
+        link: End((_listens(arguments.listen, partner[0]), 0), partner)
+        for link, partner in named.items()
+        if partner is not None
+    }
+    ports = px4_ports(arguments.instance, arguments.listen or HERE)._replace(**ends)
     return ports._replace(ground=None) if arguments.no_gcs else ports
+
+
+def _listens(wanted: str | None, partner: str) -> str:
+    """Where a link to a partner receives: the answers of another machine come from outside."""
+    if wanted is not None:
+        return wanted
+    return HERE if is_loopback(partner) else ""
 
 
 def ready_line(links: dict[str, Any], system_id: int, speed: float, place: Place) -> None:

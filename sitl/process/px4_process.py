@@ -18,6 +18,7 @@ from typing import Final
 from air_router.errors import AirRouterError, NoVehicleError
 from air_router.sim.ports import is_free
 from mocha_link.node.lifetime import Closeable
+from mocha_link.path_safety import made_folder, new_file
 from sitl.mavlink.codec import frames
 from sitl.process.end_with_parent import ending_with_us
 from sitl.process.px4_install import Px4Install
@@ -84,11 +85,11 @@ class Px4Process(Closeable):
         self.instance = _free_instance(settings.instance)
         self._temporary = tempfile.TemporaryDirectory(prefix="px4-", ignore_cleanup_errors=True)
         folder = (settings.folder or Path(self._temporary.name)).absolute()
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder, private=True)  # PX4 writes more files there, and follows links
         self.log = folder / "px4.log"
         variables = environment(settings)
         command = install.command(self.instance, folder, variables)
-        with self.log.open("wb") as log:
+        with new_file(self.log) as log:
             self._process = subprocess.Popen(  # noqa: S603 - what the user installed
                 ending_with_us(*command),
                 cwd=folder,

@@ -132,13 +132,21 @@ class Ports(NamedTuple):
     truth: End
 
 
-def px4_ports(instance: int) -> Ports:
-    """The ports of PX4's SITL instance N; it only ever sends to its own machine."""
-    here, api = "127.0.0.1", 14540 + instance if instance <= 9 else 14549
+HERE: Final = "127.0.0.1"
+
+
+def px4_ports(instance: int, listen: str = HERE) -> Ports:
+    """The ports of PX4's SITL instance N, which only ever sends to its own machine.
+
+    Args:
+        instance: N.
+        listen: Where it receives. PX4 does so on all addresses: whoever reaches one flies it.
+    """
+    api = 14540 + instance if instance <= 9 else 14549
     return Ports(
-        End(("", 14580 + instance), (here, api)),
-        End(("", 18570 + instance), (here, 14550)),
-        End((here, 19450 + instance), (here, 19410 + instance)),
+        End((listen, 14580 + instance), (HERE, api)),
+        End((listen, 18570 + instance), (HERE, 14550)),
+        End((HERE, 19450 + instance), (HERE, 19410 + instance)),
     )
 
 

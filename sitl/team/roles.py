@@ -13,6 +13,7 @@ from air_router.gossip.mapper import RESOLUTION_M
 from air_router.mission.mission import Mission
 from air_router.mission.team import UAV_KIND
 from air_router.sim.ports import PORTS, is_free
+from mocha_link.path_safety import new_file
 from mocha_link.team.document import Document
 from mocha_link.team.team import Robot, Team
 from sitl.team.nodes import RosMessages
@@ -135,7 +136,8 @@ def derive_team(team: Team, directory: Path) -> Team:
         if all(_all_free(robot) for robot in candidate.robots.values()):
             directory.mkdir(parents=True, exist_ok=True)
             path = directory / "team.yaml"
-            path.write_text(candidate.dump(), encoding="utf-8")
+            with new_file(path) as file:
+                file.write(candidate.dump().encode())
             return Team.load(path)
     raise NoFreePortsError(
         f"found no free loopback ports in {_ATTEMPTS} attempts; the system must let programs bind "

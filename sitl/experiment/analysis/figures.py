@@ -6,6 +6,7 @@ differ in their dashes too, so the figures can be read in black and white.
 
 from __future__ import annotations
 
+import io
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
@@ -15,6 +16,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from air_router.errors import PictureError
+from air_router.files.whole_file import write_whole
 from air_router.words import counted
 from mocha_link.errors import needs_extra
 from sitl.experiment.analysis.statistics import Numbers
@@ -104,7 +106,10 @@ def save(figure: Figure, *paths: Path) -> None:
     figure.set_layout_engine("none")
     for path in paths:
         try:
-            figure.savefig(path, dpi=_DPI, facecolor="white")
+            picture = io.BytesIO()
+            suffix = path.suffix.removeprefix(".") or None
+            figure.savefig(picture, format=suffix, dpi=_DPI, facecolor="white")
+            write_whole(path, picture.getvalue(), replace=True)
         except (OSError, ValueError) as error:
             raise PictureError(f"cannot write the figure {path}: {error}") from None
 

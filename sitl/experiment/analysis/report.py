@@ -29,7 +29,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import UsageError
+from air_router.files.whole_file import write_whole
 from air_router.words import counted
+from mocha_link.path_safety import new_file
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
 from sitl.experiment.analysis.claims import Claim, claims_of, comparisons, likeness
@@ -126,7 +128,8 @@ class Report:
             "summary.json": json.dumps(self.summary, indent=1) + "\n",
         }
         for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            with new_file(folder / name) as file:
+                file.write(text.encode())
 
 
 def _tidy(records: Sequence[Record]) -> list[Sequence[Any]]:
@@ -192,7 +195,7 @@ def fill(document: Path, report: Report, archive: Path | None, figures: Sequence
         NoMarksError: the document has no block of the experiment.
     """
     text = _filled(text_of(document, report.name), report.name, _blocks(document, report, archive))
-    document.write_text(text, encoding="utf-8")
+    write_whole(document, text, replace=True)
     into = document.parent / _IMAGES
     for figure in figures:
         copy = into / f"{report.name}-{figure.name}"
@@ -200,7 +203,7 @@ def fill(document: Path, report: Report, archive: Path | None, figures: Sequence
             into.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(figure, copy)
     for file, content in _evidence(document, report).items():
-        file.write_text(content, encoding="utf-8")
+        write_whole(file, content, replace=True)
 
 
 def differences(document: Path, report: Report, archive: Path) -> list[str]:

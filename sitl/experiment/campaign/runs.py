@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from air_router.errors import AirRouterError, ExitCode
+from mocha_link.path_safety import check_links, made_folder, new_file
 from mocha_link.team.document import Document
 from sitl.experiment.plan import Experiment, Record
 from sitl.experiment.plan_file import experiment_of
@@ -80,8 +81,9 @@ def run_log(folder: Path, *, fresh: bool = False) -> Iterator[RunLog]:
         RunLogError: the file has lines that no run wrote.
         InUseError: another program has it open.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     path = folder / FILE_NAME
+    check_links(path)
     with path.open("ab+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -102,7 +104,8 @@ def write_archive(path: Path, plan: Path, records: Sequence[Record]) -> None:
     lines: list[Record] = [{"file": plan.name, "plan": plan.read_text(encoding="utf-8")}]
     lines += [{**record, "curves": {}} for record in records]
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    path.write_bytes(lzma.compress(text.encode(), preset=9))
+    with new_file(path) as file:
+        file.write(lzma.compress(text.encode(), preset=9))
 
 
 def read_archive(path: Path) -> tuple[Experiment, list[Record]]:

@@ -24,6 +24,7 @@ from air_router.files.whole_file import FileThereError, write_whole
 from air_router.mission.loading import load_mission, read_draft
 from geo.airspace.zone import Circle
 from mocha_link.team.document import DocumentError
+from tests.mocha_link.foreign import foreign_link
 
 DATA = Path(__file__).parents[2] / "data"
 FILES = DATA / "files"
@@ -368,6 +369,27 @@ def test_a_link_stays_a_link(tmp_path):
     write_whole(link, "new", replace=True)
     assert link.is_symlink()
     assert target.read_text() == "new"
+
+
+def test_a_link_of_another_user_is_not_written_through(tmp_path, monkeypatch):
+    """In a folder that others may write to, they choose where it leads."""
+    victim, link = tmp_path / "victim", tmp_path / "link.txt"
+    victim.write_text("precious")
+    foreign_link(link, victim, monkeypatch)
+    with pytest.raises(PermissionError, match="is a link of another user"):
+        write_whole(link, "new", replace=True)
+    assert victim.read_text() == "precious"
+    assert link.is_symlink()
+
+
+def test_a_read_only_file_stays_as_it_is(tmp_path):
+    path = tmp_path / "approved.yaml"
+    path.write_text("approved")
+    path.chmod(0o444)
+    with pytest.raises(PermissionError, match="is read-only; allow writing"):
+        write_whole(path, "new", replace=True)
+    assert path.read_text() == "approved"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o444
 
 
 def test_a_device_is_written_to_and_stays_a_device():

@@ -60,8 +60,8 @@ IN_USAGE = [
     ("convert mission.yaml there.rrd", "a flight's record (.mcap) becomes"),
 ]
 OF_THE_MACHINE = [
-    ("fly mission.yaml --log-dir team.yaml/logs", 1, "Not a directory; name a folder"),
-    ("sim mission.yaml --log-dir team.yaml/logs", 1, "Not a directory; name a folder"),
+    ("fly mission.yaml --log-dir team.yaml/logs", 5, "Not a directory; name a folder"),
+    ("sim mission.yaml --log-dir team.yaml/logs", 5, "Not a directory; name a folder"),
     ("fly mission.yaml --web {taken}", 5, "choose another port, or 0"),
     ("sim {pair} --web {taken}", 5, "choose another port, or 0"),
     ("watch 127.0.0.1:1 --web {taken}", 1, "choose another port, or 0"),

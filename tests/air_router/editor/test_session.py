@@ -31,6 +31,7 @@ from air_router.editor.session import (
 )
 from air_router.errors import ExitCode, UsageError
 from mocha_link.team.document import DocumentError
+from tests.mocha_link.foreign import foreign_link
 
 ROOT = Path(__file__).parents[3]
 INSIDE_ZONE_8 = (39.9424800, -75.2005500)
@@ -420,6 +421,29 @@ def test_a_failed_save_leaves_file_and_folder_as_they_were(path, session, monkey
     assert path.read_bytes() == before
     assert sorted(path.parent.iterdir()) == names
     assert session.dirty
+
+
+def test_a_read_only_file_is_not_saved_over(path, session):
+    """It was made read-only for a reason: an approved mission, or another's."""
+    before = path.read_text()
+    path.chmod(0o444)
+    session.edit(move(waypoint(1), FREE))
+    with pytest.raises(SaveError, match=r"is read-only; allow writing \(chmod u\+w\)"):
+        session.save()
+    assert path.read_text() == before
+    assert session.dirty
+    path.chmod(0o644)
+    session.save()
+    assert path.read_text() != before
+
+
+def test_nothing_is_saved_through_a_link_of_another_user(path, tmp_path, monkeypatch):
+    foreign_link(tmp_path / "theirs.yaml", path, monkeypatch)
+    before = path.read_text()
+    file = MissionFile(tmp_path / "theirs.yaml")
+    with pytest.raises(SaveError, match="is a link of another user"):
+        file.write("name: other\n", overwrite=True)
+    assert path.read_text() == before
 
 
 def test_what_was_not_saved_is_kept_aside(path, session):

@@ -34,6 +34,12 @@ def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal():
             ready = json.loads(process.stdout.readline())
             datagram, vehicle = client.recvfrom(65535)
             state = truth.receive(LIMIT_S)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.connect(("127.0.0.2", vehicle[1]))  # as other machines reach another one
+                stranger.settimeout(LIMIT_S)
+                stranger.send(b"?")
+                with pytest.raises(ConnectionRefusedError):
+                    stranger.recv(1)
             process.send_signal(signal.SIGTERM)
             assert process.wait(LIMIT_S) == 0
             ended = json.loads(process.stdout.read())
@@ -93,7 +99,8 @@ def test_a_mission_that_does_not_load_is_an_invalid_file(capsys, tmp_path):
 
 def test_the_ports_are_px4s():
     assert px4_ports(0).onboard.partner == ("127.0.0.1", 14540)
-    assert px4_ports(2).onboard.bind == ("", 14582)
+    assert px4_ports(2).onboard.bind == ("127.0.0.1", 14582)
     assert px4_ports(12).onboard.partner == ("127.0.0.1", 14549)
-    assert px4_ports(1).ground.bind == ("", 18571)
+    assert px4_ports(1).ground.bind == ("127.0.0.1", 18571)
+    assert px4_ports(1, "0.0.0.0").ground.bind == ("0.0.0.0", 18571)
     assert px4_ports(1).truth.partner == ("127.0.0.1", 19411)
