@@ -2,10 +2,12 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tarfile
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -100,6 +102,55 @@ def test_a_service_starts_what_our_programs_take(path):
     assert "$" not in command
     assert getattr(arguments, "resume", None) in {None, "resume" in path.stem}
     assert not getattr(arguments, "arm", False)  # that is the pilot's
+
+
+HARDENED = {
+    "NoNewPrivileges": "yes",
+    "CapabilityBoundingSet": "",
+    "ProtectSystem": "strict",
+    "ProtectHome": "yes",
+    "PrivateTmp": "yes",
+    "RestrictSUIDSGID": "yes",
+    "RestrictNamespaces": "yes",
+    "SystemCallFilter": "@system-service",
+}
+
+
+@pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
+def test_a_service_can_write_little_and_gain_nothing(path):
+    text = path.read_text(encoding="utf-8")
+    settings = dict(re.findall(r"^(\w+)=(.*)$", text, re.MULTILINE))
+    assert settings.items() >= HARDENED.items()
+    assert re.fullmatch(r"\d+[MG]", settings["MemoryMax"])
+    assert int(settings["TasksMax"]) > 0
+    written = re.findall(r"/var/lib/([\w-]+)/", settings["ExecStart"])
+    assert set(written) == {settings["StateDirectory"]}
+    opened = re.findall(r"ipc:///run/([\w-]+)/", settings["ExecStart"])
+    assert set(opened) == {settings["RuntimeDirectory"]}
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
+@pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
+def test_systemd_knows_every_setting_of_a_service_and_finds_it_little_exposed(path, tmp_path):
+    unit = tmp_path / path.name.replace("@", "@io")
+    text = path.read_text(encoding="utf-8")
+    unit.write_text(text.replace("/opt/air-router/bin/", f"{Path(sys.executable).parent}/"))
+    most = "--threshold=25"  # of 100
+    for what in (("verify", "--man=no"), ("security", "--offline=true", "--no-pager", most)):
+        found = subprocess.run(
+            ["systemd-analyze", *what, str(unit)], capture_output=True, text=True, check=False
+        )
+        assert found.returncode == 0, found.stdout + found.stderr
+        assert "Unknown" not in found.stderr
+
+
+def test_containers_are_made_from_an_image_that_a_release_can_name_by_its_digest():
+    text = (ROOT / "packaging" / "Dockerfile").read_text(encoding="utf-8")
+    (default,) = re.findall(r"^ARG PYTHON_IMAGE=(\S+)$", text, re.MULTILINE)
+    assert re.fullmatch(r"python:3\.\d+-slim-\w+(@sha256:[0-9a-f]{64})?", default)
+    stages = re.findall(r"^FROM (\S+) AS (\S+)$", text, re.MULTILINE)
+    made = {name for _, name in stages} | {"${PYTHON_IMAGE}"}
+    assert {image for image, _ in stages} <= made  # no other image from elsewhere
 
 
 def test_nodes_of_several_robots_on_one_computer_share_no_endpoint():
