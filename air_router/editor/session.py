@@ -82,8 +82,8 @@ class MissionFile:
             write_whole(self.path, raw, replace=True, check=check)
         except OSError as error:
             raise SaveError(
-                f"cannot write {self.path}: {error.strerror or type(error).__name__}; nothing is lost "
-                "here, save again when the reason is gone"
+                f"cannot write {self.path}: {error.strerror or type(error).__name__}; nothing is "
+                "lost here, save again when the reason is gone"
             ) from None
         self._digest = hashlib.sha256(raw).digest()
 
