@@ -352,6 +352,34 @@ def test_a_page_that_was_told_every_change_looks_like_one_opened_now(mission, op
         assert any(box == pytest.approx(other, abs=2) for other in same), what
 
 
+@pytest.mark.parametrize("locale", ["en-US", "de-DE", "ar-EG"])
+def test_a_number_is_what_was_written_or_the_person_is_asked_again(mission, open_page, locale):
+    page = open_page(mission, locale=locale)
+    page.page.locator("details:has(#numbers) summary").click()
+    field = page.page.get_by_label("Altitude above home, m")
+    before = field.input_value()
+
+    def write(text):
+        field.fill(text)
+        field.press("Enter")
+        return field.evaluate("input => input.validationMessage")
+
+    for text, reason in (
+        ("1,500", '"1,500" may be 1500 or 1.500: write the one that is meant'),
+        ("40 m", '"40 m" is not a number: write it like 40 or 40.5'),
+        ("1e3", '"1e3" is not a number: write it like 40 or 40.5'),
+        ("-3", '"-3" is less than 0'),
+    ):
+        assert write(text) == reason
+    assert write("40,5") == ""
+    expect(field).to_have_value("40.5")
+    page.save()
+    page.expect_saved()
+    assert "altitude_m: 40.5" in mission.read_text()
+    assert write(before) == ""
+    expect(field).to_have_value(before)
+
+
 @pytest.mark.parametrize("place", ["[86.0, 30.0]", "[-16.5, 180.0]"])
 def test_missions_near_the_pole_and_on_the_antimeridian_fill_the_map(tmp_path, open_page, place):
     path = tmp_path / "far.yaml"
@@ -411,3 +439,19 @@ def test_the_page_is_readable_on_a_phone(mission, open_page):
     assert panel["x"] + panel["width"] <= 390
     page.place("waypoint 30").tap()
     expect(page.page.locator("#inspector")).to_contain_text("Waypoint 30")
+
+
+OUT_OF_REACH = """[...document.querySelectorAll("#tools button, #actions button")]
+  .filter((button) => {
+    const { x, y, width, height } = button.getBoundingClientRect();
+    return document.elementFromPoint(x + width / 2, y + height / 2)?.closest("button") !== button;
+  })
+  .map((button) => button.title)"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (844, 390), (390, 844), (360, 640)])
+def test_every_tool_is_in_reach_in_every_size(mission, open_page, width, height):
+    page = open_page(mission)
+    page.page.set_viewport_size({"width": width, "height": height})
+    page.page.wait_for_function("width => innerWidth === width", arg=width)
+    assert page.page.evaluate(OUT_OF_REACH) == []

@@ -1,6 +1,6 @@
 // Questions that must be answered before something is done; the page has a dialog "question".
 
-import { byId, element } from "./element.js";
+import { byId, element, numberIn, numberInput } from "./element.js";
 
 /** Ask a question. @param {string} title @param {string} text
  *  @param {{label: string, value: string, main?: boolean}[]} choices
@@ -18,10 +18,13 @@ export function question(title, text, choices) {
 /** Ask for a number. @param {string} title @param {string} label @param {{min: number, max: number, value: number}} range
  *  @param {string} yes what the button says @returns {Promise<number | null>} null for none */
 export async function number(title, label, range, yes) {
-  const input = element("input", { type: "number", step: "any", required: true, ...range });
+  const input = numberInput({ value: String(range.value) });
   const cancel = element("button", { textContent: "Cancel" });
   const ok = element("button", { textContent: yes, className: "main" });
-  const done = () => input.reportValidity() && byId("question").close(input.value);
+  const done = () => {
+    const value = numberIn(input, range);
+    if (value !== undefined) byId("question").close(String(value));
+  };
   cancel.addEventListener("click", () => byId("question").close());
   ok.addEventListener("click", done);
   input.addEventListener("keydown", (event) => {
