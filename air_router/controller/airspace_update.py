@@ -55,6 +55,9 @@ from air_router.vehicle.instructions import (
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import FENCE, Airspace
 
+NO_WAY_OUT: Final = "no way out of a new zone"
+"""What is alarmed of until there is one."""
+
 STUCK_S: Final = 3.0
 """How long after no way led out of a new zone it is looked for again."""
 
@@ -223,6 +226,7 @@ class AirspaceUpdate:
             self._leave(telemetry, inside)
             return
         if not (stopping and moves):
+            self._context.over(NO_WAY_OUT)
             self._upload()
             if in_haste:
                 self._go_without()
@@ -277,7 +281,13 @@ class AirspaceUpdate:
         if motion is not None:
             gate.send(motion)
         if context.way.progress is Progress.NO_ROUTE:
-            context.alarm(f"no way out of {names_of(inside)}: {navigator.refusal}", FLY_OUT)
+            context.alarm_until_over(
+                NO_WAY_OUT,
+                f"no way out of {names_of(inside)}: {navigator.refusal}",
+                FLY_OUT,
+                lasting=f"no way out of {names_of(inside)}",
+                since_s=context.now_s,
+            )
             gate.stop()
             gate.hold("no way out")
             self._stuck_until_s = telemetry.time_s + STUCK_S

@@ -28,6 +28,7 @@ from air_router.vehicle.instructions import (
     LAND_BY_HAND,
     NO_UPLOADS,
     RESUME_AGAIN,
+    TAKE_OVER_NOW,
     TAKE_WHERE_IT_HOLDS,
     UPLOAD_OURS,
     WATCH_FAILSAFE,
@@ -52,7 +53,11 @@ _TOLD_S: Final = 10.0
 """How often something that goes on is told."""
 
 _LONG_SILENCE_S: Final = 10.0
-"""A silence that lasts so long is an alarm."""
+_LONGER_SILENCE_S: Final = 20.0
+"""A silence that lasts so long is an alarm; then the pilot is to fly it by hand."""
+
+NOT_TAKEN: Final = "not flown by hand"
+"""What is alarmed of after hands off for a reason of ours, until a pilot chooses a mode."""
 
 _SILENCE_S: Final = 3.0
 """A silence that was shorter is not told."""
@@ -166,6 +171,13 @@ class ControlAuthority:
             self._context.taken_by = ControlHolder.PILOT
             self._context.alarm(f"hands off: {why}", self._instruction)
             self._context.signal(Signal.TAKEN_OVER)
+            self._context.alarms.stand(
+                NOT_TAKEN,
+                "the vehicle hovers, and is not flown by hand",
+                self._instruction,
+                now_s=self._context.now_s,
+                since_s=self._context.now_s,
+            )
 
     def taken(self, telemetry: Telemetry) -> None:
         """The vehicle flies in a mode that we did not ask for, or by a failsafe."""
@@ -186,6 +198,8 @@ class ControlAuthority:
                 f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode",
                 WATCH_FAILSAFE,
             )
+        if telemetry.mode is not FlightMode.HOLD:
+            context.over(NOT_TAKEN)  # a pilot or a failsafe flies it
         self._look_at_inputs(telemetry)
         breach = self._monitor.breach(telemetry)
         news = self._breaches.news(breach, context.now_s)
@@ -214,8 +228,10 @@ class ControlAuthority:
             text = f"nothing heard from the vehicle for {silent_s:.0f} s"
             if silent_s < _LONG_SILENCE_S:
                 context.warn(text, CHECK_LINK)
-            else:
+            elif silent_s < _LONGER_SILENCE_S:
                 context.alarm(text, CHECK_LINK)
+            else:
+                context.alarm(text, TAKE_OVER_NOW)
 
     def heard_again(self, event: object) -> bool:
         """Whether an event after a silence counts: a telemetry once its mode was told since.
@@ -407,6 +423,7 @@ class ControlAuthority:
         return why
 
     def _take_back(self) -> None:
+        self._context.alarms.end_all()
         self._gate.ours_in_the_air()
         self._context.taken_by = None
         self._gate.assume(self._context.heard.mode)

@@ -169,6 +169,7 @@ class Controller:
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
+        context.actions += context.alarms.due(context.now_s)
         sought = context.robot if context.spec.seeks else None
         if sought != self._told_sought:
             self._told_sought = sought
@@ -330,6 +331,7 @@ class Controller:
         context = self.context
         done = context.state is State.DONE
         context.giving_up = context.compares = context.held = None
+        context.alarms.end_all()
         if done:
             self.gate.stop()
         self._commands.now_what_waited()

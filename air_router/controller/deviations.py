@@ -38,7 +38,7 @@ from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.safety_monitor import Deviation, Response
-from air_router.vehicle.input_limits import InputStatus, Stop
+from air_router.vehicle.input_limits import INPUT_ALARMS, InputStatus, Stop
 from air_router.vehicle.instructions import BE_READY_AT_HOME, NO_OTHER_HOME
 from air_router.vehicle.vehicle import Telemetry
 
@@ -93,7 +93,18 @@ class Deviations:
         for news in status.news:
             then = "landing on" if landing and news.then else news.then
             text = f"{news.what}: {then}" if then else news.what
-            context.announce(text, news.instruction, alarms=news.alarms and not landing)
+            if news.alarms and news.instruction is not None and not landing:
+                context.alarm_until_over(
+                    news.about,
+                    text,
+                    news.instruction,
+                    lasting=news.about,
+                    since_s=telemetry.told_s - news.age_s,
+                )
+            else:
+                context.announce(text, news.instruction)
+        for about in set(context.alarms.shown) & INPUT_ALARMS - set(context.inputs.stopped):
+            context.over(about)
         if status.home_why is not None:
             context.come_home(status.home_why, BE_READY_AT_HOME)
         if context.state is State.READY:

@@ -32,6 +32,9 @@ MODE_S: Final = 5.0
 
 NO_FIX: Final = "GPS has no fix"
 
+FIX_ALARM_S: Final = 5.0
+"""A fix that is gone for so long is an alarm: PX4's own failsafe may act."""
+
 
 class Stop(Enum):
     """What is done about the flight while an input is missing for too long."""
@@ -164,6 +167,9 @@ LIMITS: Final = (
 )
 """Every input that a flight rests on; the gravest first."""
 
+INPUT_ALARMS: Final = frozenset({NO_FIX, *(f"{limit.words} not heard" for limit in LIMITS)})
+"""What is alarmed of while it stops the vehicle."""
+
 _ages = attrgetter(*(limit.age for limit in LIMITS))
 _TOLD_S: Final = tuple(limit.told_s for limit in LIMITS)
 """From which age on an input is missing at all; the other limits are no lower."""
@@ -177,12 +183,16 @@ class InputNews(NamedTuple):
         then: What is done about it; empty: nothing.
         instruction: What the pilot or the operator does; None: it is back.
         alarms: The pilot has to act now: the vehicle waits for it.
+        about: What is alarmed of, as in `InputWatch.stopped`.
+        age_s: For how long it has been missing.
     """
 
     what: str
     then: str
     instruction: Instruction | None = None
     alarms: bool = False
+    about: str = ""
+    age_s: float = 0.0
 
 
 class InputStatus(NamedTuple):
@@ -219,6 +229,8 @@ class InputWatch:
     # by what is missing: announced, when
     _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
     _good_since_s: float | None = None  # since when the fix is good again
+    _no_fix_since_s: float = 0.0  # since when it has none, as announced
+    _alarmed_of_fix: bool = False  # of this loss
 
     def look(self, telemetry: Telemetry) -> InputStatus:
         """Take the next telemetry in."""
@@ -230,8 +242,7 @@ class InputWatch:
         home_why = None
         if not telemetry.fix:
             missing[NO_FIX] = Stop.HOLD
-            if NO_FIX not in self.stopped:
-                news.append(InputNews("GPS has lost its fix", Stop.HOLD.value, TAKE_OVER_BLIND))
+            news += self._told_of_fix(telemetry.told_s)
         stopped = tuple(self.stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
@@ -273,8 +284,33 @@ class InputWatch:
             return [InputNews(f"{limit.words} heard again", "")] if told else []
         stops = limit.stop_at(age_s) is not Stop.NONE
         before, told_s = self._told.get(limit.words, (False, -math.inf))
-        if stops <= before and now_s < told_s + TOLD_AGAIN_S:
+        again = limit.words in self._told
+        # What stops the vehicle is an alarm, which is said again by itself.
+        if stops <= before and (stops or now_s < told_s + TOLD_AGAIN_S):
             return []
         self._told[limit.words] = (stops or before, now_s)
-        what = f"{limit.words} not heard for {age_s:.0f} s"
-        return [InputNews(what, limit.then(age_s), limit.instruction, alarms=stops)]
+        return [
+            InputNews(
+                f"{limit.words} not heard for {age_s:.0f} s",
+                limit.then(age_s) if stops > before or not again else "",
+                limit.instruction,
+                alarms=stops,
+                about=f"{limit.words} not heard",
+                age_s=age_s,
+            )
+        ]
+
+    def _told_of_fix(self, now_s: float) -> list[InputNews]:
+        """That it is lost, at once; as an alarm where it does not come back soon."""
+        if NO_FIX not in self.stopped:
+            self._no_fix_since_s, self._alarmed_of_fix = now_s, False
+            return [InputNews("GPS has lost its fix", Stop.HOLD.value, TAKE_OVER_BLIND)]
+        age_s = now_s - self._no_fix_since_s
+        if self._alarmed_of_fix or age_s < FIX_ALARM_S:
+            return []
+        self._alarmed_of_fix = True
+        what = f"GPS has no fix for {age_s:.0f} s"
+        instruction = TAKE_OVER_BLIND
+        return [
+            InputNews(what, Stop.HOLD.value, instruction, alarms=True, about=NO_FIX, age_s=age_s)
+        ]

@@ -28,6 +28,14 @@ report; the pilot in the ground station, as a STATUSTEXT.
 | warning | something is off; the flight copes | yellow, `WARNING:` | WARNING, read aloud |
 | alarm | the pilot has to act | red, `ALARM:`, and a bell | CRITICAL, read aloud |
 
+## Alarms that go on
+
+An alarm whose condition lasts (an input that the vehicle stands for, a zone without a way out, a
+vehicle that hovers after hands off) is said again after 10 s, then every 30 s, and then asks the
+pilot to take the vehicle by hand. It ends with the condition, or as soon as a pilot has the vehicle.
+
+## All of them
+
 Every warning and alarm ends with what the pilot or the operator does about it. These are all of
 them; `…` stands for what differs. The code is the source of this table
 (`DOCS_WRITE=1 pytest tests/docs` writes it anew).
@@ -41,6 +49,8 @@ them; `…` stands for what differs. The code is the source of this table
 MAKERS = {
     "warn": (0, "text", "{}", "warning"),
     "alarm": (0, "text", "{}", "alarm"),
+    "Announce": (0, "text", "{}", "alarm"),
+    "alarm_until_over": (1, "text", "{}", "alarm"),
     "_last_words": (0, "text", "{}", "alarm"),
     "Deviation": (1, "words", "{}", "warning"),
     "Due": (0, "why", "coming home: {}", "warning"),
@@ -66,6 +76,7 @@ SAID = {
     ("first", "CLIMB_BY_HAND"): ["it is … m above home, too near to … to climb by itself …"],
     ("wait_for_way", "FLY_OUT_OR_RELOAD"): ["no clear way leads …"],
     ("_while_off", "WATCH_HEIGHT"): ["too low: …", "too high: …"],
+    ("due", "TAKE_OVER_NOW"): ["what was alarmed of, and still lasts after 10 s, for … s"],
     ("another_vehicle", "CONNECT_ANOTHER"): ["no multicopter with PX4 is on the link (…)"],
     ("another_vehicle", "LAND_BY_HAND"): ["no multicopter with PX4 is on the link (…)"],
     ("look", "WATCH_HEIGHT"): ["too low: …", "too high: …"],

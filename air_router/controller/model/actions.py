@@ -78,11 +78,13 @@ class Announce:
         text: What happened, in words.
         severity: How much it matters.
         instruction: What the pilot or the operator does about it; every warning and alarm has one.
+        about: What goes on, for those that are said again and end; empty: it is said once.
     """
 
     text: str
     severity: Severity = Severity.INFO
     instruction: str = ""
+    about: str = ""
 
     @property
     def words(self) -> str:

@@ -9,6 +9,7 @@ from enum import Enum
 from functools import cached_property
 
 from air_router.controller.model.actions import Action, Announce, ControlHolder
+from air_router.controller.model.standing_alarms import StandingAlarms
 from air_router.controller.model.states import Signal, Spec, State
 from air_router.mission.mission import Mission
 from air_router.routing.return_planner import Pace
@@ -165,6 +166,7 @@ class MissionContext:
         now_s: Seconds on the vehicle's clock, which never runs back here.
         actions: What to do about the event that is being taken in, in order.
         way: What is left of the way to where the vehicle is sent.
+        alarms: What the pilot has to act on, until it is over.
         ends_s: When the state's timer ends; None while it does not run.
         retry_at_s: When something that could not be done is tried again; None: nothing waits.
         robot: Who is sought or hovered over; None while no robot is.
@@ -208,6 +210,7 @@ class MissionContext:
     now_s: float = 0.0
     actions: list[Action] = field(default_factory=list)
     way: Way = field(default_factory=Way)
+    alarms: StandingAlarms = field(default_factory=StandingAlarms)
     ends_s: float | None = None
     retry_at_s: float | None = None
     robot: str | None = None
@@ -322,6 +325,26 @@ class MissionContext:
     def alarm(self, text: str, instruction: Instruction) -> None:
         """Announce what the pilot has to act on now, and how."""
         self.actions.append(Announce(text, Severity.ALARM, instruction))
+
+    def alarm_until_over(
+        self, about: str, text: str, instruction: Instruction, *, lasting: str, since_s: float
+    ) -> None:
+        """Alarm once, and again, graver, until `over` or until the pilot has the vehicle.
+
+        Args:
+            about: What goes on: the same as in `over`.
+            text: What happened.
+            instruction: What the pilot or the operator does.
+            lasting: How it is said again, in words that a duration follows.
+            since_s: Since when, vehicle's clock.
+        """
+        if self.alarms.stand(about, lasting, instruction, self.now_s, since_s):
+            self.actions.append(Announce(text, Severity.ALARM, instruction, about))
+
+    def over(self, about: str, text: str = "") -> None:
+        """What was alarmed of is over; it is said if it stood and there are words."""
+        if self.alarms.end(about) and text:
+            self.actions.append(Announce(text, about=about))
 
     def announce(self, text: str, instruction: Instruction | None, *, alarms: bool = False) -> None:
         """Announce one of a kind: with an instruction it is a warning, or alarms the pilot."""

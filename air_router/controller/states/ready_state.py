@@ -111,7 +111,13 @@ class ReadyState(StateHandler):
             context.signal(Signal.AIRBORNE)
         elif stage in HELD and gate.pending is None:
             context.held = held = HELD[stage]
-            context.alarm(f"holding: {held.why}", held.instruction)
+            context.alarm_until_over(
+                held.why,
+                f"holding: {held.why}",
+                held.instruction,
+                lasting=f"holding: {held.why},",
+                since_s=context.now_s,
+            )
             gate.command(HoldHere(stage.value))
         elif context.held is None and self._stuck(telemetry) and gate.pending is None:
             context.come_home("the climb does not go on", BE_READY_AT_HOME)

@@ -155,6 +155,8 @@ class ReturnState(StateHandler):
         """Fly home along the graph, and say why."""
         ending = self._context.ending
         text = f"coming home: {ending.why if ending else None}"
+        if self._context.inputs.stopped:
+            text = f"{text}; it holds until that is known again"
         if ending is None or ending.instruction is None:
             self._context.say(text)
         else:

@@ -64,7 +64,7 @@ _SETTLED_S: Final = 8.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
-_LABEL: Final = re.compile(r"^( *[0-9.]+ s  )(WARNING|ALARM): ")
+_LABEL: Final = re.compile(r"^( *[0-9.]+ s  )?(WARNING|ALARM): ")
 _INSTRUCTION: Final = re.compile(r"\. ((?:Pilot|Operator): .+)$")
 """How a line begins that asks for something, and how it ends with what it asks for."""
 
@@ -110,7 +110,7 @@ class Announced(NamedTuple):
     def of(cls, time_s: float, line: str) -> Announced:
         """What a line of the terminal says."""
         found = _LABEL.match(line)
-        text = line if found is None else found[1] + line[found.end() :]
+        text = line if found is None else (found[1] or "") + line[found.end() :]
         asked = _INSTRUCTION.search(text)
         if asked is None:
             return cls(time_s, found[2] if found else "", text, "")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -33,6 +34,11 @@ _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
 _AGAIN_S: Final = 10.0
 """What goes on is told again so long after."""
+
+_ESCALATES_S: Final = 10.0
+_ASKS_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
+"""From when on the vehicle stands, or is not commanded, for a lost stream: the pilot is alarmed;
+and so much later asked to take the vehicle by hand."""
 
 _CLIMB_S: Final = 60.0
 """Within that time of leaving the ground the mission has begun."""
@@ -149,6 +155,39 @@ def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
         until_s = min(float(gap.times_s[-1]), gap.reached_s(each.home_s * _EARLY))
         yield from stands(case, news, (stands_s, until_s))
         yield from comes_home(case, news, home_s, _blind(gaps))
+
+
+def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violation]:
+    """What stands for a lost stream is alarmed of; if that lasts, the pilot is to take it by hand.
+
+    And not so often that nothing else can be heard.
+    """
+    for gap in _gaps(case):
+        stands_s = _ASKS_S.get(gap.of.name)
+        if stands_s is None:
+            continue
+        due_s = gap.reached_s(stands_s + _ESCALATES_S + case.reacts_s)
+        given = {case.state(gap.began_s), case.state(due_s)} & _GIVEN  # it is flown, or lands
+        if given or not case.answers(gap.began_s, due_s):
+            continue
+        asked_s = [
+            each.time_s
+            for each in case.announced
+            if each.label == "ALARM" and gap.began_s <= each.time_s <= float(gap.times_s[-1])
+            if re.search(gap.of.words, each.text, re.IGNORECASE)
+        ]
+        by_hand = any(
+            "by hand" in each.instruction
+            for each in case.announced
+            if each.label == "ALARM" and gap.began_s <= each.time_s <= due_s
+        )
+        if not by_hand:
+            news = News(gap.began_s, f"the {gap.of.name} was not heard any more")
+            yield Violation(due_s, "told", f"the pilot was not asked to fly it: {news}")
+        most = 3 + (float(gap.times_s[-1]) - gap.began_s) / _AGAIN_S
+        if len(asked_s) > most:
+            text = f"{len(asked_s)} alarms of the {gap.of.name} in one loss of it"
+            yield Violation(asked_s[-1], "told", text)
 
 
 def _gaps(case: Case) -> Iterator[Gap]:

@@ -17,10 +17,16 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
+from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.loading import load_mission
-from air_router.vehicle.instructions import LAND_BY_HAND, Severity
+from air_router.vehicle.instructions import (
+    LAND_BY_HAND,
+    TAKE_OVER_NOW,
+    TAKE_WHERE_IT_HOLDS,
+    Severity,
+)
 from air_router.vehicle.vehicle import (
     Ages,
     FlightMode,
@@ -745,3 +751,31 @@ def test_in_a_zone_with_its_mode_unheard_it_is_told_to_hold_when_that_is_heard_a
     flight.fly_for(6.0)
     assert isinstance(flight.motions[commanded], HoldHere)
     assert f"hands off: breach of {inside.name} is not resumed by itself" in flight.said
+
+
+# Alarms that are not answered.
+
+
+def alarmed(flight):
+    return [a.instruction for a in flight.announced if a.severity is Severity.ALARM]
+
+
+def test_a_vehicle_that_no_pilot_takes_after_hands_off_is_alarmed_of_until_a_pilot_flies_it(away):
+    flight = away(duration_s=None)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.fly_for(2.0)
+    flight.give(PlanCompared(flight.now_s, "42 items instead of 40"))
+    flight.fly_until(lambda: flight.controller.state is State.PASSIVE, 10.0)
+    assert alarmed(flight) == [TAKE_WHERE_IT_HOLDS]
+    flight.fly_for(ESCALATES_S + REPEATED_S + 1.0)
+    assert alarmed(flight) == [TAKE_WHERE_IT_HOLDS, TAKE_OVER_NOW, TAKE_OVER_NOW]
+    flight.mode, flight.target = FlightMode.POSITION, None
+    flight.fly_for(3 * REPEATED_S)
+    assert len(alarmed(flight)) == 3
+
+
+def test_a_vehicle_that_a_pilot_has_taken_is_not_alarmed_of(away):
+    flight = away(duration_s=None)
+    flight.mode, flight.target = FlightMode.POSITION, None
+    flight.fly_for(2 * REPEATED_S)
+    assert alarmed(flight) == []

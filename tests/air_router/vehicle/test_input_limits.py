@@ -7,8 +7,10 @@ import pytest
 
 from air_router.controller.model.actions import HoldHere
 from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
-from air_router.vehicle.input_limits import LIMITS
+from air_router.vehicle.input_limits import FIX_ALARM_S, LIMITS
+from air_router.vehicle.instructions import TAKE_OVER_BLIND, TAKE_OVER_NOW, Severity
 from air_router.vehicle.vehicle import Ages, FlightMode
 
 INPUTS = {limit.age: limit for limit in LIMITS}
@@ -99,6 +101,63 @@ def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back
     flight.fly_for(1.5)
     assert len(flight.motions) > commanded
     assert told(flight, "going on")
+
+
+ALARMED = [age for age, limit in INPUTS.items() if limit.stop_s is not None]
+
+
+def alarms(flight):
+    return [a for a in flight.announced if a.severity is Severity.ALARM]
+
+
+@pytest.mark.parametrize("age", ALARMED)
+def test_a_pilot_who_does_not_take_over_is_asked_again_and_graver_at_a_bounded_pace(away, age):
+    flight, limit = away(duration_s=None), INPUTS[age]
+    missing = Missing(flight, age)
+    flight.fly_for(limit.stop_s + 1.0)
+    (first,) = alarms(flight)
+    assert first.instruction == limit.instruction
+    flight.fly_for(ESCALATES_S)
+    _, second = alarms(flight)
+    assert second.instruction == TAKE_OVER_NOW
+    if not limit.home_without or limit.home_s is None:
+        flight.fly_for(480.0)
+        assert len(alarms(flight)) == pytest.approx(2 + 480.0 / REPEATED_S, abs=1)
+        assert all(alarm.instruction == TAKE_OVER_NOW for alarm in alarms(flight)[1:])
+        # It holds, and comes home once it can: said once each.
+        assert len(told(flight, "holding")) <= 1
+        missing.comes_again()
+        flight.fly_for(10.0)
+    else:  # home is flown without it
+        flight.fly_for(limit.home_s - limit.stop_s - ESCALATES_S)
+    said = len(alarms(flight))
+    assert flight.controller.context.alarms.shown == {}
+    flight.fly_for(60.0)
+    assert len(alarms(flight)) == said, alarms(flight)[said - 1 :]
+
+
+def test_a_pilot_who_takes_over_is_asked_no_more(away):
+    flight = away(duration_s=None)
+    Missing(flight, "position_s")
+    flight.fly_for(5.0)
+    assert len(alarms(flight)) == 1
+    flight.mode, flight.target = FlightMode.ALTITUDE, None
+    flight.fly_for(120.0)
+    assert flight.controller.state is State.PASSIVE
+    assert len(alarms(flight)) == 1
+
+
+def test_a_fix_that_is_gone_for_long_is_an_alarm(away):
+    flight = away(duration_s=None)
+    flight.fix = False
+    flight.fly_for(FIX_ALARM_S - 1.0)
+    assert alarms(flight) == []
+    flight.fly_for(2.0)
+    (alarm,) = alarms(flight)
+    assert (alarm.about, alarm.instruction) == ("GPS has no fix", TAKE_OVER_BLIND)
+    flight.fix = True
+    flight.fly_for(30.0)
+    assert len(alarms(flight)) == 1
 
 
 def test_the_duration_goes_on_without_positions(away):

@@ -25,6 +25,7 @@ FLOWN = track((*ROUND, *ROUND))
 HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
 """Stands from 70 s to 90 s."""
 
+BY_HAND = (82.0, "ALARM: it lasts. Pilot: take the vehicle by hand now")
 LONG = track(ROUND * 4)
 
 
@@ -145,9 +146,28 @@ def test_what_is_missing_is_said(spoil, wrong, words):
     ],
 )
 def test_what_is_said_is_done_as_well(spoil, words):
-    said = [(68.0, words), (71.0, words)]
+    said = [(68.0, words), (71.0, words), BY_HAND]
     assert found(flight(spoil=spoil, said=said)) == {"blind"}
     assert found(flight(HOVERS, spoil, said=said)) == set()
+
+
+@pytest.mark.parametrize(
+    ("later", "wrong"),
+    [
+        ((BY_HAND,), set()),
+        ((), {"told"}),
+        (((82.0, "WARNING: it lasts. Pilot: take the vehicle by hand now"),), {"told"}),
+        (((82.0, "ALARM: it lasts. Pilot: be ready"),), {"told"}),
+        (((87.0, BY_HAND[1]),), {"told"}),  # too late
+        (
+            (BY_HAND, *((72.0 + s, BY_HAND[1].replace("it lasts", "position")) for s in range(9))),
+            {"told"},  # nothing else could be heard
+        ),
+    ],
+)
+def test_a_pilot_is_asked_to_fly_what_stands_for_a_position_that_is_lost(later, wrong):
+    said = [(71.0, "position not heard for 2 s: holding"), *later]
+    assert found(flight(HOVERS, between(69.0, 90.0, POSITION), said=said)) == wrong
 
 
 def test_a_fix_that_is_back_for_three_seconds_is_back():
@@ -165,7 +185,7 @@ def test_a_fix_that_is_back_for_three_seconds_is_back():
 
 
 def test_no_leg_begins_from_a_place_that_is_not_known():
-    said = [(71.0, "position not heard for 2 s: holding")]
+    said = [(71.0, "position not heard for 2 s: holding"), BY_HAND]
     spoil, leg = between(69.0, 85.0, POSITION), goto(80.0, 60, 0)
     assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind"}
     assert found(flight(HOVERS, said=said, more=[leg])) == set()
@@ -327,7 +347,7 @@ def test_a_silent_link_and_the_way_home_are_measured_by_the_companions_own_clock
     silent = flight(spoil=between(70.0, 100.0), said=said)
     assert found(silent) == {"told"}
     assert found(dataclasses.replace(silent, speed=5.0)) == set()
-    said = [(46.0, "GPS status not heard for 5 s: holding at 10 s")]
+    said = [(46.0, "GPS status not heard for 5 s: holding at 10 s"), (61.0, BY_HAND[1])]
     spoil = between(41.0, 73.0, FIX)
     for leg_s, wrong in ((60.0, {"blind"}), (68.5, set())):
         stands = [*FLOWN[:950], *[FLOWN[950]] * 460, *FLOWN[950:]]
@@ -379,8 +399,8 @@ def test_what_is_announced_is_sent_to_the_ground_station(sent, severity, wrong):
     ("line", "wrong"),
     [
         ("    16.0 s  ALARM: the position is lost. Pilot: take over", set()),
-        ("    16.0 s  ALARM: the position is lost", {"told"}),
-        ("    16.0 s  WARNING: the position is lost", {"told"}),
+        ("ALARM: the position is lost", {"told"}),
+        ("WARNING: the position is lost", {"told"}),
         ("    16.0 s  the position is lost", set()),
     ],
 )

@@ -1,0 +1,78 @@
+"""Alarms that go on until their condition is over, or the pilot has the vehicle.
+
+An alarm is said once. Where the condition lasts and is not answered it is said again, graver: the
+pilot is to take the vehicle by hand. The pace is bounded, so that it is heard and not talked over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from air_router.controller.model.actions import Announce
+from air_router.vehicle.instructions import TAKE_OVER_NOW, Instruction, Severity
+
+ESCALATES_S: Final = 10.0
+"""An alarm that is not answered for so long is said again, and asks for the sticks."""
+
+REPEATED_S: Final = 30.0
+"""And again so often, as long as it lasts: a pilot who flies by hand hears other things as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """One of them.
+
+    Attributes:
+        lasting: What goes on, in words that a duration follows.
+        instruction: What the pilot or the operator does; said again it is graver.
+        since_s: Since when, vehicle's clock.
+        again_s: When it is said again.
+    """
+
+    lasting: str
+    instruction: Instruction
+    since_s: float
+    again_s: float
+
+
+@dataclass(slots=True, eq=False)
+class StandingAlarms:
+    """All that stand, by what they are about."""
+
+    _standing: dict[str, Standing] = field(default_factory=dict)
+
+    def stand(
+        self, about: str, lasting: str, instruction: Instruction, now_s: float, since_s: float
+    ) -> bool:
+        """It goes on from now on; whether that is new."""
+        new = about not in self._standing
+        if new:
+            again_s = now_s + ESCALATES_S
+            self._standing[about] = Standing(lasting, instruction, since_s, again_s)
+        return new
+
+    def end(self, about: str) -> bool:
+        """It is over, or answered; whether it stood."""
+        return self._standing.pop(about, None) is not None
+
+    def end_all(self) -> None:
+        """The pilot has the vehicle, or it is taken back: all that was asked for is answered."""
+        self._standing.clear()
+
+    def due(self, now_s: float) -> list[Announce]:
+        """Those that are to be said again now."""
+        said = []
+        for about, alarm in self._standing.items():
+            if now_s >= alarm.again_s:
+                self._standing[about] = Standing(
+                    alarm.lasting, alarm.instruction, alarm.since_s, now_s + REPEATED_S
+                )
+                text = f"{alarm.lasting} for {now_s - alarm.since_s:.0f} s"
+                said.append(Announce(text, Severity.ALARM, TAKE_OVER_NOW, about))
+        return said
+
+    @property
+    def shown(self) -> dict[str, Standing]:
+        """Those that stand now, by what they are about; the oldest first."""
+        return dict(self._standing)
