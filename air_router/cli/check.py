@@ -1,6 +1,7 @@
 """`air-router check`: whether a mission can be flown as it is written, and what to expect."""
 
 import argparse
+import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from air_router.mission.loading import choose, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
 from air_router.preflight.survey import MissionSurvey
+from air_router.preflight.world_check import WorldCheck
 from air_router.routing.graph import WaypointGraph
 from mocha_link.team.document import DocumentError, Problem
 
@@ -53,7 +55,13 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.png is not None and mission is not None:
             _draw_wrong(draft, mission, arguments.png)
         raise refusal
+    world = _world_check(mission)
     findings = MissionSurvey(WaypointGraph(mission))
+    try:
+        if world is not None:
+            world.result()
+    except DocumentError as error:
+        raise _refusal(error.problems, draft.notes, arguments) from None
     if arguments.json:
         print_json(facts_of(findings))
     else:
@@ -70,6 +78,13 @@ def run(arguments: argparse.Namespace) -> int:
     for number, reason in findings.stranded:
         sys.stderr.write(f"{mission.path}: no way home from waypoint {number}: {reason}\n")
     return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
+
+
+def _world_check(mission: Mission) -> WorldCheck | None:
+    """The check of the world file, begun; None without one, or where nothing can be simulated."""
+    if mission.world is None or importlib.util.find_spec("sitl") is None:
+        return None
+    return WorldCheck(mission.path)
 
 
 def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:

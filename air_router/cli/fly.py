@@ -30,7 +30,7 @@ from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_flown
 from air_router.mission.mission import Mission
-from air_router.mission.team import sought, team_of
+from air_router.mission.team import ALONE, sought, team_of
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
 from air_router.record.recording import (
@@ -116,8 +116,9 @@ def fly(mission: Mission, arguments: argparse.Namespace, stem: str) -> FlightRes
     ):
         if viewer is not None:
             status.say(f"Foxglove: open a connection to {viewer.address}")
-        for path in (mission.path, team.path):
-            recorder.file(path)
+        recorder.file(mission.path)
+        if team.path != ALONE:
+            recorder.file(team.path)
         vehicle = Px4Vehicle(mission, arguments.connect, clock, system_id=arguments.sysid)
         vehicle.telemetry.subscribe(pace.heard)
         flight = Flight(

@@ -1,6 +1,7 @@
 """`air-router plan`: the route between two waypoints, or any places, as it would be flown."""
 
 import argparse
+import contextlib
 import math
 import sys
 from collections.abc import Iterator
@@ -12,9 +13,11 @@ from air_router.cli.arguments import add_start, add_uav, place, print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
+from air_router.mission.validation import FAR_M
 from air_router.preflight.survey import closest_approach, route_time_s
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Leg, NoRoute, Route, Router
+from geo.airspace.airspace import FENCE
 from geo.frame import FrameError, Geodetic, Point
 
 _EPILOG = """\
@@ -85,14 +88,33 @@ def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:
     """A stop as the end of a leg."""
     mission = graph.mission
     if isinstance(stop, Geodetic):
-        try:
-            return Leg(mission.frame.to_local(*stop))
-        except FrameError as error:
-            raise UsageError(f"{option}: {error}") from None
+        return Leg(_near_home(stop, mission, option))
     if stop not in graph.positions:
         last = len(mission.waypoints)
         raise UsageError(f"no waypoint {stop}; {mission.name} has 1 to {last}, and 0 is home")
     return Leg(graph.position(stop), stop)
+
+
+def _near_home(given: Geodetic, mission: Mission, option: str) -> Point:
+    """A place in the mission's frame, as near to home as a mission's own places have to be."""
+
+    def point(place: Geodetic) -> tuple[Point, float]:
+        found = mission.frame.to_local(*place)
+        return found, math.dist(found, mission.home)
+
+    try:
+        found, away_m = point(given)
+    except FrameError as error:
+        raise UsageError(f"{option}: {error}") from None
+    if away_m <= FAR_M:
+        return found
+    swapped = Geodetic(given.longitude_deg, given.latitude_deg)
+    advice = "correct it"
+    with contextlib.suppress(FrameError):
+        if point(swapped)[1] <= FAR_M:
+            advice = f"latitude comes first: {_words(swapped)}"
+    far = f"{option}: {_words(given)} is {away_m / 1000:.0f} km from home; {advice}"
+    raise UsageError(far)
 
 
 def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
@@ -119,7 +141,7 @@ def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
 
 
 def _words(stop: Stop) -> str:
-    return str(stop) if isinstance(stop, int) else f"{stop[0]:g},{stop[1]:g}"
+    return str(stop) if isinstance(stop, int) else f"{stop[0]:.9g},{stop[1]:.9g}"
 
 
 def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
@@ -142,7 +164,11 @@ def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
 
 
 def _near(distance_m: float, what: str, word: str) -> str:
-    return f"{distance_m:.1f} m {word} {what}" if what else "nothing near"
+    if not what:
+        return "nothing near"
+    if distance_m < 0:
+        return "outside the fence" if what == FENCE else f"inside {what}"
+    return f"{distance_m:.1f} m {word} {what}"
 
 
 def _name(leg: Leg) -> str:

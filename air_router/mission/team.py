@@ -5,6 +5,7 @@ name, a ROS message by its type, whatever its topic is called.
 """
 
 import difflib
+import json
 from collections.abc import Collection
 from pathlib import Path
 from typing import Final
@@ -106,15 +107,38 @@ def _says(topic: Topic, types: tuple[str, ...]) -> bool:
 
 # The mission and its team file
 
+ALONE: Final = Path("(no team)")
+"""What is shown as the path of the team of a mission without one."""
+
+_ALONE: Final = """
+robots: {{{name}: {{kind: aerial_robot, address: 127.0.0.1, base_port: 24400, clients: []}}}}
+kinds:
+  aerial_robot:
+    topics: [{{name: /map, type: grid/SemanticMap, priority: high, min_interval_s: 5}}]
+"""
+"""The team of a mission without one: no other robot may link to the UAV."""
+
 
 def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
-    """The team to talk to, and the name that the mission's UAV has in it."""
+    """The team to talk to, and the name that the mission's UAV has in it.
+
+    A mission that names no team is flown alone: the UAV explores, and comes home.
+
+    Raises:
+        RefusedError: the mission seeks a robot, but names no team; it is not clear which robot
+            flies; or a robot that is sought does not say where it is.
+        DocumentError: the team file is wrong.
+    """
     path = path or mission.team
-    if path is None:
+    if path is None and mission.seek:
         raise RefusedError(
-            f"{mission.path}: names no team file, so there is no peer to talk to; "
+            f"{mission.path}: seeks {', '.join(mission.seek)}, but names no team file; "
             "add `team: team.yaml` to it or say --team FILE"
         )
+    if path is None:
+        name = mission.uav or "uav"
+        text = _ALONE.format(name=json.dumps(name))
+        return Team.from_document(Document.from_text(text, ALONE)), name
     team = Team.load(path)
     uav = mission.uav or only_uav(team)
     for name in sought(team, uav, mission.seek, mission.goals_from):

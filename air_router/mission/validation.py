@@ -19,7 +19,7 @@ from geo.paths.separators import separators
 from geo.paths.shortest import shortest_paths
 from mocha_link.team.document import Problem
 
-_FAR_M = 50_000.0
+FAR_M = 50_000.0
 """Places farther from home than this are typing errors; no sheet shows them."""
 
 _SAME_PLACE_M = 0.1
@@ -105,14 +105,14 @@ def _check_distances(draft: MissionDocument) -> set[str]:
     home = draft.home.position
     spots = (*draft.waypoints, *draft.rally_points)
     nearest_m = min((math.dist(spot.position, home) for spot in spots), default=0.0)
-    together = all(math.dist(spot.position, spots[0].position) <= _FAR_M for spot in spots)
-    if nearest_m > _FAR_M and len(spots) > 1 and together:
+    together = all(math.dist(spot.position, spots[0].position) <= FAR_M for spot in spots)
+    if nearest_m > FAR_M and len(spots) > 1 and together:
         message = f"home is {nearest_m / 1000:.0f} km from every other place; {advice}"
         draft.report(draft.home.keys, message, "far-from-home")
         areas = [_label(draft, area) for area in (*draft.zones, *draft.fences)]
         return {draft.home.label, *(spot.label for spot in spots), *areas}
     for spot in spots:
-        if (far_m := math.dist(spot.position, home)) > _FAR_M:
+        if (far_m := math.dist(spot.position, home)) > FAR_M:
             message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
             draft.report(spot.keys, message, "far-from-home")
             far.add(spot.label)
@@ -120,7 +120,7 @@ def _check_distances(draft: MissionDocument) -> set[str]:
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
         if area.crosses_fence:  # of any size, as those of other files
             far_m = float(area.shape.polygon.distance(shapely.Point(home)))
-        if far_m > _FAR_M and area.source is None:
+        if far_m > FAR_M and area.source is None:
             label = _label(draft, area)
             reaches = "is" if area.crosses_fence else "reaches"
             message = f"{label} {reaches} {far_m / 1000:.0f} km from home; {advice}"
@@ -302,7 +302,7 @@ def faults_of(draft: MissionDocument, mission: Mission) -> Faults:
 
 def far(position: Point, mission: Mission) -> bool:
     """Whether a place is too far from home for a sheet."""
-    return math.dist(position, mission.home) > _FAR_M
+    return math.dist(position, mission.home) > FAR_M
 
 
 def blocked_legs(mission: Mission) -> list[tuple[Point, Point]]:

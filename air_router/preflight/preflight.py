@@ -289,7 +289,7 @@ def peers(reachable: Mapping[str, bool]) -> Check:
     missing = "fine if out of range; else is its node running?"
     return _check(
         "team",
-        (not reachable, LOOK, "no peer to talk to", "give the UAV clients in the team"),
+        (not reachable, LOOK, "flies alone: no peer to talk to", "with a team: give it clients"),
         (bool(away), LOOK, f"{away}: no node answers now", missing),
         (True, GOOD, there, ""),
     )

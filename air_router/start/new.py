@@ -4,6 +4,7 @@ import argparse
 import itertools
 import math
 import re
+import shlex
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -193,7 +194,7 @@ def _answered(arguments: argparse.Namespace, ask: Callable[[str], str] | None) -
 
 
 def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
-    mission, frame = folder / "mission.yaml", LocalFrame(at)
+    mission, frame = shlex.quote(str(folder / "mission.yaml")), LocalFrame(at)
     places = first_places(len(kinds))
     endpoints = {robot: f"ipc:///tmp/{robot}" for robot in kinds}
     rovers = " ".join(f"--rover {robot}={endpoint}" for robot, endpoint in endpoints.items())
@@ -211,7 +212,7 @@ def _say_next(folder: Path, at: Geodetic, kinds: dict[str, str]) -> None:
             domain = str(next(domains))
             lines.append(f"  mocha-link bridge ros2 --node {to} --domain {domain}")
             to, where = domain, f"{place.east_m:.0f},{place.north_m:.0f}"
-        lines.append(f"  python {folder / ROVERS[kind]} {to} {where}")
+        lines.append(f"  python {shlex.quote(str(folder / ROVERS[kind]))} {to} {where}")
     sys.stderr.write("\n".join(lines) + "\n")
 
 

@@ -12,10 +12,11 @@ from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.vehicle.pace import PaceClient
 from mocha_link.path_safety import new_file
+from mocha_link.team.problem import DocumentError
 from mocha_link.team.team import Team
 from sitl.cli.vehicle_command import epoch, pace_source
 from sitl.process.end_with_parent import stop_signal
-from sitl.team.roles import TeamError, default_team, derive_team, roles_of
+from sitl.team.roles import TeamError, check_rovers, default_team, derive_team, roles_of
 from sitl.team.team import Places, TeamSimulation
 from sitl.world.world_file import load_world
 
@@ -64,6 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "so that simulations can run side by side; a mission without a team gets a built-in one",
     )
     add_rover(parser)
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="only check mission, team, world file and --rover; problems go to stderr, and to "
+        "stdout as one JSON object",
+    )
     parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
     parser.add_argument(
@@ -86,7 +93,15 @@ def run(arguments: argparse.Namespace) -> int:
     mission = load_mission(arguments.mission)
     team = _team(arguments, mission)
     roles = roles_of(mission, team)
-    plan = load_world(arguments.world or mission.world, mission, roles.ground, arguments.seed)
+    check_rovers([name for name, _ in arguments.rover], roles, team)
+    try:
+        plan = load_world(arguments.world or mission.world, mission, roles.ground, arguments.seed)
+    except DocumentError as error:
+        if arguments.check:
+            print_json({"problems": [problem.as_json() for problem in error.problems]})
+        raise
+    if arguments.check:
+        return ExitCode.DONE
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
     rovers, epoch_s = dict(arguments.rover), arguments.epoch
@@ -133,7 +148,7 @@ def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
     path = arguments.team or mission.team
     if path is not None:
         return Team.load(path)
-    if arguments.free_ports is not None:
+    if arguments.free_ports is not None or arguments.check:
         return default_team()
     raise TeamError(
         f"{mission.path} names no team; add 'team: team.yaml' to it, give --team FILE, or "

@@ -2,7 +2,7 @@
 
 import random
 import socket
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -59,6 +59,19 @@ def roles_of(mission: Mission, team: Team) -> TeamRoles:
         raise TeamError(f"{team.path}: no robot drives on the ground; add a robot of another kind")
     others = (layer.uav for layer in mission.layers if layer.uav != vehicle)
     return TeamRoles((vehicle, *others), ground)
+
+
+def check_rovers(names: Iterable[str], roles: TeamRoles, team: Team) -> None:
+    """Check that programs play only robots that drive on the ground.
+
+    Raises:
+        TeamError: one of the names is no such robot.
+    """
+    if strangers := sorted(set(names) - set(roles.ground)):
+        raise TeamError(
+            f"--rover {strangers[0]}=...: no robot of {team.path} that drives on the ground is "
+            f"called '{strangers[0]}'; use one of {', '.join(roles.ground)}"
+        )
 
 
 def make_world(

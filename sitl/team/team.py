@@ -22,7 +22,7 @@ from mocha_link.node.lifetime import Closeable
 from mocha_link.team.team import Team
 from sitl.team.nodes import GroundNodes, RadioReadings, RosMessages, Rovers
 from sitl.team.relay import Relay, relayed_pairs
-from sitl.team.roles import TeamError, make_world, roles_of
+from sitl.team.roles import check_rovers, make_world, roles_of
 from sitl.team.team_report import TeamPace, report
 from sitl.team.truth import SimClock, TruthReceiver, VehicleState
 from sitl.world.world import Step, Truth
@@ -117,11 +117,7 @@ class TeamSimulation(Closeable):
         epoch_s: float | None = None,
     ) -> None:
         roles, rovers, places = roles_of(mission, team), rovers or {}, places or {}
-        if strangers := sorted(rovers.keys() - set(roles.ground)):
-            raise TeamError(
-                f"{team.path}: no robot '{strangers[0]}' drives on the ground for a program to "
-                f"play; use one of {', '.join(roles.ground)}"
-            )
+        check_rovers(rovers, roles, team)
         self.world = make_world(mission, team, roles, plan, rovers)
         self.clock = SimClock(epoch_s)
         self._speech = RosMessages(team)

@@ -13,6 +13,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.controller.states.search_points import Search
 from air_router.controller.states.search_state import FOLLOW_M
 
+ALL_EXPLORED: Final = "everything is explored, and the mission seeks no robot"
 ALL_MET: Final = "everything is explored and every robot has been met"
 
 
@@ -38,8 +39,8 @@ class IdleState(StateHandler):
     def begin(self) -> None:
         """Hover here or amid the robots, or come home."""
         context = self._context
-        if context.mission.when_explored == "home":
-            context.come_home(ALL_MET)
+        if context.mission.when_explored == "home" or not self._search.targets.names:
+            context.come_home(ALL_MET if self._search.targets.names else ALL_EXPLORED)
             return
         if not self._fly_to_middle():
             context.say(f"waiting for the next visit to be due: {ALL_MET}")

@@ -141,6 +141,11 @@ class Px4Connection:
         if not self._url.startswith("udpin://"):
             return None
         host, _, port = self._url.removeprefix("udpin://").rpartition(":")
+        if ":" in host:
+            raise NoVehicleError(
+                f"{self._url}: IPv6 is not spoken here: write an IPv4 address, e.g. "
+                f"udpin://127.0.0.1:{port}"
+            )
         bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             bound.bind((host, int(port)))

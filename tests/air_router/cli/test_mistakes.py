@@ -45,6 +45,8 @@ IN_USAGE = [
     ("plan mission.yaml --from 1 --to here", "here is neither a waypoint's number nor LATITUDE"),
     ("plan mission.yaml --from 1 --to 1,2,3", "1,2,3 is neither a waypoint's number nor"),
     ("plan mission.yaml --from 1 --to 1.5", "1.5 is neither a waypoint's number nor LATITUDE"),
+    ("plan mission.yaml --from -75.2,39.942 --to 1", "latitude comes first: 39.942,-75.2"),
+    ("plan mission.yaml --from 1 --to 40.9,-75.2", "is 106 km from home; correct it"),
     ("plan mission.yaml --from 1 --to 91,0", "--to: latitude 91.0 is not within"),
     ("sim mission.yaml --speed fast", "fast is not a speed between 0.1 and 100"),
     ("sim mission.yaml --speed nan", "nan is not a speed between 0.1 and 100"),
@@ -59,6 +61,11 @@ IN_USAGE = [
     ("fly mission.yaml --foxglove web", "web is not [HOST:]PORT"),
     ("convert mission.yaml there.rrd", "a flight's record (.mcap) becomes"),
 ]
+IN_WORLDS = [  # what is changed in the world file, the command, what is said
+    ("callisto|calisto", "check mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),
+    ("callisto|calisto", "sim mission.yaml", "world.yaml:113:5: no ground robot 'calisto'"),
+    ("", "sim mission.yaml --rover mul=ipc:///tmp/mul", "use one of callisto, europa, io"),
+]
 OF_THE_MACHINE = [
     ("fly mission.yaml --log-dir team.yaml/logs", 5, "Not a directory; name a folder"),
     ("sim mission.yaml --log-dir team.yaml/logs", 5, "Not a directory; name a folder"),
@@ -69,6 +76,7 @@ OF_THE_MACHINE = [
     ("preflight mission.yaml --connect udp://:14540", 4, "write udpin://127.0.0.1:14540"),
     ("preflight mission.yaml --connect udpin://127.0.0.1:99999", 4, "a number from 1 to 65535"),
     ("preflight mission.yaml --connect udpin://192.0.2.7:14540", 4, "no address 192.0.2.7; udpin"),
+    ("preflight mission.yaml --connect udpin://[::1]:14540", 4, "IPv6 is not spoken here: write"),
     ("preflight mission.yaml --connect serial:///dev/ttyXYZ9:57600", 4, "ttyXYZ9 is not there"),
     ("preflight mission.yaml --connect serial:///etc/passwd:57600", 4, "is no serial device"),
     ("preflight mission.yaml --connect serial:///dev/null:57600", 4, "another program using it?"),
@@ -115,6 +123,18 @@ def test_mistakes_in_files_end_with_3(said, tmp_path, change, line, words):
     code, err = said(line)
     assert (code, words in err) == (3, True), err
     assert len(err.splitlines()) <= 2, err
+
+
+@pytest.mark.parametrize(("change", "line", "words"), IN_WORLDS, ids=["check", "sim", "rover"])
+def test_mistakes_in_what_is_simulated_end_with_3_before_anything_starts(
+    said, tmp_path, change, line, words
+):
+    old, _, new = change.partition("|")
+    path = tmp_path / "world.yaml"
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1))
+    code, err = said(line)
+    assert (code, words in err) == (3, True), err
+    assert len(err.splitlines()) == 1, err
 
 
 @pytest.mark.parametrize(("line", "words"), IN_USAGE, ids=[row[1][:30] for row in IN_USAGE])

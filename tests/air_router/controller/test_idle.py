@@ -91,3 +91,11 @@ def test_a_vehicle_that_only_searches_waits_too(pretend):
     flight.take_off()
     flight.fly_to_state(State.IDLE)
     assert transitions(flight, 120.0) == []
+
+
+def test_without_robots_it_explores_and_comes_home(pretend, pennovation):
+    flight = pretend(seek=(), waypoints=pennovation.waypoints[:2], duration_s=None)
+    flight.take_off()
+    flight.lands()
+    assert State.COMM not in flight.states
+    assert "everything is explored, and the mission seeks no robot" in " ".join(flight.said)

@@ -93,7 +93,8 @@ def test_a_missing_mission_and_a_team_without_ground_robots_are_told(tmp_path, c
 def test_a_program_plays_no_robot_that_does_not_drive(tmp_path, capsys):
     ports = ("--free-ports", str(tmp_path))
     assert run_team(str(MISSION), *ports, "--rover", f"titan=ipc://{tmp_path}/titan") == 3
-    assert "no robot 'titan' drives on the ground for a program" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "that drives on the ground is called 'titan'; use one of callisto, europa, io" in said
 
 
 def test_a_place_that_is_no_url_is_told(tmp_path, capsys):
