@@ -11,7 +11,8 @@ from typing import Final
 from air_router.errors import NoVehicleError
 
 ENVIRONMENT: Final = "PX4_SITL"
-"""The environment variable that names a build folder, a source tree or a `px4` executable."""
+"""The environment variable that names a build folder, a source tree or a `px4` executable; or
+several, separated as on the PATH, of which the first is taken."""
 
 IMAGE: Final = "px4io/px4-sitl"
 """The official container image of PX4 with its built-in simulator; tags are PX4's: v1.17.0."""
@@ -19,7 +20,8 @@ IMAGE: Final = "px4io/px4-sitl"
 _ANSWER_S: Final = 10.0
 _RUNTIMES: Final = ("docker", "podman")
 _BUILDS: Final = ("build/px4_sitl_default", "build/px4_sitl_sih", ".")
-_RC: Final = "etc/init.d-posix/rcS"
+_RC_NAME: Final = "init.d-posix/rcS"
+_RC: Final = f"etc/{_RC_NAME}"
 
 WHAT_TO_INSTALL: Final = f"""\
 Install one of these and try again:
@@ -67,6 +69,15 @@ class Px4Install:
         """The container image, if it is one."""
         return f"{IMAGE}:{self.tag}"
 
+    @property
+    def takes_variables(self) -> bool:
+        """Whether its start script takes parameters and a home in degrees (from PX4 1.16 on).
+
+        An older one copies PX4_HOME_LAT and PX4_HOME_LON, unchanged, to parameters in 1e-7
+        degrees, and reads neither PX4_HOME_ALT nor PX4_PARAM_*.
+        """
+        return self.etc is None or "PX4_PARAM_" in (self.etc / _RC_NAME).read_text(errors="replace")
+
     def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
         """Program and arguments; a container shares this machine's network.
 
@@ -107,7 +118,7 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     """
     environment = os.environ if environment is None else environment
     path = environment.get("PATH")
-    asked = asked or environment.get(ENVIRONMENT)
+    asked = asked or next(iter(named(environment)), None)
     if asked and asked.partition(":")[0] in _RUNTIMES:
         return _contained(asked, path)
     if asked:
@@ -122,6 +133,14 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
         except NoPx4Error as error:
             reasons.append(error.reason)
     raise NoPx4Error(f"no PX4 simulator found: {'; '.join(reasons)}.")
+
+
+def named(environment: Mapping[str, str]) -> list[str]:
+    """What the environment variable PX4_SITL names: none, one or several."""
+    value = environment.get(ENVIRONMENT, "")
+    if value.partition(":")[0] in _RUNTIMES:
+        return [value]
+    return [place for place in value.split(os.pathsep) if place]
 
 
 def _built(path: Path) -> Px4Install:

@@ -33,6 +33,10 @@ _LARGEST: Final = 65535
 _MOST_INSTANCES: Final = 10
 _PORTS: Final = (14580, 14540, 18570, 19450, 19410, 13030, 13280, 14280)  # of instance 0
 _LAST_WORDS: Final = 12
+_SET: Final = "PX4_PARAM_"  # sets a parameter of the name that follows
+_OWN_PARAMETERS: Final = "px4-rc.params"
+"""A script with parameters of one's own, which PX4's start script looks for on the PATH."""
+
 _PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
 
 
@@ -87,13 +91,18 @@ class Px4Process(Closeable):
         folder = (settings.folder or Path(self._temporary.name)).absolute()
         made_folder(folder, private=True)  # PX4 writes more files there, and follows links
         self.log = folder / "px4.log"
-        variables = environment(settings)
+        inherited, variables = _inherited(), environment(settings)
+        if not install.takes_variables:
+            variables, script = before_1_16(variables)
+            with new_file(folder / _OWN_PARAMETERS) as file:
+                file.write(script.encode())
+            inherited["PATH"] = os.pathsep.join([str(folder), inherited.get("PATH", os.defpath)])
         command = install.command(self.instance, folder, variables)
         with new_file(self.log) as log:
             self._process = subprocess.Popen(  # noqa: S603 - what the user installed
                 ending_with_us(*command),
                 cwd=folder,
-                env={**_inherited(), **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
+                env={**inherited, **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -182,8 +191,28 @@ def environment(settings: Px4Settings) -> dict[str, str]:
     for name, value in settings.parameters.items():
         if not _PARAMETER.match(name):
             raise Px4Error(f"'{name}' is not the name of a PX4 parameter")
-        variables[f"PX4_PARAM_{name}"] = f"{value:g}"
+        variables[f"{_SET}{name}"] = f"{value:g}"
     return variables
+
+
+def before_1_16(variables: Mapping[str, str]) -> tuple[dict[str, str], str]:
+    """The variables that a start script before PX4 1.16 reads, and a script that sets the others.
+
+    Its simulator has the place where it starts in parameters: 1e-7 degrees, and metres.
+
+    Args:
+        variables: Those of `environment`.
+    """
+    left = dict(variables)
+    latitude_deg, longitude_deg = (float(left.pop(f"PX4_HOME_{axis}")) for axis in ("LAT", "LON"))
+    values = {
+        "SIH_LOC_LAT0": str(round(latitude_deg * 1e7)),
+        "SIH_LOC_LON0": str(round(longitude_deg * 1e7)),
+        "SIH_LOC_H0": left.pop("PX4_HOME_ALT"),
+    }
+    for name in [each for each in left if each.startswith(_SET)]:
+        values[name.removeprefix(_SET)] = left.pop(name)
+    return left, "".join(f"param set {name} {value}\n" for name, value in values.items())
 
 
 def _inherited() -> dict[str, str]:

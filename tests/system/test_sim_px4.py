@@ -12,7 +12,7 @@ import pytest
 from air_router.control.control import ControlClient
 from air_router.vehicle.clock import ALLOWANCE_S
 from sitl.process.pace import STALLED_SPEED
-from sitl.process.px4_install import NoPx4Error, find_px4
+from sitl.process.px4_install import NoPx4Error, find_px4, named
 
 ON_LINUX = pytest.mark.skipif(
     sys.platform != "linux", reason="looks at processes as Linux has them"
@@ -83,20 +83,22 @@ def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(simul
         os.sched_yield()
 
 
-@pytest.fixture
-def real_px4():
+@pytest.fixture(params=named(os.environ) or [""], ids=lambda place: place or "PATH")
+def real_px4(request):
+    """Each PX4 that PX4_SITL names: one per version; else one that is found otherwise."""
     try:
-        return find_px4()
+        find_px4(request.param or None)
     except NoPx4Error as error:
-        return pytest.skip(str(error).splitlines()[0])
+        pytest.skip(str(error).splitlines()[0])
+    return request.param
 
 
 @pytest.mark.timeout(400)
-@pytest.mark.usefixtures("real_px4")
-def test_a_flight_on_a_real_px4(command, short_mission, tmp_path):
+def test_a_flight_on_a_real_px4(command, short_mission, tmp_path, real_px4):
+    where = [real_px4] if real_px4 else []
     flight = command(
-        *("air-router", "sim", short_mission, "--px4", "--speed=5", "--duration=250"),
-        *("--json", "--log-dir", tmp_path / "logs"),
+        *("air-router", "sim", short_mission, "--speed=5", "--duration=250"),
+        *("--json", "--log-dir", tmp_path / "logs", "--px4", *where),
     )
     code, out = flight.finish(300)
     assert code == 0, flight.said[-3000:]
@@ -104,3 +106,4 @@ def test_a_flight_on_a_real_px4(command, short_mission, tmp_path):
     assert report["outcome"] == "done"
     assert {"INIT", "SEARCH", "EXPL", "HOME", "LAND"} <= set(report["states_visited"])
     assert report["closest_approach_m"] >= report["clearance_m"]
+    assert "not told" not in flight.said

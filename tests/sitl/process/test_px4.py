@@ -38,7 +38,9 @@ from pymavlink.dialects.v20 import common as mavlink
 instance = int(sys.argv[sys.argv.index("-i") + 1])
 with open({seen!r}, "w") as seen:
     known = {{n: v for n, v in os.environ.items() if n.startswith("PX4_")}}
-    json.dump({{"arguments": sys.argv[1:], "variables": known, "process": os.getpid()}}, seen)
+    first = os.environ["PATH"].partition(os.pathsep)[0]
+    told = {{"variables": known, "first": first, "process": os.getpid()}}
+    json.dump({{"arguments": sys.argv[1:], **told}}, seen)
 print("hello from the stand-in", flush=True)
 if {fails}:
     sys.exit(7)
@@ -65,15 +67,16 @@ def free_instance():
 
 @pytest.fixture
 def build(tmp_path):
-    """A build folder with a stand-in for PX4; `make(fails)` writes it."""
+    """A build folder with a stand-in for PX4; `make(fails, old)` writes it."""
 
-    def make(*, fails=False):
+    def make(*, fails=False, old=False):
         root = tmp_path / "PX4"
         program = root / "build" / "px4_sitl_default" / "bin" / "px4"
         program.parent.mkdir(parents=True, exist_ok=True)
         start_files = program.parent.parent / "etc" / "init.d-posix"
         start_files.mkdir(parents=True, exist_ok=True)
-        (start_files / "rcS").touch()
+        reads = "" if old else 'case "$name" in "PX4_PARAM_"*) ;; esac'
+        (start_files / "rcS").write_text(reads)
         seen = str(tmp_path / "seen.json")
         program.write_text(STAND_IN.format(python=sys.executable, seen=seen, fails=fails))
         program.chmod(0o755)
@@ -112,6 +115,8 @@ class TestFinding:
         program = build() / "build" / "px4_sitl_default" / "bin" / "px4"
         assert find_px4(None, {"PX4_SITL": str(program)}).words == str(program)
         assert find_px4(None, {"PATH": str(program.parent)}).words == str(program)
+        several = os.pathsep.join((str(program), "/another/px4"))
+        assert find_px4(None, {"PX4_SITL": several}).words == str(program)
         alone = tmp_path / "alone" / "px4"
         alone.parent.mkdir()
         alone.symlink_to("/bin/true")
@@ -192,6 +197,27 @@ class TestProcess:
         assert variables["PX4_SIM_MODEL"] == "sihsim_quadx"
         assert "hello from the stand-in" in (tmp_path / "files" / "px4.log").read_text()
         assert gone(number)
+
+    def test_before_1_16_the_start_script_gets_degrees_and_parameters_from_a_script_of_ours(
+        self, build, tmp_path, free_instance
+    ):
+        """It takes PX4_HOME_* for parameters in 1e-7 degrees: it stood 8753 km away."""
+        files = tmp_path / "files"
+        settings = Px4Settings(HOME, 5.0, {"SIM_BAT_DRAIN": 1350.5}, free_instance, files)
+        with Px4Process(find_px4(str(build(old=True)), {}), settings) as process:
+            assert process.wait_until_armable(timeout_s=LIMIT_S)
+        started = seen(tmp_path)
+        assert sorted(started["variables"]) == [
+            *("PX4_SIMULATOR", "PX4_SIM_MODEL", "PX4_SIM_SPEED_FACTOR")
+        ]
+        assert started["first"] == str(files)  # where its start script looks first
+        script = (files / "px4-rc.params").read_text()
+        assert script.splitlines() == [
+            "param set SIH_LOC_LAT0 404406000",
+            "param set SIH_LOC_LON0 -799959000",
+            "param set SIH_LOC_H0 280.0",
+            "param set SIM_BAT_DRAIN 1350.5",
+        ]
 
     def test_one_that_ends_says_why(self, build, free_instance):
         settings = Px4Settings(HOME, instance=free_instance)
