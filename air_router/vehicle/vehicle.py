@@ -256,6 +256,7 @@ class Inspection:
         wind_m_s: How the air moves (east, north); None when unknown.
         unix_s: The vehicle's own clock, None until it knows the time.
         parameters: By name; None for one that the vehicle does not have (or does not tell).
+        absent: Those of which it says that it does not have them.
     """
 
     healthy: bool = True
@@ -267,6 +268,7 @@ class Inspection:
     wind_m_s: tuple[float, float] | None = None
     unix_s: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=lambda: MappingProxyType({}))
+    absent: frozenset[str] = frozenset()
 
 
 class Vehicle(Protocol):

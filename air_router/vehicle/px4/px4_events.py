@@ -24,6 +24,7 @@ HEALTH_SUMMARY: Final = "commander_health_summary"
 _COMPONENT: Final = 1 << 24
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 _CHECK_HEAD: Final = struct.Struct("<IB")  # modes concerned, health component
+_SUMMARY: Final = struct.Struct("<B4I")  # chunk; components: errors, warnings; modes: can arm, run
 _MISSION_MODE: Final = 1 << 3  # NAVIGATION_STATE_AUTO_MISSION
 
 _TABLE: Final[dict[str, dict[str, Any]]] = tomllib.loads(
@@ -116,14 +117,19 @@ class ArmingReports:
     Attributes:
         problems: What stands in the way of arming, in words, by the newest complete report.
         warnings: What does not, but was found.
+        mission_can_run: Whether Mission mode can run, by the newest complete report: PX4 has what
+            that needs, a mission on board that it found feasible among it. None: no report has
+            come, or it does not say.
         count: Of complete reports.
     """
 
     def __init__(self) -> None:
         self.problems: tuple[str, ...] = ()
         self.warnings: tuple[str, ...] = ()
+        self.mission_can_run: bool | None = None
         self.count = 0
         self._findings: list[Px4Event] | None = None  # of the report under way
+        self._can_run: bool | None = None  # by the summary at its beginning
 
     @property
     def words(self) -> str:
@@ -134,13 +140,23 @@ class ArmingReports:
         """Take the next event."""
         if event.name == ARMING_SUMMARY:
             self._findings = []
+            self._can_run = _mission_can_run(event.arguments)
         elif self._findings is None:
             return
         elif event.name == HEALTH_SUMMARY:
             texts = [(e.level, e.text) for e in self._findings if e.concerns_missions]
             self.problems = tuple(dict.fromkeys(text for level, text in texts if level <= ERROR))
             self.warnings = tuple(dict.fromkeys(text for level, text in texts if level == WARNING))
+            self.mission_can_run = self._can_run
             self.count += 1
             self._findings = None
         elif event.is_check or event.name is None:
             self._findings.append(event)
+
+
+def _mission_can_run(arguments: bytes) -> bool | None:
+    """What the summary at the beginning of a report says of Mission mode."""
+    if len(arguments) < _SUMMARY.size:
+        return None
+    *_, can_run = _SUMMARY.unpack_from(arguments)
+    return bool(can_run & _MISSION_MODE)

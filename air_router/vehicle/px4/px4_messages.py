@@ -25,6 +25,7 @@ Handler = Callable[[dict[str, Any]], None]
 
 AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
 INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
+NO_SUCH_PARAMETER: Final = 1  # MAV_PARAM_ERROR_DOES_NOT_EXIST
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
@@ -106,6 +107,7 @@ class Px4Messages:
         reports: Its health and arming checks.
         refusals: Why it did not take a plan, in its words, since `forget_words`.
         parameters: Those heard so far, by name.
+        absent_parameters: Those of which the autopilot says that it does not have them.
     """
 
     def __init__(self, clock: VehicleClock) -> None:
@@ -114,6 +116,7 @@ class Px4Messages:
         self.reports = ArmingReports()
         self.refusals: list[str] = []
         self.parameters: dict[str, float] = {}
+        self.absent_parameters: set[str] = set()
         self._direct: MavlinkDirect  # from `listen` on
         self._news = asyncio.Event()  # set by every message, then replaced
         self._heard_s = loop_s()  # when anything came last, loop's clock
@@ -129,6 +132,7 @@ class Px4Messages:
                 "STATUSTEXT": self._on_text,
                 "EVENT": self._on_event,
                 "PARAM_VALUE": self._on_parameter,
+                "PARAM_ERROR": self._on_parameter_error,
             }
         )
 
@@ -190,6 +194,11 @@ class Px4Messages:
         """Something new is asked of the autopilot: what it said before is not about that."""
         self._texts.clear()
         self.refusals.clear()
+
+    def forget_parameters(self) -> None:
+        """They are read anew."""
+        self.parameters.clear()
+        self.absent_parameters.clear()
 
     async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
         """Whether `condition`, looked at after every message, holds within so much wall time."""
@@ -255,3 +264,7 @@ class Px4Messages:
         if fields["param_type"] == INT32:
             (value,) = struct.unpack("<i", struct.pack("<f", value))
         self.parameters[str(fields["param_id"]).rstrip("\0")] = float(value)
+
+    def _on_parameter_error(self, fields: dict[str, Any]) -> None:
+        if fields["error"] == NO_SUCH_PARAMETER:
+            self.absent_parameters.add(str(fields["param_id"]).rstrip("\0"))

@@ -1,9 +1,9 @@
 """The plan on board of a PX4: put there, made sure that it is the one that flies, and watched.
 
 An accepted upload means *stored*: whether PX4 finds the mission feasible shows later, and only
-in MISSION_CURRENT.mission_state. So what is on board is read back, compared, and waited for. When
-a ground station uploads another afterwards, it is read back again, to tell whether it flies as
-ours does.
+in MISSION_CURRENT.mission_state, or before PX4 1.17 in its arming checks. So what is on board is
+read back, compared, and waited for. When a ground station uploads another afterwards, it is read
+back again, to tell whether it flies as ours does.
 """
 
 import asyncio
@@ -16,10 +16,12 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import NotConfirmedError, PlanRefusedError
 from air_router.mission.flight_plan import FENCE_POINTS, FlightPlan, Frame, PlanItem
+from air_router.vehicle.clock import loop_s
 from air_router.vehicle.px4.mavsdk_bridge import MISSION, call, from_raw, to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
 from air_router.vehicle.px4.px4_messages import PlanIds
-from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, Px4Telemetry
+from air_router.vehicle.px4.px4_requests import arming_report
+from air_router.vehicle.px4.px4_telemetry import MISSION_INVALID, MISSION_UNKNOWN, Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode
 
 _log = logging.getLogger(__name__)
@@ -29,6 +31,16 @@ TRANSFER_S: Final = 30.0
 
 FEASIBLE_S: Final = 5.0
 """Wall-clock limit for PX4 to judge a mission: it does within a second."""
+
+CHECKS_S: Final = 15.0
+"""Wall-clock limit for its arming checks to say that a mission can be flown."""
+
+RELOAD_S: Final = 6.0
+"""Vehicle's time after which its arming checks are of what is on board now: PX4 1.15 and 1.16 judge
+a mission five seconds after a transfer."""
+
+CHECKS_AGAIN_S: Final = 0.5
+"""So long after a report without a feasible mission PX4 is asked to check anew."""
 
 BUSY_ATTEMPTS: Final = 3
 BUSY_S: Final = 5.5
@@ -167,15 +179,18 @@ class OnboardPlan:
             await self._clear_fence()
         if not plan.rally:
             await self._clear_rally_points()
+        if self._telemetry.mission_reports > 0 and not self._tells_state:
+            # What its arming checks say next is of this mission, and not of the one before.
+            await _transfer("no mission", self._plugins.raw.clear_mission_async)
         self._telemetry.forget_words()
         for places, items in ((self.fence, plan.fence), (self.rally, plan.rally)):
             if items:
                 await self._upload(places, items)
         await self._upload(self.mission, plan.items)
         try:
-            await self._feasible(len(plan.items))
+            await self._feasible(len(plan.items), cleared=True)
         except PlanRefusedError:
-            if self._telemetry.refusals:
+            if self._telemetry.refusals or not self._tells_state:
                 raise
             await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
@@ -292,7 +307,21 @@ class OnboardPlan:
             raise PlanRefusedError(f"{of.what} cannot be read back: {result.name}{said}")
         return [from_raw(of.what, item) for item in items]
 
-    async def _feasible(self, total: int) -> None:
+    @property
+    def _tells_state(self) -> bool:
+        """Whether MISSION_CURRENT says whether the mission can be flown: from PX4 1.17 on."""
+        return self._telemetry.mission_state != MISSION_UNKNOWN
+
+    async def _feasible(self, total: int, *, cleared: bool = False) -> None:
+        """Wait until PX4 finds the mission on board feasible.
+
+        Args:
+            total: Its items.
+            cleared: No mission was on board before it.
+
+        Raises:
+            PlanRefusedError: it finds that it is not, or does not say.
+        """
         telemetry = self._telemetry
         # What was said last may be of the plan before; the next report may have been on its way.
         fresh = telemetry.mission_reports + 2
@@ -300,16 +329,47 @@ class OnboardPlan:
         def judged() -> bool:
             if telemetry.mission_reports < fresh or telemetry.item_total != total:
                 return False
-            return telemetry.mission_state > MISSION_INVALID or bool(telemetry.refusals)
+            return telemetry.mission_state != MISSION_INVALID or bool(telemetry.refusals)
 
         await telemetry.shows(judged, FEASIBLE_S)
-        if telemetry.mission_state > MISSION_INVALID and telemetry.item_total == total:
-            return
+        if telemetry.item_total == total:
+            if telemetry.mission_state > MISSION_INVALID:
+                return
+            if not self._tells_state and await self._can_run(cleared=cleared):
+                return
         reasons = "; ".join(dict.fromkeys(telemetry.refusals))
         why = f": {reasons}" if reasons else telemetry.said()
         raise PlanRefusedError(
             f"PX4 stored the mission but finds that it cannot be flown{why}"
             + ("" if why else "; its reason is in the ground station's messages")
+        )
+
+    async def _can_run(self, *, cleared: bool) -> bool:
+        """Whether Mission mode can run, where MISSION_CURRENT does not say it (before 1.17).
+
+        PX4 judges a mission only once it has read the fence on board.
+
+        Raises PlanRefusedError: PX4 does not say that either.
+        """
+        telemetry, reports = self._telemetry, self._telemetry.reports
+        if not cleared:  # until then they may be of the plan before
+            reloaded_s = telemetry.time_s + RELOAD_S
+            await telemetry.shows(lambda: telemetry.time_s >= reloaded_s, CHECKS_S)
+        before, end_s = reports.count, loop_s() + CHECKS_S
+
+        def runs() -> bool:
+            return reports.count > before and bool(reports.mission_can_run)
+
+        while not runs() and loop_s() < end_s:
+            if await arming_report(telemetry) and telemetry.refusals:
+                break
+            await telemetry.shows(runs, CHECKS_AGAIN_S)
+        if reports.count > before and reports.mission_can_run is not None:
+            return reports.mission_can_run
+        raise PlanRefusedError(
+            f"PX4 {self._telemetry.version or ''} stored the mission, and neither MISSION_CURRENT "
+            "nor a report of its arming checks says whether it can be flown: try again; if that "
+            "does not help, look whether the link drops EVENT messages"
         )
 
 

@@ -106,9 +106,7 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
         _read_parameters(telemetry, parameters),
         telemetry.shows(lambda: telemetry.health_good, HEALTH_S),
     )
-    before = reports.count
-    if await telemetry.ask(RUN_PREARM_CHECKS, limit_s=REPORT_S) == 0:
-        await telemetry.shows(lambda: reports.count > before, REPORT_S)
+    await arming_report(telemetry)
     return Inspection(
         healthy=telemetry.health_good,
         problems=reports.problems,
@@ -119,22 +117,37 @@ async def inspect(telemetry: Px4Telemetry, parameters: Sequence[str]) -> Inspect
         wind_m_s=telemetry.wind_m_s,
         unix_s=telemetry.unix_s(),
         parameters={name: telemetry.parameters.get(name) for name in parameters},
+        absent=frozenset(telemetry.absent_parameters),
     )
 
 
+async def arming_report(telemetry: Px4Telemetry) -> bool:
+    """Have PX4 run its health and arming checks now; whether their report has come."""
+    before = telemetry.reports.count
+    if await telemetry.ask(RUN_PREARM_CHECKS, limit_s=REPORT_S) != 0:
+        return False
+    return await telemetry.shows(lambda: telemetry.reports.count > before, REPORT_S)
+
+
 async def _read_parameters(telemetry: Px4Telemetry, names: Sequence[str]) -> None:
-    """Read parameters: PX4 answers nothing for one that it does not have, so lost is asked again.
+    """Read parameters, those again of which nothing came.
+
+    PX4 1.18 says of one that it does not have it; before that it answers nothing.
 
     MAVSDK asks for one after the other and waits three seconds for each that is missing.
     """
-    telemetry.parameters.clear()
-    known = telemetry.parameters
+    telemetry.forget_parameters()
+
+    def missing() -> list[str]:
+        known = telemetry.parameters.keys() | telemetry.absent_parameters
+        return [name for name in names if name not in known]
+
     for attempt in range(PARAMETER_ATTEMPTS):
-        missing = [name for name in names if name not in known]
-        if not missing or (attempt > 1 and len(missing) < len(names) // 4):
+        wanted = missing()
+        if not wanted or (attempt > 1 and len(wanted) < len(names) // 4):
             return
-        for name in missing:
+        for name in wanted:
             fault = telemetry.send("PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
             if fault is not None:
                 _log.info("the request for %s was not sent: %s", name, fault)
-        await telemetry.shows(lambda: all(name in known for name in names), PARAMETER_S)
+        await telemetry.shows(lambda: not missing(), PARAMETER_S)

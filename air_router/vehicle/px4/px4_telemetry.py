@@ -34,6 +34,7 @@ _log = logging.getLogger(__name__)
 
 IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+MISSION_UNKNOWN: Final = 0  # MISSION_STATE_UNKNOWN: it is not told, as before PX4 1.17
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
 UNKNOWN: Final = 65535  # of a field of 16 bits
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})

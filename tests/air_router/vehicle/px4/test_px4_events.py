@@ -90,6 +90,24 @@ def test_a_healthy_vehicle():
     assert (report.problems, report.warnings, report.words) == ((), (), "")
 
 
+@pytest.mark.parametrize(("modes", "runs"), [(0x7F3BB8, True), (0x7F3BB0, False)])
+def test_the_summary_says_whether_mission_mode_can_run(modes, runs):
+    reports = ArmingReports()
+    assert reports.mission_can_run is None
+    # As recorded from a PX4 1.16.2 with and without a mission on board.
+    reports.take(event(ARMING_SUMMARY, "BIIII", 0, 1 << 27, 1 << 15, modes, modes, level=7))
+    assert reports.mission_can_run is None  # its report is not complete
+    reports.take(event(HEALTH_SUMMARY, "BIII", 0, 0, 0, 0, level=7))
+    assert reports.mission_can_run is runs
+
+
+def test_a_summary_without_modes_says_nothing_of_them():
+    reports = ArmingReports()
+    reports.take(event(ARMING_SUMMARY, "BII", 0, 0, 0, level=7))
+    reports.take(event(HEALTH_SUMMARY, "BIII", 0, 0, 0, 0, level=7))
+    assert (reports.count, reports.mission_can_run) == (1, None)
+
+
 def test_half_a_report_is_none():
     reports = ArmingReports()
     reports.take(check("check_battery_low"))

@@ -2,6 +2,7 @@
 
 import asyncio
 import dataclasses
+import struct
 
 import pytest
 from mavsdk.plugins.geofence.geofence import GeofenceResult
@@ -9,10 +10,18 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router.errors import PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
-from air_router.vehicle.px4 import px4_plan
+from air_router.vehicle.px4 import px4_plan, px4_requests
 from air_router.vehicle.px4.mavsdk_bridge import to_raw
 from air_router.vehicle.px4.px4_connection import Plugins
+from air_router.vehicle.px4.px4_events import (
+    ARMING_SUMMARY,
+    HEALTH_SUMMARY,
+    ArmingReports,
+    Px4Event,
+    event_id,
+)
 from air_router.vehicle.px4.px4_plan import OnboardPlan
+from air_router.vehicle.px4.px4_requests import RUN_PREARM_CHECKS
 
 
 def identity(items):
@@ -23,9 +32,13 @@ def identity(items):
 class Board:
     """A PX4 as MAVSDK shows it: it judges a mission only if it is another than before."""
 
-    def __init__(self, *, good=True):
+    def __init__(self, *, good=True, tells_state=True, judges_after=0):
         self.good = good
-        self.mission_state, self.mission_reports, self.item_total = 1, 0, 0
+        self.tells_state = tells_state  # in MISSION_CURRENT, as from PX4 1.17 on
+        self.judges_after = judges_after  # so many reports of its arming checks
+        self.reports = ArmingReports()
+        self.version, self.time_s = "1.16.2", 0.0
+        self.mission_state, self.mission_reports, self.item_total = int(tells_state), 1, 0
         self.refusals = []
         self.items, self.fence, self.rally = [], [], []
         self.uploads = 0
@@ -54,18 +67,31 @@ class Board:
     async def shows(self, condition, _limit_s):
         for _ in range(10):
             self.mission_reports += 1
+            self.time_s += 1.0
             self.item_total = len(self.items)
             await asyncio.sleep(0)
             if condition():
                 return True
         return False
 
+    async def ask(self, command, *, limit_s):
+        assert command == RUN_PREARM_CHECKS
+        if self.left is not None:
+            runs = self.good and self.items and self.left <= 0
+            self.left -= 1
+            modes = 0x7F3BB8 if runs else 0x7F3BB0
+            summary = struct.pack("<BIIII", 0, 0, 0, modes, modes)
+            self.reports.take(Px4Event(event_id(ARMING_SUMMARY), 7, summary))
+            self.reports.take(Px4Event(event_id(HEALTH_SUMMARY), 7))
+        return 0
+
     def upload_mission_async(self, items, answer):
         self.uploads += 1
         self.items = items
         if self.judged != identity(items):
             self.judged = identity(items)
-            self.mission_state = 2 if self.good else 1
+            self.mission_state = (2 if self.good else 1) if self.tells_state else 0
+            self.left = self.judges_after
             self.refusals += [] if self.good else ["plan item 3 lies in a no-fly zone"]
         answer(MissionRawResult.SUCCESS, None)
 
@@ -113,6 +139,56 @@ def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
     setattr(board, f"upload_{what}_async", lambda items, answer: take(items[:-1], answer))
     with pytest.raises(PlanRefusedError, match=r"\d+ items sent, \d+ are on board"):
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
+
+
+class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
+    """Before 1.17 MISSION_CURRENT.mission_state stays 0."""
+
+    @pytest.mark.parametrize("judges_after", [0, 3])
+    def test_its_arming_checks_say_it(self, pennovation, judges_after):
+        board = Board(tells_state=False, judges_after=judges_after)
+        asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
+        assert board.reports.count == judges_after + 1
+        assert board.uploads == 1
+
+    def test_one_that_was_on_board_is_cleared_first_so_that_they_are_of_ours(self, pennovation):
+        plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+        cleared, clear = [], board.clear_mission_async
+        board.clear_mission_async = lambda answer: (cleared.append(board.uploads), clear(answer))
+        asyncio.run(board.onboard().upload(plan))
+        assert cleared == [0]
+
+    def test_a_refusal_has_its_reason(self, pennovation):
+        board = Board(good=False, tells_state=False)
+        with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
+            asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
+
+    def test_no_report_is_no_refusal_and_says_so(self, pennovation, monkeypatch):
+        monkeypatch.setattr(px4_plan, "CHECKS_S", 0.01)
+        monkeypatch.setattr(px4_requests, "REPORT_S", 0.001)
+        board = Board(tells_state=False, judges_after=None)
+        with pytest.raises(PlanRefusedError, match="neither MISSION_CURRENT nor a report"):
+            asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
+
+    def test_a_changed_fence_is_waited_for_until_the_checks_are_of_it(self, pennovation):
+        plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+        onboard = board.onboard()
+        asyncio.run(onboard.upload(plan))
+        sent_s = []
+        upload, ask = board.upload_geofence_async, board.ask
+        changed = onboard.fence._replace(
+            upload=lambda items, answer: (sent_s.append(board.time_s), upload(items, answer))
+        )
+        onboard.fence = changed
+        asked_s = []
+
+        async def ask_then(command, *, limit_s):
+            asked_s.append(board.time_s)
+            return await ask(command, limit_s=limit_s)
+
+        board.ask = ask_then
+        asyncio.run(onboard.renew(plan, lambda: None))
+        assert asked_s[0] - sent_s[0] >= px4_plan.RELOAD_S
 
 
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):

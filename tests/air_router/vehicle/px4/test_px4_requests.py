@@ -21,11 +21,12 @@ INT32, REAL32 = 6, 9
 class Autopilot:
     """What answers to an inspection: parameters (each after some losses), and a report."""
 
-    def __init__(self, telemetry, values, *, losses=0, findings=()):
+    def __init__(self, telemetry, values, *, losses=0, findings=(), says_none=False):
         self.telemetry = telemetry
         self.values = values
         self.losses = losses
         self.findings = findings
+        self.says_none = says_none  # as PX4 1.18 does
         self.asked = []
 
     def send_message(self, sent):
@@ -44,6 +45,8 @@ class Autopilot:
                 param_type=INT32 if whole else REAL32,
                 param_value=struct.unpack("<f", struct.pack("<i", value))[0] if whole else value,
             )
+        elif self.says_none:
+            self._hear("parameter_error", param_id=name, param_index=-1, error=1)
 
     def send_command_async(self, sent, callback):
         fields = json.loads(sent.fields_json)
@@ -92,6 +95,14 @@ def test_parameters_of_both_kinds_and_one_that_does_not_exist(pennovation):
     assert found.parameters == {"GF_ACTION": 2.0, "NAV_ACC_RAD": 2.5, "NOPE": None}
     assert asked.count("GF_ACTION") == 1
     assert 2 <= asked.count("NOPE") <= 5
+
+
+def test_a_parameter_that_px4_says_it_does_not_have_is_requested_once(pennovation):
+    found, asked = inspect(
+        pennovation, ("GF_ACTION", "NOPE"), values={"GF_ACTION": 2}, says_none=True
+    )
+    assert (found.parameters["NOPE"], found.absent) == (None, {"NOPE"})
+    assert asked.count("NOPE") == 1
 
 
 def test_what_is_lost_on_the_way_is_asked_for_again(pennovation):
