@@ -232,7 +232,7 @@ class Flight:
         """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
         found = await recognised(self._vehicle, self._plan, telemetry, resume=self._resume)
         self._status.say(found)
-        self._take_card(await self._survey.card_in_the_air(self._vehicle), in_air=True)
+        self._take_card(await self._survey.card_in_the_air(self._vehicle, info), in_air=True)
         record, rate = self._recorder, self._clock.rate
         find = partial(flown_before, folder=record.folder, own=record.path, rate=rate)
         found_out = await asyncio.to_thread(find, self._mission, info, self._newest)

@@ -6,7 +6,6 @@ applies.
 """
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Final
 
@@ -18,14 +17,9 @@ from air_router.preflight.card import BAD, GOOD, LOOK, Check, CheckVerdict
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 from air_router.vehicle.airframe import SET_UP
+from air_router.vehicle.px4.versions import FACTS, FLOWN, NEWEST, OLDEST, name_of, version_of
 from air_router.vehicle.vehicle import GpsFix, Inspection, Telemetry, VehicleInfo
 from air_router.words import wind_words
-
-OLDEST: Final = (1, 14)
-"""Before it PX4 has no events and none of the mission reports that a flight rests on."""
-
-FLOWN: Final = ((1, 17), (1, 18))
-"""Versions that this was flown with, or written against."""
 
 FEWEST_SATELLITES: Final = 6
 GOOD_SATELLITES: Final = 10
@@ -63,18 +57,25 @@ def _check(name: str, *rows: _Row) -> Check:
 
 def vehicle(info: VehicleInfo) -> Check:
     """What answers: a multicopter with a PX4, and of a version that we know."""
-    match = re.match(r"(\d+)\.(\d+)", info.version)
-    version = (int(match[1]), int(match[2])) if match else None
+    version = version_of(info.version)
     airframe = info.airframe
     found = f"{airframe.words}, {info.autopilot} {info.version}, system {info.system_id}"
     if airframe.why_not_flown is not None:
         return Check("vehicle", BAD, f"{found}: {airframe.why_not_flown}", SET_UP)
+    flown = f"{name_of(OLDEST)} to {name_of(NEWEST)} were flown"
     if version is None:
-        return Check("vehicle", LOOK, found, "its version is not known: 1.17 is flown")
+        return Check("vehicle", LOOK, found, f"its version is not known: {flown}")
+    unverified = "; ".join(fact.fact for fact in FACTS if fact.holds_in(NEWEST))
     return _check(
         "vehicle",
-        (version < OLDEST, BAD, found, "too old: install PX4 1.17 or newer"),
-        (version not in FLOWN, LOOK, found, "not flown with this version: 1.17 is"),
+        (version < OLDEST, BAD, found, f"too old: {flown}; install one of them"),
+        (
+            version > NEWEST,
+            LOOK,
+            found,
+            f"{flown}; try on this version, without zones: {unverified}",
+        ),
+        (version not in FLOWN, LOOK, found, f"not flown with this version: {flown}"),
         (True, GOOD, found, ""),
     )
 

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +11,7 @@ from air_router.mission.mission import Mission
 from air_router.preflight.card import BAD, GOOD, LOOK, Check
 from air_router.routing.departure import BRAKING_M_S2
 from air_router.routing.return_planner import straight_returns
+from air_router.vehicle.px4.versions import Version, name_of
 from geo.frame import Point
 
 HARMLESS_JERK_M_S3: Final = 3.0
@@ -32,6 +33,9 @@ class WantedParameter:
         accept: By which name a mission file accepts any other value; without that, nothing takes
             off. None: it is only told.
         scaled: PX4's start script multiplies it by the speed of a simulation.
+        since: The first version of PX4 that has it; None: all have.
+        before: The first version that has it no more; None: all have it since.
+        gone: What is instead of it from `before` on, in words.
     """
 
     name: str
@@ -41,6 +45,16 @@ class WantedParameter:
     stops: _Wanted = lambda _mission, _value: False
     accept: Accepted | None = None
     scaled: bool = False
+    since: Version | None = None
+    before: Version | None = None
+    gone: str = ""
+
+    def is_in(self, version: Version | None) -> bool:
+        """Whether this version of PX4 has it; one that is not told may have any."""
+        return version is None or (
+            (self.since is None or self.since <= version)
+            and (self.before is None or version < self.before)
+        )
 
     def check(self, mission: Mission, value: float) -> Check:
         """The line of a value that is not as wanted."""
@@ -136,6 +150,16 @@ WANTED: Final = (
         "moving the sticks does not take the vehicle over from the mission",
         lambda _mission, value: bool(round(value) & 1),
         accept="sticks_do_not_override",
+        before=(1, 18),
+        gone="MAN_OVERRIDE_SPD instead",
+    ),
+    WantedParameter(
+        "MAN_OVERRIDE_SPD",
+        "0 or more (stick travel per second; 1 is PX4's default)",
+        "no movement of the sticks takes the vehicle over from the mission",
+        _at_least(0.0),
+        accept="sticks_do_not_override",
+        since=(1, 18),
     ),
     WantedParameter(
         "COM_RC_IN_MODE",
@@ -158,6 +182,30 @@ WANTED: Final = (
         "losing the remote control drops the vehicle",
         _is(0, 1, 2, 3),
         _is(5, 6),
+        before=(1, 18),
+    ),
+    WantedParameter(
+        "NAV_RCL_ACT",
+        "1 (Hold) to 3 (Land), or 7 (Hold without failsafe)",
+        "losing the remote control drops the vehicle",
+        _is(0, 1, 2, 3, 7),
+        _is(5, 6),
+        since=(1, 18),
+    ),
+    WantedParameter(
+        "COM_GNSSLOSS_ACT",
+        "0 (a warning) or 2 (Land)",
+        "losing a receiver makes PX4 return straight home, not around zones; 3 drops the vehicle",
+        _is(0, 2),
+        _is(3),
+        since=(1, 18),
+    ),
+    WantedParameter(
+        "COM_FLTMODE_BOOT",
+        "any but 3 (Mission) and 17 (Takeoff)",
+        "switched on and armed it takes off by itself",
+        lambda _mission, value: round(value) not in {3, 17},
+        since=(1, 18),
     ),
     WantedParameter(
         "COM_OBC_LOSS_T",
@@ -165,6 +213,8 @@ WANTED: Final = (
         "the ground station hears late that this computer is gone",
         lambda _mission, value: value <= 10.0,
         scaled=True,
+        before=(1, 18),
+        gone="5 s in any case",
     ),
     WantedParameter(
         "COM_LOW_BAT_ACT",
@@ -207,7 +257,12 @@ WANTED: Final = (
         accept="rtl_type",
     ),
 )
-NAMES: Final = tuple(each.name for each in WANTED)
+
+
+def names(version: Version | None) -> tuple[str, ...]:
+    """The parameters that are looked at in a version of PX4; None: it is not told."""
+    return tuple(dict.fromkeys(each.name for each in WANTED if each.is_in(version)))
+
 
 _LAYER: Final = WantedParameter(
     "RTL_RETURN_ALT",
@@ -219,28 +274,58 @@ _LAYER: Final = WantedParameter(
 
 
 def parameters(
-    mission: Mission, values: Mapping[str, float | None], *, rate: float = 1.0
+    mission: Mission,
+    values: Mapping[str, float | None],
+    *,
+    version: Version | None = None,
+    absent: Collection[str] = (),
+    rate: float = 1.0,
 ) -> list[Check]:
     """A line for each parameter that is not as wanted, and one for the others.
 
     Args:
         mission: What is to be flown.
         values: Of the parameters, by name; None for one that the vehicle did not tell.
+        version: Of PX4; None where it is not told: then values say which parameters there are.
+        absent: Those that PX4 says it does not have.
         rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
     """
-    checks = []
-    for each in (*WANTED, _LAYER) if len(mission.layers) > 1 else WANTED:
+    rows = [each for each in WANTED if each.is_in(version)]
+    checks: list[Check] = []
+    for each in (*rows, _LAYER) if len(mission.layers) > 1 else rows:
         value = values.get(each.name)
         if value is None or each.good(mission, value / max(rate, 1.0) if each.scaled else value):
             continue
-        checks.append(each.check(mission, value))
+        if version is not None or each.name not in {check.name for check in checks}:
+            checks.append(each.check(mission, value))
+    looked_at = names(version)
     wrong = {check.name for check in checks}
-    unknown = [name for name in NAMES if values.get(name) is None]
+    none = [name for name in looked_at if name in absent]
+    unknown = [name for name in looked_at if values.get(name) is None and name not in absent]
+    if none:
+        found = f"{_px4(version)} has none: {', '.join(none)}"
+        advice = "find out from its release notes what is instead of them, and look at that"
+        checks.append(Check("parameters", LOOK, found, advice))
     if unknown:
         found = f"not told: {', '.join(unknown)}"
         checks.append(Check("parameters", LOOK, found, "look at them yourself"))
-    good = len(NAMES) - len(unknown) - len(wrong)
-    return [*checks, Check("parameters", GOOD, f"{good} of {len(NAMES)} are as wanted")]
+    good = len(looked_at) - len(none) - len(unknown) - len(wrong)
+    found = f"{good} of {len(looked_at)} are as wanted{_gone(version)}"
+    return [*checks, Check("parameters", GOOD, found)]
+
+
+def _px4(version: Version | None) -> str:
+    return "PX4" if version is None else f"PX4 {name_of(version)}"
+
+
+def _gone(version: Version | None) -> str:
+    """Which of them this version has no more, and what is instead; empty: it has all."""
+    gone = [
+        f"{each.name} ({each.gone})"
+        for each in WANTED
+        if version is not None and each.gone and not each.is_in(version)
+    ]
+    return f"; {_px4(version)} has no {', no '.join(gone)}" if gone else ""
 
 
 def straight_return(mission: Mission) -> Check:

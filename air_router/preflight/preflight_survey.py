@@ -12,10 +12,11 @@ from typing import Final
 from air_router.mission.mission import Mission
 from air_router.preflight import preflight
 from air_router.preflight.card import Card, Check
-from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
+from air_router.preflight.preflight_parameters import names, parameters, straight_return
 from air_router.routing.router import Router
 from air_router.vehicle.clock import VehicleClock
-from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
+from air_router.vehicle.px4.versions import version_of
+from air_router.vehicle.vehicle import Inspection, Telemetry, Vehicle, VehicleInfo
 from mocha_link import Team
 
 DIAL_S: Final = 1.0
@@ -49,7 +50,7 @@ class PreflightSurvey:
             return Card(tuple(first))
         team = asyncio.ensure_future(self._reachable())
         try:
-            inspection = await vehicle.inspect(NAMES)
+            inspection = await vehicle.inspect(names(version_of(info.version)))
             reachable = await team
         finally:
             team.cancel()
@@ -63,7 +64,7 @@ class PreflightSurvey:
             preflight.gps(inspection.gps),
             *(() if self.simulated else (preflight.wind(inspection.wind_m_s),)),
             preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
-            *parameters(mission, inspection.parameters, rate=rate),
+            *self._parameters(inspection, info, rate),
             straight_return(mission),
             *preflight.notes(mission),
         ]
@@ -75,17 +76,27 @@ class PreflightSurvey:
             checks.append(preflight.peers(reachable))
         return Card(tuple(checks))
 
-    async def card_in_the_air(self, vehicle: Vehicle) -> Card:
+    async def card_in_the_air(self, vehicle: Vehicle, info: VehicleInfo) -> Card:
         """Look at what still matters once it flies; nothing on board is changed."""
-        inspection, rate, mission = await vehicle.inspect(NAMES), await self._rate(), self.mission
+        inspection = await vehicle.inspect(names(version_of(info.version)))
+        rate, mission = await self._rate(), self.mission
         return Card(
             (
                 preflight.gps(inspection.gps),
                 preflight.battery(mission, self.router, inspection.battery, inspection.voltage_v),
-                *parameters(mission, inspection.parameters, rate=rate),
+                *self._parameters(inspection, info, rate),
                 straight_return(mission),
                 preflight.disk(_free_bytes(self.log_dir)),
             )
+        )
+
+    def _parameters(self, inspection: Inspection, info: VehicleInfo, rate: float) -> list[Check]:
+        return parameters(
+            self.mission,
+            inspection.parameters,
+            version=version_of(info.version),
+            absent=inspection.absent,
+            rate=rate,
         )
 
     async def _rate(self) -> float:

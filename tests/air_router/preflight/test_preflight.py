@@ -12,7 +12,7 @@ from air_router.files.settings import Accepted
 from air_router.preflight import preflight
 from air_router.preflight.card import BAD, GOOD, LOOK, Card, Check, PreflightRefusedError
 from air_router.preflight.preflight import CLIMB_M_S
-from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
+from air_router.preflight.preflight_parameters import names, parameters, straight_return
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
@@ -46,6 +46,13 @@ WANTED = {
     "GF_MAX_HOR_DIST": 0.0,
     "GF_MAX_VER_DIST": 0.0,
 }
+"""Of a PX4 1.17, and before."""
+
+SINCE_1_18 = {"MAN_OVERRIDE_SPD": 1.0, "COM_GNSSLOSS_ACT": 0, "COM_FLTMODE_BOOT": 4}
+GONE_IN_1_18 = ("COM_RC_OVERRIDE", "COM_OBC_LOSS_T")
+WANTED_1_18 = {k: v for k, v in WANTED.items() if k not in GONE_IN_1_18} | SINCE_1_18
+OLD, NEW, NEXT = (1, 17), (1, 18), (1, 19)
+NAMES = names(OLD)
 
 
 HOME = Point(0.0, 0.0)
@@ -70,7 +77,7 @@ OFF = Inspection(unix_s=NOW_S + 60.0)
 FAR_OFF = Inspection(unix_s=NOW_S + 3600.0)
 LINES = {
     GOOD: [
-        *(preflight.vehicle(info(version)) for version in ("1.17.0", "1.18.0")),
+        *(preflight.vehicle(info(f"1.{minor}.2")) for minor in (15, 16, 17, 18)),
         *(preflight.vehicle(info(kind=kind)) for kind in (13, 14, 15)),
         preflight.gps(GpsFix(3, 14, 0.8)),
         preflight.clock(Inspection(unix_s=NOW_S + 1.0), NOW_S),
@@ -78,7 +85,7 @@ LINES = {
         preflight.peers({"io": True, "europa": True}),
     ],
     LOOK: [
-        *(preflight.vehicle(info(version)) for version in ("1.16.1", "of unknown version")),
+        *(preflight.vehicle(info(version)) for version in ("1.19.0", "of unknown version")),
         preflight.gps(None),
         *(preflight.gps(GpsFix(*fix)) for fix in ((3, 8, 1.0), (3, 14, 5.0), (6, None, 0.8))),
         *(preflight.clock(found, NOW_S) for found in (OFF, FAR_OFF, Inspection())),
@@ -87,7 +94,7 @@ LINES = {
         preflight.peers({}),
     ],
     BAD: [
-        preflight.vehicle(info("1.13.3")),
+        preflight.vehicle(info("1.14.3")),
         *(preflight.vehicle(info(kind=kind)) for kind in (1, 4, 10, 22)),
         *(preflight.gps(GpsFix(*fix)) for fix in ((1, 0), (2, 5), (3, 5))),
         preflight.clock(Inspection(), 1000.0),
@@ -234,7 +241,7 @@ def test_the_altitude_that_zones_were_reckoned_with(pennovation):
 
 def test_parameters_as_wanted(pennovation):
     assert set(WANTED) == set(NAMES)
-    (check,) = parameters(pennovation, WANTED)
+    (check,) = parameters(pennovation, WANTED, version=OLD)
     assert (check.verdict, check.found) == (GOOD, f"{len(NAMES)} of {len(NAMES)} are as wanted")
 
 
@@ -267,14 +274,14 @@ def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
     pennovation, name, value, verdict
 ):
     mission = dataclasses.replace(pennovation, accepts=())
-    first, last = parameters(mission, WANTED | {name: value})
+    first, last = parameters(mission, WANTED | {name: value}, version=OLD)
     assert (first.name, first.verdict) == (name, verdict)
     assert first.advice.startswith("set it to ")
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
 def test_parameters_that_are_not_told(pennovation):
-    first, last = parameters(pennovation, WANTED | {"GF_ACTION": None})
+    first, last = parameters(pennovation, WANTED | {"GF_ACTION": None}, version=OLD)
     assert (first.verdict, first.found) == (LOOK, "not told: GF_ACTION")
     assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
@@ -291,7 +298,7 @@ def test_parameters_that_are_not_told(pennovation):
 def test_what_a_mission_file_accepts_by_name_does_not_stop_it(pennovation, name, values):
     for accepts, verdict in (((), BAD), ((name,), LOOK)):
         mission = dataclasses.replace(pennovation, accepts=accepts)
-        *lines, _ = parameters(mission, WANTED | values)
+        *lines, _ = parameters(mission, WANTED | values, version=OLD)
         assert [(line.name, line.verdict) for line in lines] == [(v, verdict) for v in values]
         told = [f"accepts: [{name}]" in line.advice for line in lines]
         assert told == [not accepts] * len(values)
@@ -299,12 +306,13 @@ def test_what_a_mission_file_accepts_by_name_does_not_stop_it(pennovation, name,
 
 def test_no_mission_file_accepts_a_fence_that_does_nothing(pennovation):
     mission = dataclasses.replace(pennovation, accepts=get_args(Accepted))
-    assert parameters(mission, WANTED | {"GF_ACTION": 0})[0].verdict is BAD
+    assert parameters(mission, WANTED | {"GF_ACTION": 0}, version=OLD)[0].verdict is BAD
 
 
 def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation, router):
     told = WANTED | {"COM_OBC_LOSS_T": 25.0}
-    assert [c.name for c in parameters(pennovation, told)] == ["COM_OBC_LOSS_T", "parameters"]
+    lines = parameters(pennovation, told, version=OLD)
+    assert [c.name for c in lines] == ["COM_OBC_LOSS_T", "parameters"]
 
     async def inspect(_):
         return Inspection(parameters=told)
@@ -314,9 +322,64 @@ def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation,
 
     clock, vehicle = SimpleNamespace(measured_rate=measured_rate), SimpleNamespace(inspect=inspect)
     survey = PreflightSurvey(pennovation, router, clock=clock)
-    in_the_air = asyncio.run(survey.card_in_the_air(vehicle))
+    in_the_air = asyncio.run(survey.card_in_the_air(vehicle, info()))
     assert "COM_OBC_LOSS_T" not in {check.name for check in in_the_air.checks}
-    assert [c.name for c in parameters(pennovation, told, rate=4.8)] == ["parameters"]
+    lines = parameters(pennovation, told, version=OLD, rate=4.8)
+    assert [c.name for c in lines] == ["parameters"]
+
+
+def test_px4_1_18_is_not_asked_for_what_it_has_no_more_and_the_card_says_what_is_instead(
+    pennovation,
+):
+    assert set(names(NEW)) == set(WANTED_1_18)
+    (line,) = parameters(pennovation, WANTED_1_18, version=NEW)
+    assert line.verdict is GOOD
+    assert f"{len(WANTED_1_18)} of {len(WANTED_1_18)} are as wanted; PX4 1.18 has no" in line.found
+    assert "COM_RC_OVERRIDE (MAN_OVERRIDE_SPD instead)" in line.found
+    assert "COM_OBC_LOSS_T (5 s in any case)" in line.found
+
+
+@pytest.mark.parametrize(
+    ("version", "name", "value", "verdict"),
+    [
+        (NEW, "MAN_OVERRIDE_SPD", -1.0, BAD),
+        (NEW, "NAV_RCL_ACT", 5, BAD),
+        (OLD, "NAV_RCL_ACT", 7, LOOK),
+        (NEW, "COM_GNSSLOSS_ACT", 3, BAD),
+        (NEW, "COM_GNSSLOSS_ACT", 1, LOOK),
+        (NEW, "COM_FLTMODE_BOOT", 3, LOOK),
+        (NEW, "RTL_TYPE", 5, BAD),
+    ],
+)
+def test_what_a_version_changed_about_a_parameter(pennovation, version, name, value, verdict):
+    mission = dataclasses.replace(pennovation, accepts=())
+    wanted = WANTED_1_18 if version == NEW else WANTED
+    first, _ = parameters(mission, wanted | {name: value}, version=version)
+    assert (first.name, first.verdict) == (name, verdict)
+
+
+def test_hold_without_failsafe_is_new_in_1_18_and_sticks_may_be_left_off_by_name(pennovation):
+    mission = dataclasses.replace(pennovation, accepts=("sticks_do_not_override",))
+    values = WANTED_1_18 | {"NAV_RCL_ACT": 7, "MAN_OVERRIDE_SPD": -1.0}
+    first, _ = parameters(mission, values, version=NEW)
+    assert (first.name, first.verdict) == ("MAN_OVERRIDE_SPD", LOOK)
+
+
+def test_a_newer_version_is_flown_with_a_look_at_what_was_not_verified_and_what_it_lacks(
+    pennovation,
+):
+    line = preflight.vehicle(info("1.19.0"))
+    assert (line.verdict, "mission_state" in line.advice) == (LOOK, True)
+    values = WANTED_1_18 | {"GF_SOURCE": None}
+    first, last = parameters(pennovation, values, version=NEXT, absent={"GF_SOURCE"})
+    assert (first.verdict, first.found) == (LOOK, "PX4 1.19 has none: GF_SOURCE")
+    assert "not told" not in last.found
+
+
+def test_a_vehicle_that_does_not_say_its_version_is_looked_at_for_all(pennovation):
+    *lines, last = parameters(pennovation, WANTED | SINCE_1_18 | {"NAV_RCL_ACT": 5})
+    assert [(line.name, line.verdict) for line in lines] == [("NAV_RCL_ACT", BAD)]
+    assert last.found.startswith(f"{len(WANTED | SINCE_1_18) - 1} of")
 
 
 def test_the_autopilot_s_own_return_knows_no_zones(pennovation):
