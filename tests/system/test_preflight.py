@@ -30,7 +30,7 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
         assert lines[name]["verdict"] == "ok", lines[name]
     assert lines["health"]["found"] == "ready to arm, with warnings"
     assert lines["health"]["advice"] == "no remote control is heard"  # none is simulated
-    assert lines["vehicle"]["found"] == "PX4 1.17.0, system 1"
+    assert lines["vehicle"]["found"] == "quadrotor, PX4 1.17.0, system 1"
     assert "read back, equal, can be flown" in lines["plan"]["found"]
     assert "no node answers now" in lines["team"]["found"]
     assert int(lines["parameters"]["found"].split()[0]) >= 12
