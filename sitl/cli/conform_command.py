@@ -8,11 +8,18 @@ from dataclasses import asdict
 
 from air_router.cli.arguments import speed_factor
 from air_router.errors import ExitCode, UsageError
+from air_router.vehicle.px4.versions import FLOWN, NEWEST, OLDEST, Version, name_of
 from sitl.cli.vehicle_command import PX4_HOME
-from sitl.conformance.conversation import Conversation, Outcome, conversations, converse
+from sitl.conformance.conversation import (
+    Conversation,
+    Outcome,
+    asked_version,
+    conversations,
+    converse,
+)
 from sitl.conformance.session import Line, Link, LocalLine, SilentVehicleError, UdpLine
 from sitl.mavlink.codec import Frame
-from sitl.mavlink.vehicle import VehicleSettings
+from sitl.mavlink.vehicle import BEHAVES_AS, VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
 
@@ -63,10 +70,14 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{conversation.name}: {conversation.fact} [{conversation.recorded}]")
         return ExitCode.DONE
     install = None if arguments.px4 is None else find_px4(arguments.px4 or None)
+    version = BEHAVES_AS if install is None else _version_of(install, arguments.speed)
+    print(f"PX4 {name_of(version)}", file=sys.stderr, flush=True)
     outcomes: list[Outcome] = []
     for conversation in chosen:
+        if not conversation.is_held_with(version):
+            continue
         with contextlib.closing(_line_for(conversation, install, arguments.speed)) as line:
-            outcome = converse(conversation, line)
+            outcome = converse(conversation, line, version)
         word = "held    " if outcome.held else "DEPARTED"
         print(f"{word} {outcome.name} {outcome.departure}".rstrip(), file=sys.stderr, flush=True)
         outcomes.append(outcome)
@@ -94,6 +105,16 @@ def _line_for(conversation: Conversation, install: Px4Install | None, speed_fact
     return LocalLine(
         VehicleSettings(PX4_HOME, seed=1, start_unix_s=_EPOCH_S, ground_link=ground_link)
     )
+
+
+def _version_of(install: Px4Install, speed_factor: float) -> Version:
+    """What a PX4 says that it is; it is started for that."""
+    with contextlib.closing(_Px4Line(install, speed_factor)) as line:
+        found = asked_version(line)
+    if found not in FLOWN:
+        known = f"{name_of(OLDEST)} to {name_of(NEWEST)}"
+        raise UsageError(f"{install.words} is PX4 {name_of(found)}; what is known is {known}")
+    return found
 
 
 class _Px4Line(UdpLine):

@@ -9,6 +9,11 @@ A step is a mapping. Its first entry is a verb and what it is about; the others 
 the function of `sending` or `expecting` that is called as the verb is:
 
     {mode: AUTO_LOITER, armed: true}  ->  expecting.mode(session, "AUTO_LOITER", armed=True)
+
+What is so in PX4 1.17 is written down. Where another version differs, a step says it:
+
+    {set mode: [99, 0], since 1.18: {result: TEMPORARILY_REJECTED}}   other terms in that version
+    {text: Operation timeout, before 1.17: left out}                  no such step in that version
 """
 
 import inspect
@@ -21,11 +26,14 @@ from typing import Any, Final
 
 import yaml
 
+from air_router.vehicle.px4.versions import NEWEST, Version, version_of
 from sitl.conformance import expecting, sending
 from sitl.conformance.session import DepartureError, Line, Link, Session, SilentVehicleError
 
 _READY: Final = 0x10000000  # SYS_STATUS: pre-arm check
 _READY_S: Final = 60.0
+_AUTOPILOT_VERSION: Final = 148  # message
+_ATTEMPTS: Final = 10
 
 Step = Mapping[str, Any]
 
@@ -45,12 +53,41 @@ def run_steps(session: Session, steps: Iterable[Step]) -> None:
         DepartureError: the vehicle did something else; the message begins with the step.
         SilentVehicleError: it says nothing any more; likewise.
     """
-    for step in steps:
+    for each in steps:
+        step = in_version(each, session.version)
+        if step is None:
+            continue
         (verb, about), *terms = step.items()
         try:
             VERBS[verb](session, about, **dict(terms))
         except (DepartureError, SilentVehicleError) as error:
             raise type(error)(f"{verb} {'' if about is None else about}: {error}") from None
+
+
+LEFT_OUT: Final = "left out"
+
+
+def in_version(step: Step, version: Version) -> Step | None:
+    """A step as it is in one version of PX4; None: it is left out there."""
+    terms: dict[str, Any] = {}
+    for key, value in step.items():
+        holds = _holds(key, version)
+        if holds is None:
+            terms[key] = value
+        elif holds and value == LEFT_OUT:
+            return None
+        elif holds:
+            terms |= value
+    return terms
+
+
+def _holds(key: str, version: Version) -> bool | None:
+    """Whether a term such as `since 1.18` or `before 1.17` holds; None: it is another term."""
+    when, _, number = key.partition(" ")
+    limit = version_of(number)
+    if limit is None or when not in {"since", "before"}:
+        return None
+    return version >= limit if when == "since" else version < limit
 
 
 _TO_THE_AIR: Final[tuple[Step, ...]] = (
@@ -83,6 +120,8 @@ class Conversation:
         start: How the vehicle is before.
         parameters: Set before it begins.
         links: That it needs.
+        since: First version of PX4 that it is held with; None: all.
+        before: First version that it is not held with any more; None: all since.
     """
 
     name: str
@@ -92,6 +131,14 @@ class Conversation:
     start: Start = Start.GROUND
     parameters: Mapping[str, float] = field(default_factory=dict)
     links: frozenset[Link] = frozenset({Link.API})
+    since: Version | None = None
+    before: Version | None = None
+
+    def is_held_with(self, version: Version) -> bool:
+        """Whether there is anything to say to a PX4 of this version."""
+        return (self.since is None or self.since <= version) and (
+            self.before is None or version < self.before
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +160,9 @@ class Outcome:
     took_s: float = 0.0
 
 
-def converse(conversation: Conversation, line: Line) -> Outcome:
-    """Hold one conversation with a vehicle that was started for it."""
-    session = Session(line)
+def converse(conversation: Conversation, line: Line, version: Version) -> Outcome:
+    """Hold one conversation with a vehicle of a version that was started for it."""
+    session = Session(line, version)
     when = "before it: "
     try:
         prepare(conversation, session)
@@ -138,6 +185,21 @@ def prepare(conversation: Conversation, session: Session) -> None:
         sending.set_parameter(session, name, value, answers=None)
     if conversation.start is Start.AIR:
         run_steps(session, _TO_THE_AIR)
+
+
+def asked_version(line: Line) -> Version:
+    """Which version a vehicle says that it is, once it was asked (REQUEST_MESSAGE)."""
+    session = Session(line, NEWEST)
+    session.run(_READY_S, lambda: session.newest("HEARTBEAT") is not None)
+    for _ in range(_ATTEMPTS):
+        session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=_AUTOPILOT_VERSION)
+        if session.run(1.0, lambda: session.newest("AUTOPILOT_VERSION") is not None):
+            break
+    said = session.newest("AUTOPILOT_VERSION")
+    if said is None:
+        raise SilentVehicleError("the vehicle does not say which version it is")
+    number = said["flight_sw_version"]
+    return number >> 24 & 0xFF, number >> 16 & 0xFF
 
 
 def _wait_ready(session: Session) -> None:
@@ -171,6 +233,7 @@ def _conversation(name: str, start: dict[str, Any], *steps: Any) -> Conversation
     fact, _, recorded = said.removesuffix(")").rpartition(" (")
     terms: dict[str, Any] = dict(settings)
     terms["links"] = frozenset(map(Link, terms.get("links", [Link.API])))
+    terms |= {each: version_of(str(terms[each])) for each in ("since", "before") if each in terms}
     return Conversation(name, fact, recorded, tuple(_flat(steps)), Start(where), **terms)
 
 

@@ -18,6 +18,8 @@ from sitl.px4sim.state import FlightMode, Notice, Severity
 
 Fields = dict[str, Any]
 _ARMED: Final = 128
+_STATES: Final = ("mission_state", "mission_mode")
+_SAYS_STATE: Final = (1, 17)
 
 
 def mode_name(custom_mode: int) -> str:
@@ -60,7 +62,7 @@ def expect(  # noqa: PLR0913 - what a case may say of a message
         times: How often, in that time.
         since_s: Only what comes from then on counts.
     """
-    wanted = fields or {}
+    wanted = _told(session, name, fields or {})
 
     def come() -> bool:
         heard = _matching(session, name, wanted, link)
@@ -71,6 +73,13 @@ def expect(  # noqa: PLR0913 - what a case may say of a message
         raise DepartureError(
             f"expected {name} {wanted or ''} within {within_s:g} s, heard {heard or 'none'}"
         )
+
+
+def _told(session: Session, name: str, fields: Fields) -> Fields:
+    """What a version says of it: before 1.17 no mission_state and no mission_mode."""
+    if name != "MISSION_CURRENT" or session.version >= _SAYS_STATE:
+        return fields
+    return fields | {field: 0 for field in _STATES if field in fields}
 
 
 def nothing(

@@ -13,6 +13,8 @@ from sitl.px4sim.plan_store import UploadResult
 from sitl.px4sim.state import FlightMode
 
 _EXTRA_S: Final = 0.3
+_TWICE: Final = ((1, 16), (1, 17))  # answer DO_SET_MODE
+_WITHOUT_INT: Final = (1, 16)  # and before: asks by MISSION_REQUEST until MISSION_ITEM_INT comes
 _NO_POSITION: Final = 2**31 - 1
 _RESULTS: Final = {result.value: result.name for result in CommandResult}
 _SENDERS: Final = {"ground station": GROUND_STATION, "companion": COMPANION, "silent": None}
@@ -53,10 +55,12 @@ def set_mode(
 ) -> None:
     """Send DO_SET_MODE with a `FlightMode`, or main mode and submode.
 
-    PX4 1.17 answers ACCEPTED first, and the result when it has decided.
+    PX4 1.16 and 1.17 answer ACCEPTED first, and the result when they have decided; others answer
+    once.
     """
     main, sub = FlightMode[mode].value[:2] if isinstance(mode, str) else mode
-    command(session, "DO_SET_MODE", (base_mode, main, sub), ("ACCEPTED", result))
+    first = ("ACCEPTED",) if session.version in _TWICE else ()
+    command(session, "DO_SET_MODE", (base_mode, main, sub), (*first, result))
 
 
 def take_off(session: Session, up_m: float) -> None:
@@ -229,7 +233,9 @@ def upload(
     result: str = "ACCEPTED",
     refused_at: int | None = None,
 ) -> None:
-    """Send MISSION_COUNT, and the items as they are asked for.
+    """Send MISSION_COUNT, and the items as they are asked for: by MISSION_REQUEST_INT.
+
+    Before 1.17 PX4 asks by MISSION_REQUEST as well.
 
     Args:
         session: With the vehicle.
@@ -242,8 +248,9 @@ def upload(
     expected = len(items) if refused_at is None else refused_at + 1
     send(session, "MISSION_COUNT", {"mission_type": _KINDS[kind], "count": len(items)})
     sent = 0
+    asks = ["MISSION_REQUEST_INT", *(["MISSION_REQUEST"] if _before_int(session) else [])]
     while True:
-        answer = _next_answer(session, "MISSION_REQUEST_INT", "MISSION_ACK")
+        answer = _next_answer(session, *asks, "MISSION_ACK")
         if answer is None:
             raise DepartureError(f"the upload got stuck after {sent} items: no answer")
         fields = answer.fields
@@ -258,6 +265,11 @@ def upload(
         raise DepartureError(
             f"expected MISSION_ACK {result} after {expected} items, heard {got} after {sent}"
         )
+
+
+def _before_int(session: Session) -> bool:
+    """Whether this PX4 asks for items by MISSION_REQUEST until a MISSION_ITEM_INT came."""
+    return session.version <= _WITHOUT_INT
 
 
 def download(

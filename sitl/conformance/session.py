@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any, Final, NamedTuple
 
+from air_router.vehicle.px4.versions import Version
 from sitl.mavlink.codec import Frame, Sender, addressed, frames
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.process.vehicle import PortInUseError
@@ -207,8 +208,10 @@ class Session:
 
     Args:
         line: The vehicle.
+        version: Of its PX4.
 
     Attributes:
+        version: The same.
         beats: Whose heartbeats are sent on which link: MAV_TYPE, system id, component id.
         sticks: Fields of MANUAL_CONTROL, sent all the time besides; None: there are no sticks.
         notes: What was seen, for the report.
@@ -217,8 +220,8 @@ class Session:
         vehicle_id: The vehicle's system id, as it was heard.
     """
 
-    def __init__(self, line: Line) -> None:
-        self.line = line
+    def __init__(self, line: Line, version: Version) -> None:
+        self.line, self.version = line, version
         self.beats = dict.fromkeys(Link, GROUND_STATION)
         self.sticks: dict[str, Any] | None = None
         self.notes: list[str] = []

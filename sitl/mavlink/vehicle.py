@@ -16,6 +16,9 @@ from sitl.px4sim.parameters import DEFAULTS, Parameters
 from sitl.px4sim.state import FlightMode, Notice, Place
 
 STEP_S: Final = 0.02
+BEHAVES_AS: Final = (1, 17)
+"""Version of PX4."""
+
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
 """Time-outs whose wall-clock meaning PX4's start script keeps when the simulation runs fast."""
 

@@ -8,7 +8,7 @@ from functools import cache
 from sitl.conformance.conversation import Conversation, Start, prepare
 from sitl.conformance.session import Link, LocalLine, Session
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
-from sitl.mavlink.vehicle import STEP_S, VehicleSettings
+from sitl.mavlink.vehicle import BEHAVES_AS, STEP_S, VehicleSettings
 from sitl.px4sim.state import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
@@ -26,7 +26,7 @@ def local_line(links=frozenset({Link.API}), *, px4s_own=False, speed=1.0):
 
 @cache
 def _ready(start, parameters, links, px4s_own):
-    session = Session(local_line(links, px4s_own=px4s_own))
+    session = Session(local_line(links, px4s_own=px4s_own), BEHAVES_AS)
     prepare(Conversation("test", "a fact", "here", (), start, dict(parameters), links), session)
     return session
 

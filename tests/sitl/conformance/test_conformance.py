@@ -5,10 +5,20 @@ import threading
 
 import pytest
 
+from air_router.vehicle.px4.versions import FACTS
 from sitl.cli import cli
-from sitl.conformance.conversation import VERBS, Conversation, conversations, converse, run_steps
+from sitl.conformance.conversation import (
+    VERBS,
+    Conversation,
+    asked_version,
+    cases_of,
+    conversations,
+    converse,
+    in_version,
+    run_steps,
+)
 from sitl.conformance.session import DepartureError, Link, UdpLine
-from sitl.mavlink.vehicle import VehicleSettings
+from sitl.mavlink.vehicle import BEHAVES_AS, VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
 from tests.sitl.prepared import HOME, local_line, ready_for
 
@@ -25,10 +35,51 @@ def test_every_one_says_where_its_fact_is_from():
     assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
 
 
+def test_every_fact_that_a_flight_rests_on_has_a_conversation_that_shows_it():
+    assert {fact.conversation for fact in FACTS} <= {one.name for one in CONVERSATIONS}
+
+
 def test_every_verb_is_needed():
     assert {next(iter(step)) for one in CONVERSATIONS for step in one.steps} | {"take off"} == set(
         VERBS
     )
+
+
+class TestVersions:
+    """A step says what is different in which version of PX4; what is written is of 1.17."""
+
+    @pytest.mark.parametrize(
+        ("version", "wanted"),
+        [
+            ((1, 16), {"go to": (20, 0, 15), "answer": "UNSUPPORTED"}),
+            ((1, 17), {"go to": (20, 0, 15), "answer": "UNSUPPORTED"}),
+            ((1, 18), {"go to": (20, 0, 15), "answer": "ACCEPTED"}),
+        ],
+    )
+    def test_other_terms(self, version, wanted):
+        changed = {"since 1.18": {"answer": "ACCEPTED"}}
+        step = {"go to": (20, 0, 15), "answer": "UNSUPPORTED"} | changed
+        assert in_version(step, version) == wanted
+
+    def test_no_step_at_all(self):
+        step = {"wait": 3.0, "before 1.17": "left out"}
+        assert in_version(step, (1, 16)) is None
+        assert in_version(step, (1, 17)) == {"wait": 3.0}
+
+    def test_one_that_a_version_has_nothing_to_say_to(self):
+        case = "one:\n- {on the ground: A fact (here), since: '1.18'}\n- {wait: 1}\n"
+        (one,) = cases_of(case)
+        assert [one.is_held_with((1, minor)) for minor in (17, 18)] == [False, True]
+
+    def test_a_vehicle_says_which_it_is(self):
+        assert asked_version(local_line()) == BEHAVES_AS
+
+    def test_a_vehicle_of_another_version_departs(self):
+        step = {"set mode": "AUTO_LOITER"}
+        session = ready_for()
+        session.version = (1, 18)
+        with pytest.raises(DepartureError, match=r"heard \['ACCEPTED', 'ACCEPTED'\]"):
+            run_steps(session, [step])
 
 
 class TestDepartures:
@@ -73,7 +124,9 @@ class TestDepartures:
 
     def test_is_the_outcome(self):
         step = {"stays in": "AUTO_LAND", "for_s": 1.0}
-        outcome = converse(Conversation("test", "a fact", "here", (step,)), local_line())
+        outcome = converse(
+            Conversation("test", "a fact", "here", (step,)), local_line(), BEHAVES_AS
+        )
         assert not outcome.held
         assert outcome.departure.startswith("stays in AUTO_LAND: expected")
 
@@ -81,7 +134,7 @@ class TestDepartures:
         monkeypatch.setattr("sitl.conformance.session._SILENCE_S", 0.05)
         silent = UdpLine({Link.API: 0})
         try:
-            outcome = converse(Conversation("test", "a fact", "here", ()), silent)
+            outcome = converse(Conversation("test", "a fact", "here", ()), silent, BEHAVES_AS)
         finally:
             silent.close()
         assert "no vehicle sends" in outcome.departure
@@ -99,7 +152,7 @@ def test_a_conversation_is_held_over_udp():
         runner.start()
         try:
             (one,) = (one for one in CONVERSATIONS if one.name == "arm-twice")
-            outcome = converse(one, line)
+            outcome = converse(one, line, BEHAVES_AS)
         finally:
             stop.set()
             runner.join()

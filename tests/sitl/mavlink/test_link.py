@@ -14,6 +14,7 @@ from sitl.conformance.expecting import event_id
 from sitl.conformance.session import Link, Session
 from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
+from sitl.mavlink.vehicle import BEHAVES_AS
 from sitl.px4sim.failsafe import Cause
 from sitl.px4sim.parameters import Parameters, UnknownParameterError
 from sitl.px4sim.state import EVENTS, Notice, Severity
@@ -121,7 +122,7 @@ def test_events_are_numbered():
 
 
 def test_the_health_report_is_the_recorded_one():
-    session = Session(local_line())
+    session = Session(local_line(), BEHAVES_AS)
     session.run(10)
     summaries = [
         bytes(event.fields["arguments"])[:17].hex()
@@ -147,7 +148,7 @@ def test_two_links_cannot_upload_at_once():
 
 
 def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
-    session = Session(local_line(speed=10.0))
+    session = Session(local_line(speed=10.0), BEHAVES_AS)
     session.run(5)
     asked = {"count": "MISSION_REQUEST_INT", "fields": {"seq": 0}}
     upload = {"send": "MISSION_COUNT", "fields": {"count": 3}}
