@@ -61,6 +61,10 @@ class NotConfirmedError(AirRouterError):
     """A command was sent and the vehicle did not follow it."""
 
 
+class NotSentError(NotConfirmedError):
+    """A command was not sent: the vehicle's flight mode of this moment was not received."""
+
+
 EXPECTED = (AirRouterError, MochaLinkError, OSError)
 """What ends a command with one message; anything else is a fault of ours."""
 

@@ -14,7 +14,7 @@ from typing import Final
 from air_router.controller.model.actions import ControlHolder, HoldHere
 from air_router.controller.model.mission_context import MissionContext, OnBoard
 from air_router.controller.model.states import Signal, State
-from air_router.controller.motion.command_gate import RETRY_S, CommandGate
+from air_router.controller.motion.command_gate import MODES, RETRY_S, CommandGate
 from air_router.controller.motion.initial_climb import InitialClimb
 from air_router.controller.safety_monitor import SafetyMonitor
 from air_router.mission.mission import Mission
@@ -118,6 +118,7 @@ class ControlAuthority:
     _holds: int = 0  # commanded before hands are off
     _hold_again_s: float = 0.0  # the next attempt, vehicle's clock
     _chosen: tuple[FlightMode, float] | None = None  # the mode it was taken by, and when
+    _crossing: FlightMode | None = None  # to which an order of ours led that had left before that
     _breaches: Reminder = field(default_factory=Reminder)  # while another flies
     _silence_told_s: float = -math.inf  # how long it was when it was told last
     _mode_s: float | None = None  # age of its mode after a silence; None: nothing came since
@@ -179,8 +180,15 @@ class ControlAuthority:
                 since_s=self._context.now_s,
             )
 
-    def taken(self, telemetry: Telemetry) -> None:
-        """The vehicle flies in a mode that we did not ask for, or by a failsafe."""
+    def taken(self, telemetry: Telemetry, *, crossed: bool = True) -> None:
+        """The vehicle flies in a mode that we did not ask for, or by a failsafe.
+
+        Args:
+            telemetry: With that mode.
+            crossed: An order of ours that is not confirmed may be on its way.
+        """
+        pending = self._gate.pending if crossed else None
+        self._crossing = None if pending is None else MODES[type(pending)]
         who = ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT
         self._chosen = (telemetry.mode, self._context.now_s)
         failsafe = who is ControlHolder.FAILSAFE
@@ -200,6 +208,13 @@ class ControlAuthority:
             )
         if telemetry.mode is not FlightMode.HOLD:
             context.over(NOT_TAKEN)  # a pilot or a failsafe flies it
+        if telemetry.mode is self._crossing is not mode and context.now_s - taken_s <= LATE_S:
+            self._crossing = None
+            context.alarm(
+                f"{telemetry.mode.value} mode followed {mode.value} mode: an order of ours was on "
+                "its way",
+                f"choose {mode.value} mode again if that is wanted",
+            )
         self._look_at_inputs(telemetry)
         breach = self._monitor.breach(telemetry)
         news = self._breaches.news(breach, context.now_s)
@@ -237,14 +252,15 @@ class ControlAuthority:
         """Whether an event after a silence counts: a telemetry once its mode was told since.
 
         Other messages may come first, and a pilot may have chosen another mode meanwhile. One that
-        is missing for long enough counts as that.
+        is missing for long enough counts as that; so does a mode that is not ours, however old.
         """
         if not isinstance(event, Telemetry):
             return True
         self._context.telemetry = event
         mode_s, before_s = event.ages.mode_s, self._mode_s
         told = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
-        if not told and mode_s < MODE_S:
+        chosen = event.failsafe or event.mode not in self._gate.modes
+        if not told and mode_s < MODE_S and not (chosen and self._context.in_charge):
             self._mode_s = mode_s
             return False
         self._mode_s, self._context.silent_s = None, 0.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
@@ -140,7 +141,7 @@ class Controller:
             ItemReached: self._item_reached,
             LinkSilent: authority.nothing_heard,
             CommandConfirmed: self._confirmed,
-            CommandFailed: gate.failed,
+            CommandFailed: self._failed,
             RobotPose: states.search.pose_heard,
             RobotPath: states.search.path_heard,
             RobotSought: states.search.sought_by_other,
@@ -297,6 +298,16 @@ class Controller:
         """It follows; if that was the hold before hands are off, it is let go."""
         self.gate.confirmed(event)
         self._authority.check()
+
+    def _failed(self, event: CommandFailed) -> None:
+        """It does not follow; perhaps because a pilot chose another mode before."""
+        telemetry = self.context.telemetry
+        ours = event.action is self.gate.pending and self.context.in_charge
+        if event.taken is None or telemetry is None or not ours:
+            self.gate.failed(event)
+        else:
+            taken = replace(telemetry, mode=event.taken)
+            self._authority.taken(taken, crossed=event.sent)
 
     # From state to state.
 

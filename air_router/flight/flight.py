@@ -346,7 +346,7 @@ class Flight:
                     TAKE_OVER,
                 )
             elif ours:
-                await self._vehicle.hold()
+                await self._vehicle.hold(out_of=self.controller.gate.modes)
                 await self._last_words("the companion stops; the vehicle holds", TAKE_FROM_HERE)
         except AirRouterError as error:
             await self._last_words(

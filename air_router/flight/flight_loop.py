@@ -207,6 +207,7 @@ class FlightLoop:
             vehicle,
             plan,
             lambda motion: controller.navigator.objection(motion, clock.boot_s()),
+            lambda: controller.gate.ends,
             self.on_event,
         )
         self.reloader = MissionReloader(controller, vehicle, self.on_event, status.say)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
-from air_router.errors import NotConfirmedError
+from air_router.errors import NotConfirmedError, NotSentError
 from air_router.mission.flight_plan import FlightPlan
-from air_router.vehicle.vehicle import Vehicle
+from air_router.vehicle.vehicle import FlightMode, TakenOverError, Vehicle
 
 
 class MotionSender:
@@ -19,6 +19,7 @@ class MotionSender:
         vehicle: Who is told.
         plan: The plan on board.
         objection: Why a motion must not be sent now, after all; None if it may.
+        out_of: The flight modes that the motion which was decided on last may end.
         report: Takes what became of a motion. One that was replaced or called off is not reported.
     """
 
@@ -27,11 +28,14 @@ class MotionSender:
         vehicle: Vehicle,
         plan: FlightPlan,
         objection: Callable[[Motion], str | None],
+        out_of: Callable[[], frozenset[FlightMode]],
         report: Callable[[CommandConfirmed | CommandFailed], None],
     ) -> None:
         self._vehicle = vehicle
         self._plan = plan
         self._objection = objection
+        self._out_of = out_of
+        self._modes: frozenset[FlightMode] = frozenset()  # that the waiting motion may end
         self._report = report
         self._waiting: Motion | None = None  # replaced by a newer one
         self._given = asyncio.Event()  # a motion waits to be sent
@@ -44,7 +48,7 @@ class MotionSender:
         A hold leaves at once: it does not wait until what was sent before is confirmed. That may
         arrive late all the same: controller and vehicle reckon with it.
         """
-        self._waiting = motion
+        self._waiting, self._modes = motion, self._out_of()
         self._given.set()
         if isinstance(motion, HoldHere) and self._sending is not None:
             self._sending.cancel()
@@ -69,7 +73,7 @@ class MotionSender:
         if objection is not None:
             self._report(CommandFailed(motion, objection, sent=False))
             return
-        self._sending = asyncio.ensure_future(self._command(motion))
+        self._sending = asyncio.ensure_future(self._command(motion, self._modes))
         try:
             await asyncio.wait({self._sending})
         finally:
@@ -79,7 +83,10 @@ class MotionSender:
         try:
             self._sending.result()
         except NotConfirmedError as error:
-            self._report(CommandFailed(motion, str(error), sent=self._objected is None))
+            sent = self._objected is None and not isinstance(error, NotSentError)
+            taken = error.mode if isinstance(error, TakenOverError) else None
+            sent = sent and not (isinstance(error, TakenOverError) and not error.sent)
+            self._report(CommandFailed(motion, str(error), sent=sent, taken=taken))
         else:
             self._report(CommandConfirmed(motion))
 
@@ -87,14 +94,16 @@ class MotionSender:
         self._objected = self._objection(motion)
         return self._objected
 
-    async def _command(self, motion: Motion) -> None:
+    async def _command(self, motion: Motion, out_of: frozenset[FlightMode]) -> None:
         match motion:
             case FlyToNode(node=node):
                 item = self._plan.item_of(node)
-                await self._vehicle.jump(item, lambda: self._object(motion))
+                await self._vehicle.jump(item, lambda: self._object(motion), out_of=out_of)
             case FlyToPoint(position=position, altitude_m=altitude_m):
-                await self._vehicle.reposition(position, altitude_m)
+                await self._vehicle.reposition(
+                    position, altitude_m, lambda: self._object(motion), out_of=out_of
+                )
             case HoldHere():
-                await self._vehicle.hold()
+                await self._vehicle.hold(out_of=out_of)
             case LandHere():
-                await self._vehicle.land()
+                await self._vehicle.land(out_of=out_of)

@@ -6,12 +6,13 @@ metres above home; times are seconds on the vehicle's own clock.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 from typing import Final, Protocol
 
+from air_router.errors import NotConfirmedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.airframe import Airframe
 from air_router.vehicle.height_frame import HomeMove
@@ -271,8 +272,38 @@ class Inspection:
     absent: frozenset[str] = frozenset()
 
 
+class TakenOverError(NotConfirmedError):
+    """The vehicle is in a flight mode in which an order may not leave, or was on its way.
+
+    Attributes:
+        mode: Which; a pilot, a ground station or a failsafe chose it.
+        sent: Whether the order had left before that showed.
+    """
+
+    def __init__(self, text: str, mode: FlightMode, *, sent: bool) -> None:
+        super().__init__(text)
+        self.mode, self.sent = mode, sent
+
+
+Objection = Callable[[], str | None]
+"""Why an order must not leave, after all; None if it may."""
+
+
+def no_objection() -> str | None:
+    """It may leave."""
+    return None
+
+
+Modes = Collection[FlightMode] | None
+"""The flight modes that an order may end; None: the one that the vehicle was in last."""
+
+
 class Vehicle(Protocol):
     """Verbs of a vehicle. Each returns when the vehicle has confirmed it, or raises.
+
+    What moves it, or changes its mode, leaves only when the vehicle has just said that it is in one
+    of the modes that the order may end (`out_of`); that of an order of ours which may yet show is
+    one of them.
 
     Raises:
         NoVehicleError: from `connect`, with a diagnosis.
@@ -281,6 +312,8 @@ class Vehicle(Protocol):
         ArmingRefusedError: from `arm`, with the autopilot's reasons; from `arm` and `start`, where
             the pilot has disarmed the vehicle or chosen a mode.
         NotConfirmedError: when a command was sent and the vehicle did not follow.
+        NotSentError: when it was not sent, because the flight mode of now was not received.
+        TakenOverError: when the vehicle is in another mode, before it left or instead of following.
     """
 
     async def connect(self) -> VehicleInfo:
@@ -326,27 +359,39 @@ class Vehicle(Protocol):
         Returns as well when nothing shows whether it does: it may, and its telemetry will tell.
         """
 
-    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
+    async def jump(
+        self, item: int, objection: Objection = no_objection, *, out_of: Modes = None
+    ) -> None:
         """Fly straight to a plan item and hover there, in Mission mode.
 
         Args:
             item: Sequence number in the plan on board.
-            objection: Asked again if that takes time: why the leg must not be begun any more.
+            objection: Asked as each message leaves: why the leg must not be begun any more.
+            out_of: The modes that it may end.
         """
 
-    async def reposition(self, point: Point, altitude_m: float) -> None:
+    async def reposition(
+        self,
+        point: Point,
+        altitude_m: float,
+        objection: Objection = no_objection,
+        *,
+        out_of: Modes = None,
+    ) -> None:
         """Fly straight to a point and hover there, in Hold mode.
 
         Args:
             point: Metres east/north in the mission's local frame.
             altitude_m: Metres above the home of the take-off, whichever home PX4 has now.
+            objection: Asked as it leaves: why the leg must not be begun any more.
+            out_of: The modes that it may end.
         """
 
-    async def hold(self) -> None:
-        """Stop and hover here."""
+    async def hold(self, *, out_of: Modes = None) -> None:
+        """Stop and hover here; `out_of`: the modes that it may end."""
 
-    async def land(self) -> None:
-        """Descend here and touch down."""
+    async def land(self, *, out_of: Modes = None) -> None:
+        """Descend here and touch down; `out_of`: the modes that it may end."""
 
     async def announce(self, text: str, severity: Severity) -> None:
         """Tell the pilot: shown by ground stations, kept in the autopilot's log."""

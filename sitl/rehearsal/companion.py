@@ -205,10 +205,10 @@ class Companion:
         """Whether it holds the vehicle for its own."""
         return self.flight.controller.context.in_charge
 
-    def receive(self, name: str, fields: Fields) -> None:
-        """A message of the vehicle has come."""
+    def receive(self, name: str, fields: Fields, sender: tuple[int, int] | None = None) -> None:
+        """A message of the vehicle has come, or of another system and component."""
         if self._link is not None:
-            self._link.receive(name, fields)
+            self._link.receive(name, fields, sender)
 
     def _connect(self, url: str, system_id: int) -> StandIn:
         self._link = StandIn(self._send, url, system_id)

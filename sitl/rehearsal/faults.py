@@ -98,6 +98,10 @@ class Fault(Enum):
     LOST_ITEM = Kind("current item lost, frozen, late or wrong", 24, stream(*ITEM))
     LOST_MODE = Kind("mode lost, frozen, late or wrong", 24, stream(*MODE))
     NO_FIX = Kind("GPS without a fix for 2 to 20 s", 12, courses.no_fix)
+    FOREIGN = Kind(
+        *("a gimbal, another companion and another vehicle speak on its link", 12),
+        one("foreign", uniform(5.0, 40.0)),
+    )
     # Getting ready.
     UPLOAD = Kind("uploads rejected", 6, one("reject", lambda d: d.randrange(2)), "ready")
     ALTERED = Kind("an item is stored that was not sent", 6, courses.altered, "ready")
@@ -136,6 +140,10 @@ class Fault(Enum):
         "pilot takes over while commands of ours wait", 16, takeovers.taken_in_haste
     )
     SILENCE_TAKEN = Kind("pilot takes over during a silence", 12, takeovers.silence_taken)
+    STALL_TAKEN = Kind(
+        *("pilot takes over while the companion stands still for 0.2 to 2 s", 40),
+        takeovers.stalled_taken,
+    )
     PAUSE = Kind("pilot pauses or diverts it in our own mode", 12, takeovers.paused)
     DIVERTED = Kind(
         "diverted, or flown by the sticks, while we have it hold", 8, takeovers.diverted
@@ -269,6 +277,7 @@ _ALONE: Final = frozenset(
         *(Fault.ZONE_IN_HASTE, Fault.CORNERS, Fault.TWO, Fault.SENT, Fault.EXPLORED),
         *(Fault.IDLE, Fault.LANDED_HERE, Fault.ALTITUDES, Fault.HOME_FOR_GOOD, Fault.ENDURANCE),
         *(Fault.SILENCE_TAKEN, Fault.MISPLACED, Fault.ZONE_ABOVE, Fault.ZONE_BELOW),
+        Fault.STALL_TAKEN,
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         Fault.JUMPING_POSES,

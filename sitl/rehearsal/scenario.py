@@ -8,6 +8,7 @@ import os
 import tempfile
 import time
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -46,8 +47,12 @@ REACTION_S: Final = 0.004
 heard of a choice, sends nothing more."""
 
 BOOT_S: Final = 5.0
-SPARE_BYTES_S: Final = 1.0
-"""What a socket keeps of the messages to a program that stands still: those of so many seconds."""
+SOCKET_S: Final = 0.63
+"""What a socket keeps of the messages to a program that stands still: the oldest, of so many
+seconds. By default these are the first 256 of 405 datagrams a second; the newest are dropped."""
+
+READS_S: Final = 0.0003
+"""What a program takes for each message that was kept; its timers are due meanwhile."""
 
 
 class SceneOverError(BaseException):
@@ -88,6 +93,9 @@ class Scenario(World, ABC):
         self._speaker = Sender(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
+        self._socket_s = SOCKET_S  # what the companion's socket keeps
+        self._kept: deque[tuple[str, Mapping[str, Any]]] = deque()  # there, not read yet
+        self._reads_s = math.inf  # the first of them is read then
         self._inbox: list[Callable[[], object]] = []  # for the companion's loop, as soon as it runs
         self._restarts = False  # a companion is to be started
         self._ending = Ending()
@@ -208,24 +216,46 @@ class Scenario(World, ABC):
     def advance(self, until_s: float) -> list[Callable[[], object]]:
         """See `World`; the times are seconds since the vehicle started."""
         while True:
-            stalled = self.now_s < self._stalled_until_s < math.inf
+            stalled = self._stalls
+            if not stalled and self._stalled_until_s < math.inf:
+                self._goes_on()
             if self._inbox and not stalled:
                 break
-            next_s = min(self._step_at_s, self.link.next_s)
+            next_s = min(self._step_at_s, self.link.next_s, self._reads_s)
+            if stalled:
+                next_s = min(next_s, self._stalled_until_s)
             if next_s > until_s and not stalled:
                 self.now_s = until_s
                 break
             self.now_s = max(self.now_s, next_s)
-            if self.link.next_s <= self._step_at_s:
+            if self._stalled_until_s <= self.now_s:
+                continue
+            if self._reads_s <= min(self._step_at_s, self.link.next_s):
+                self._read()
+            elif self.link.next_s <= self._step_at_s:
                 self.link.deliver(self.now_s)
             else:
                 self._step()
             self._collect()
-        if self._stalled_until_s < math.inf:
-            self._stalled_until_s = self._deaf_from_s = math.inf
-            self.happened(SceneEventKind.CONTINUED)
         inbox, self._inbox = self._inbox, []
         return inbox
+
+    @property
+    def _stalls(self) -> bool:
+        """Whether the companion stands still."""
+        return self.now_s < self._stalled_until_s < math.inf
+
+    def _goes_on(self) -> None:
+        """The companion's program goes on, and reads what its socket has kept."""
+        self._stalled_until_s = self._deaf_from_s = math.inf
+        self._reads_s = self.now_s if self._kept else math.inf
+        self.happened(SceneEventKind.CONTINUED)
+
+    def _read(self) -> None:
+        """One message that the socket has kept is read."""
+        name, fields = self._kept.popleft()
+        self._reads_s = self.now_s + READS_S if self._kept else math.inf
+        self._hand_on(name, fields)
 
     def call(self, callback: Callable[[], object]) -> None:
         """The companion is to call this when it runs."""
@@ -263,17 +293,32 @@ class Scenario(World, ABC):
         self.vehicle.ground.take_queue()
 
     def _arrived(self, name: str, fields: Mapping[str, Any]) -> None:
+        if self.companion is None:
+            return
+        if self._stalls or self._kept:
+            if self.now_s < self._deaf_from_s:
+                self._kept.append((name, fields))
+        else:
+            self._hand_on(name, fields)
+
+    def _hand_on(self, name: str, fields: Mapping[str, Any]) -> None:
         companion = self.companion
-        if companion is not None and self.now_s < self._deaf_from_s:
+        if companion is not None:
             self._seen.heard.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
             self._inbox.append(functools.partial(companion.receive, name, fields))
+
+    def hears_foreign(self, sender: tuple[int, int], name: str, fields: Mapping[str, Any]) -> None:
+        """What is not the autopilot says something on the companion's link."""
+        companion = self.companion
+        if companion is not None and not self._stalls:
+            self.call(lambda: companion.receive(name, fields, sender))
 
     def _tick(self) -> None:
         companion, autopilot = self.companion, self.autopilot
         for phase in phases(autopilot, companion):
             self.agenda.enter(phase, self.now_s)
         goes_on = self.let_happen()
-        if companion is not None and not self.now_s < self._stalled_until_s < math.inf:
+        if companion is not None and not self._stalls:
             node, place = companion.node, self.place
             self.call(lambda: self.robots.step(node, place, self.now_s))
         self._look_at_the_estimate()
@@ -295,14 +340,20 @@ class Scenario(World, ABC):
         """The companion's program stands still for so long."""
         if self.companion is not None:
             self._stalled_until_s = self.now_s + seconds
-            self._deaf_from_s = self.now_s + SPARE_BYTES_S
+            self._deaf_from_s = self.now_s + self._socket_s
             self.happened(SceneEventKind.STOPPED)
+
+    def do_socket(self, seconds: float) -> None:
+        """The companion's socket keeps the messages of so many seconds."""
+        self._socket_s = seconds
 
     def do_kill(self, _: None) -> None:
         """The companion's power is gone."""
         if self.companion is not None:
             self.happened(SceneEventKind.KILLED)
             self._inbox.clear()
+            self._kept.clear()
+            self._reads_s = math.inf
             raise PowerCutError
 
     def do_restart(self, _: None) -> None:

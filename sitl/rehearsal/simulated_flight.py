@@ -15,6 +15,7 @@ from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.pilot import Pilot
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way, wrong_of
+from sitl.rehearsal.stand_ins.stations import foreign_messages
 from sitl.rehearsal.stand_ins.team import pose, prank_of
 from sitl.rehearsal.zone_drawing import ZoneDrawing
 
@@ -42,6 +43,7 @@ class SimulatedFlight(Scenario):
         self._pilot = Pilot(self, self._operator, self._fault_dice)
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._other_until_s = -math.inf  # so long another UAV is heard
+        self._foreign_until_s = -math.inf  # so long others speak on the link
 
     def let_happen(self) -> bool:
         """See `Scenario`."""
@@ -55,6 +57,9 @@ class SimulatedFlight(Scenario):
         self._pilot.step(now_s)
         if now_s < self._other_until_s:
             self._tell_of_the_other()
+        if now_s < self._foreign_until_s:
+            for sender, name, fields in foreign_messages(now_s):
+                self.hears_foreign(sender, name, fields)
         return bool(self.agenda.due) or self._operator.asks_on
 
     # The vehicle's own
@@ -165,6 +170,10 @@ class SimulatedFlight(Scenario):
         for name in names:
             wrong = wrong_of(name, self._fault_dice)
             self.link.trouble(Way.DOWN, name, kind, until_s, late_s=late_s, wrong=wrong)
+
+    def do_foreign(self, seconds: float) -> None:
+        """Others speak on the companion's link for so long."""
+        self._foreign_until_s = self.now_s + seconds
 
     def do_reject(self, for_good: int) -> None:
         """Uploads are refused, at first or always."""

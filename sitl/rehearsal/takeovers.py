@@ -105,6 +105,31 @@ def silence_taken(dice: random.Random) -> Iterator[Row]:
     yield lasts_s, "silent", False
 
 
+SOCKETS_S: Final = (0.63, 20.0)
+"""What a socket keeps by default of a PX4's messages, and what it is asked to keep."""
+
+
+def stalled_taken(dice: random.Random) -> Iterator[Row]:
+    """The companion stands still, the pilot chooses meanwhile, and an order of ours falls due."""
+    lasts_s = dice.uniform(0.2, 2.0)
+    taken_s = dice.uniform(0.0, max(0.0, lasts_s - 0.15))
+    due_s = dice.uniform(0.0, taken_s)
+    yield 0.0, "socket", dice.choice(SOCKETS_S)
+    yield 0.0, "stall", lasts_s
+    match dice.randrange(5):
+        case 0:
+            yield due_s, "fix", (1, 8.0)
+        case 1:
+            yield due_s, "reload", dice.uniform(-5.0, 25.0)
+        case 2:
+            yield due_s, "ask", "hold"
+        case 3:
+            yield due_s, "ask", "home"
+        case _:
+            yield due_s, "send again"
+    yield taken_s, "pilot", dice.choice(SURE)
+
+
 def diverted_close(dice: random.Random) -> Iterator[Row]:
     """It is sent here and there, and a station sends it towards a zone that it passes."""
     for again in range(8):

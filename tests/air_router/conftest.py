@@ -436,23 +436,23 @@ class PretendVehicle(Vehicle):
         self._fail("start")
         self.airframe.take_off()
 
-    async def jump(self, item, objection=None):
+    async def jump(self, item, objection=None, *, out_of=None):
         self._fail("jump")
         node = self.plan.node_of(item)
         mission = self.airframe.mission
         self.airframe.target = mission.waypoints[node - 1].position if node else mission.home
         self.airframe.mode = FlightMode.MISSION
 
-    async def reposition(self, point, altitude_m):
+    async def reposition(self, point, altitude_m, objection=None, *, out_of=None):
         self._fail("reposition")
         assert altitude_m == self.airframe.mission.altitude_above_home_m
         self.airframe.target, self.airframe.mode = point, FlightMode.HOLD
 
-    async def hold(self):
+    async def hold(self, *, out_of=None):
         self._fail("hold")
         self.airframe.target, self.airframe.mode = None, FlightMode.HOLD
 
-    async def land(self):
+    async def land(self, *, out_of=None):
         self._fail("land")
         self.airframe.target, self.airframe.mode = None, FlightMode.LAND
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.requests import AnyRequest
-from air_router.vehicle.vehicle import VehicleEvent
+from air_router.vehicle.vehicle import FlightMode, VehicleEvent
 from geo.airspace.zone import Shape, Zone
 from geo.frame import Point
 from mocha_link.links.metrics import LinkEvent
@@ -80,6 +80,7 @@ class CommandFailed:
     action: Motion
     reason: str  # in words
     sent: bool = True  # False: it was objected to in its turn
+    taken: FlightMode | None = None  # the vehicle is in this mode, which the action may not end
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,6 +192,8 @@ class CommandGate:
         pending: The command that the vehicle has neither confirmed nor failed to follow.
         last: The command that the vehicle follows or is asked to; None when it did not.
         modes: The flight modes that our commands explain.
+        ends: Those in which the vehicle may be when the newest motion leaves: another was chosen by
+            a pilot since that was decided, the motion's own mode among them.
         refused_jumps: How many jumps within the plan it did not follow, one after the other.
         by_points: Nodes are flown to as any other point, because it does not fly its plan.
         waits_why: The reason to hover where no way is clear, as announced last.
@@ -205,11 +207,14 @@ class CommandGate:
     pending: Motion | None = None
     last: Motion | None = None
     modes: frozenset[FlightMode] = frozenset()
+    ends: frozenset[FlightMode] = frozenset()
     refused_jumps: int = 0
     by_points: bool = False
     climb_first: Callable[[Motion], Motion | None] = lambda motion: motion
     waits_why: str | None = None
     _wait_told_s: float = -math.inf  # when, vehicle's clock
+    _explained: frozenset[FlightMode] = frozenset()  # `modes` without the newest motion's
+    _assumed: frozenset[FlightMode] = frozenset()  # by what was confirmed, or begun, last
 
     def __post_init__(self) -> None:
         mission = self._context.mission
@@ -267,6 +272,9 @@ class CommandGate:
         if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way
         self.pending = self.last = motion
+        shown = frozenset() if context.telemetry is None else {context.telemetry.mode}
+        self.ends = self._assumed | shown
+        self._explained = self.modes
         self.modes |= {MODES[type(motion)]}
         self.setpoints.sent(motion)
         context.actions.append(motion)
@@ -313,7 +321,7 @@ class CommandGate:
     def assume(self, mode: FlightMode) -> None:
         """Take the vehicle in the mode that the pilot (or the start) put it in."""
         self.pending = None
-        self.modes = frozenset({mode})
+        self.modes = self._assumed = frozenset({mode})
 
     def ours_in_the_air(self) -> None:
         """The vehicle in the air flies by our commands from now on."""
@@ -339,6 +347,8 @@ class CommandGate:
         if event.action is not self.pending:
             return
         self.pending = self.last = None
+        if not event.sent:  # so its mode would be a pilot's
+            self.modes = self._explained
         self.refused_jumps += event.sent and isinstance(event.action, FlyToNode)
         if event.sent:
             self._context.warn(f"the vehicle did not follow: {event.reason}", CHECK_LINK)
@@ -354,4 +364,4 @@ class CommandGate:
         self.stop()
         self.setpoints.forget()
         self.pending = self.last = None
-        self.modes = frozenset()
+        self.modes = self._assumed = frozenset()

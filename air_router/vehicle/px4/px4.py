@@ -76,6 +76,7 @@ class Px4Vehicle(Px4Motions, Vehicle):
         self._onboard: OnboardPlan  # from `connect` on
         self._texts_sent = 0  # id of a text in pieces
         self._watches: list[asyncio.Task[None]] = []  # none: it is not connected
+        self._catching_up: asyncio.Task[bool] | None = None  # asks for the mode after a gap
         self._callback: Callable[[VehicleEvent], None] | None = None  # told of vehicle events
 
     @property
@@ -87,7 +88,9 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
         plugins = await self._connection.open()
         telemetry = self._telemetry
-        self._onboard = OnboardPlan(plugins, telemetry, self._on_compared)
+        self._onboard = OnboardPlan(
+            plugins, telemetry, self._commands.check.received, self._on_compared
+        )
         telemetry.subscribe(self._on_event)
         telemetry.listen(plugins.direct, self._connection.system_id)
         self._commands.listen()
@@ -186,6 +189,8 @@ class Px4Vehicle(Px4Motions, Vehicle):
         """See `Vehicle.close`."""
         for watch in self._watches:
             watch.cancel()
+        if self._catching_up is not None:
+            self._catching_up.cancel()
         if self._watches:
             self._onboard.close()
         self.stop_telling()
@@ -194,6 +199,13 @@ class Px4Vehicle(Px4Motions, Vehicle):
     def _on_event(self, event: VehicleEvent) -> None:
         if isinstance(event, PlanReplaced):
             self._onboard.replaced()
+        elif isinstance(event, LinkSilent) and (
+            self._catching_up is None or self._catching_up.done()
+        ):
+            # What a pilot chose in the gap is known within milliseconds, and not with the next
+            # HEARTBEAT; until then the controller's `heard_again` lets nothing begin.
+            check = self._commands.check
+            self._catching_up = asyncio.get_running_loop().create_task(check.received())
 
     def _on_compared(self, difference: str | None) -> None:
         if self._callback is not None:

@@ -1,25 +1,38 @@
 """Commands that move a PX4 or change its mode: each leaves once, and is believed when it shows.
 
+Each leaves in the moment in which the vehicle has said that it is in a mode which the command may
+end: a mode that was received before may be another by now (`px4_mode_check`). There is one door,
+`Px4Commands._look`, and nothing that moves the vehicle leaves beside it.
+
 Sending a command again because no answer came, as MAVSDK does, takes the vehicle back from
 a pilot who chose something else meanwhile. Here it leaves again only on a HEARTBEAT from some time
 after it left that still shows what was before; what leads to a place does not leave again at all.
 """
 
+import contextlib
 import logging
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum, auto
 from typing import Any, Final, NamedTuple, Self
 
-from air_router.errors import NotConfirmedError
+from air_router.errors import NotConfirmedError, NotSentError
 from air_router.vehicle.clock import loop_s
 from air_router.vehicle.px4.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_messages import PlanIds
+from air_router.vehicle.px4.px4_mode_check import ModeCheck
 from air_router.vehicle.px4.px4_order import Px4Order
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    Modes,
+    Objection,
+    TakenOverError,
+    Telemetry,
+    no_objection,
+)
 from geo.frame import Point
 
 _log = logging.getLogger(__name__)
@@ -38,6 +51,9 @@ LATE_S: Final = 10.0
 
 LONGEST_S: Final = 15.0
 """A vehicle that says again and again that it is about it is waited for no longer."""
+
+LOOKED_S: Final = 0.02
+"""A command leaves so shortly after the vehicle's mode was looked at."""
 
 SAME_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
@@ -114,7 +130,6 @@ class SentOrder:
         accepted: The vehicle acknowledged this very order, as far as can be told.
         acked_s: When an acknowledgement came that may also be that of an order from before.
         refusal: The result with which it refused it, None if it did not.
-        followed: The vehicle was seen to follow it.
     """
 
     order: Px4Order
@@ -126,7 +141,6 @@ class SentOrder:
     accepted: bool = False
     acked_s: float = math.inf
     refusal: int | None = None
-    followed: bool = False
 
 
 Shown = Callable[[SentOrder], bool]
@@ -155,57 +169,139 @@ class Px4Commands:
 
     Args:
         telemetry: What the vehicle says, and what sends to it.
+
+    Attributes:
+        check: Asks for the mode that the vehicle has now.
     """
 
     def __init__(self, telemetry: Px4Telemetry) -> None:
         self._telemetry = telemetry
+        self.check = ModeCheck(telemetry)
+        self._looked_s = -math.inf  # when the mode of now was received, loop's clock
         self._tried: dict[int, _Attempts] = defaultdict(_Attempts)  # by MAV_CMD
+        self._unfollowed: deque[SentOrder] = deque()  # may show yet, since the last that was
 
     def listen(self) -> None:
         """Take the autopilot's acknowledgements, from now on."""
         self._telemetry.take({"COMMAND_ACK": self._on_ack})
+        self.check.listen()
 
-    def send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
-        """Send a message to the autopilot, once. Raises NotConfirmedError: the link is gone."""
+    async def look(
+        self, words: str, out_of: Modes = None, objection: Objection = no_objection
+    ) -> None:
+        """Make sure that something may leave in this very moment: in this turn of the loop.
+
+        Args:
+            words: What is to leave.
+            out_of: The modes that it may end; None: the one of the call.
+            objection: Why it must not leave, after all.
+
+        Raises:
+            NotSentError: the mode of now was not received, or there is an objection.
+            TakenOverError: the vehicle is in another mode.
+        """
+        modes = {self._telemetry.mode} if out_of is None else out_of
+        if loop_s() - self._looked_s > LOOKED_S:
+            if not await self.check.received():
+                raise NotSentError(f"{words} was not sent: no flight mode of now was received")
+            self._looked_s = loop_s()
+        if (taken := self.taken(modes)) is not None:
+            text = f"{words} was not sent: the pilot chose {taken.value} mode"
+            raise TakenOverError(text, taken, sent=False)
+        if (why := objection()) is not None:
+            raise NotSentError(why)
+
+    def taken(self, out_of: Collection[FlightMode]) -> FlightMode | None:
+        """The mode that the vehicle is in, if it is none of these, nor of an order of ours."""
+        mode = self._telemetry.mode
+        return None if mode in {*out_of, *self._late_modes()} else mode
+
+    async def send(
+        self,
+        wire: tuple[str, dict[str, Any]],
+        words: str,
+        *,
+        out_of: Modes = None,
+        objection: Objection = no_objection,
+    ) -> None:
+        """Send a message to the autopilot, once.
+
+        Args:
+            wire: Its name and fields.
+            words: What it is.
+            out_of: See `look`, which raises as well.
+            objection: See `look`.
+
+        Raises:
+            NotConfirmedError: the link is gone.
+        """
+        await self.look(words, out_of, objection)
+        self._send(wire, words)
+
+    def _send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
         fault = self._telemetry.send(*wire)
         if fault is not None:
             raise NotConfirmedError(f"{words} was not sent: {fault}")
 
-    async def tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
+    async def tell(
+        self,
+        order: Px4Order,
+        shown: Shown,
+        *,
+        attempts: int = 1,
+        out_of: Modes = None,
+        objection: Objection = no_objection,
+    ) -> None:
         """Send an order and wait until the vehicle follows it.
 
         Args:
             order: What it is to do.
             shown: Whether it follows.
             attempts: How often it may leave at most, each time if no other order came.
+            out_of: See `look`, which raises as well.
+            objection: See `look`.
 
         Raises:
             NotShownError: nothing was heard that shows whether it follows.
             NotConfirmedError: it does not follow, with the reason where there is one.
+            TakenOverError: a pilot chose another mode before it was followed.
         """
+        await self.look(order.words, out_of, objection)
         telemetry = self._telemetry
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan_ids, loop_s())
         self._tried[order.command].newest = sent
         verdict = None
         for attempt in range(attempts):
+            if attempt:
+                with contextlib.suppress(NotSentError):  # what became of it is not known
+                    await self.look(order.words, {sent.before.mode, order.leads_to})
+                # It may not have been received, or follow just now.
+                if not self._no_other_chose(sent):
+                    verdict = await self._settled(sent, shown, more=False)
+                    break
             self._leave(sent, attempt)
             verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
             if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        if verdict is OrderOutcome.TAKEN:
+            raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
             heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             unseen = verdict is None and heard_s < sent.last_s + SETTLED_S
             error = NotShownError if unseen else NotConfirmedError
             raise error(self._why_not(sent, verdict))
-        sent.followed = True
+        if order.moves:  # what left before it is void, on a link in order
+            self._unfollowed.clear()
         self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
 
     def _leave(self, sent: SentOrder, attempt: int) -> None:
+        if sent.order.moves and not attempt:
+            self._unfollowed.append(sent)
         sent.last_s = loop_s()
         sent.refusal = None
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
-        self.send(sent.order.wire(attempt), sent.order.words)
+        self._send(sent.order.wire(attempt), sent.order.words)
 
     async def _settled(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         """What became of it, None if nothing can be said in time."""
@@ -238,13 +334,7 @@ class Px4Commands:
     def _late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
         since_s = loop_s() - LATE_S
-        newest = (tried.newest for tried in self._tried.values())
-        return {
-            sent.order.leads_to
-            for sent in newest
-            if sent is not None and sent.order.moves and not sent.followed
-            if sent.last_s >= since_s
-        }
+        return {sent.order.leads_to for sent in self._unfollowed if sent.last_s >= since_s}
 
     def _no_other_chose(self, sent: SentOrder) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""

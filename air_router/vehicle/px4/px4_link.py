@@ -20,6 +20,16 @@ ANEW_S: Final = 5.0
 """A peer that was silent for so long may come back on another port of the same host."""
 
 LARGEST: Final = 65535  # bytes of a datagram
+
+KEPT_S: Final = 20.0
+"""For so long a full link is kept while this program stands still, where the kernel allows it."""
+
+_RATE_HZ: Final = 410  # datagrams of a PX4 1.17 on its companion's link
+_KEPT_BYTES: Final = 832  # that Linux counts for one of them: 256 fill its default of 212992
+RECEIVE_BYTES: Final = round(KEPT_S * _RATE_HZ * _KEPT_BYTES)
+"""Of the receive buffer, as Linux counts them; half of that is asked for, which it doubles."""
+
+_FORCED: Final = 33  # SO_RCVBUFFORCE of Linux; needs CAP_NET_ADMIN
 _HEARTBEAT: Final = 0
 _AUTOPILOT: Final = 1
 _MAVLINK_1, _MAVLINK_2 = 0xFE, 0xFD
@@ -44,6 +54,30 @@ def frames(datagram: bytes) -> Iterator[tuple[int, int, int]]:
             return
         if at <= len(datagram):
             yield system, component, number
+
+
+def widen(bound: socket.socket) -> float:
+    """Have a socket keep the datagrams of `KEPT_S`; returns for how many seconds it does.
+
+    A socket that is full drops the newest, in which a pilot's mode may be. What the kernel does not
+    grant is logged: a flight asks for the mode before each order, and needs no buffer for that, but
+    what was announced in a long standstill may be lost.
+    """
+    for option in (_FORCED, socket.SO_RCVBUF):
+        with contextlib.suppress(OSError):  # no permission, or not Linux
+            bound.setsockopt(socket.SOL_SOCKET, option, RECEIVE_BYTES // 2)
+        granted = bound.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        if granted >= RECEIVE_BYTES // 2 * 2:
+            return KEPT_S
+    kept_s = granted / _KEPT_BYTES / _RATE_HZ
+    _log.warning(
+        "the kernel keeps %.1f s of the vehicle's messages while this program stands still, not "
+        "%.0f s: allow more with `sudo sysctl -w net.core.rmem_max=%d`",
+        kept_s,
+        KEPT_S,
+        RECEIVE_BYTES // 2,
+    )
+    return kept_s
 
 
 class PeerFilter:
@@ -94,6 +128,7 @@ class Px4Link:
     def __init__(
         self, bound: socket.socket, system_id: int, receive: Callable[[bytes], None]
     ) -> None:
+        widen(bound)
         self._socket = bound
         self._filter = PeerFilter(system_id)
         self._receive = receive

@@ -22,6 +22,8 @@ from air_router.vehicle.px4.px4_events import WARNING, ArmingReports, Px4Event
 _log = logging.getLogger(__name__)
 
 Handler = Callable[[dict[str, Any]], None]
+Watcher = Callable[[str, Mapping[str, Any]], None]
+"""Takes name and fields of a message, after its handler."""
 
 AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
 INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
@@ -41,58 +43,96 @@ class PlanIds(NamedTuple):
     rally_points_id: int
 
 
-PAUSE_S: Final = 1.5
-"""After a longer pause the first messages may be of its beginning. Slow links have shorter ones."""
+GAP_S: Final = 0.2
+"""After a longer gap in what comes the first messages may be of its beginning, if this program
+stood still, and a pilot may have chosen another mode in it."""
+
+MODES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE"})
+"""The messages that tell the flight mode."""
+
+_ONCE: Final = frozenset(
+    {
+        *(*MODES, "COMMAND_ACK", "EVENT", "STATUSTEXT", "PARAM_VALUE", "TIMESYNC"),
+        *("MISSION_ITEM_REACHED", "AUTOPILOT_VERSION", "FLIGHT_INFORMATION", "HOME_POSITION"),
+    }
+)
+"""What is taken in however old it is: it does not come again, or tells what a pilot chose."""
 
 BACKLOG_S: Final = 0.5
 """For so long, on our clock, these are left out where they do not tell the vehicle's time."""
 
-_CAUGHT_UP: Final = 0.8
-"""A message is of now if the vehicle's time has gone on by so much of the pause."""
+_CAUGHT_UP: Final = 0.97
+_JITTER_S: Final = 0.15
+"""A message is of now if the vehicle's time has gone on by so much of ours, less what a radio may
+take longer for one message than for the one before."""
+
+PAUSE_S: Final = 1.5
+"""A gap that is longer may always be ours. Slow links have shorter ones."""
 
 _LIVE: Final = 0.7
 """Messages that take so much of the time that they tell of come from a link that is slower now."""
 
 
 class Backlog:
-    """Finds messages of before a pause: a socket keeps them while this program stands still.
+    """Finds messages of before a gap: a socket keeps them while this program stands still.
 
-    They tell of a vehicle that a pilot may have taken since. All that follows a pause is of before
-    until one tells a time that has gone on as ours has, they do not come all at once, or
-    `BACKLOG_S` have passed.
+    They tell of a vehicle that a pilot may have taken since. A gap is this program's if a message
+    after it tells a time that has not gone on as ours has; a long one counts as that. All that
+    follows is of before until one tells a time that has, they do not come all at once, or
+    `BACKLOG_S` have passed. The last alone does not prove that a mode is of now.
 
     Attributes:
-        pause_s: How long the latest pause was, on our clock.
+        gap_s: How long the latest gap was, on our clock; 0 once it was told.
+        proven: A message has come that was sent since the latest gap.
     """
 
     def __init__(self) -> None:
-        self.pause_s = 0.0
+        self.gap_s = 0.0
+        self.proven = True
         self._came_s: float | None = None  # when anything came last, monotonic
         self._boot_s = 0.0  # the latest time that the vehicle told
+        self._boot_at_s: float | None = None  # when that came; None: it told none
+        self._suspected_s = 0.0  # a gap of so long, that may be ours
         self._fresh_s = 0.0  # from this time of the vehicle on nothing is of before
         self._first: tuple[float, float] | None = None  # time told first after it, and when
         self._until_s = -math.inf  # monotonic; all that comes later is of now
 
     def holds(self, fields: Mapping[str, Any], arrived_s: float, rate: float) -> bool:
-        """Whether a message is of before a pause.
+        """Whether a message is of before a gap.
 
         Args:
             fields: Of the message.
             arrived_s: When it came.
             rate: Of the vehicle's time against ours.
         """
-        if self._came_s is not None and arrived_s - self._came_s > PAUSE_S:
-            self.pause_s = arrived_s - self._came_s
-            self._fresh_s = self._boot_s + _CAUGHT_UP * self.pause_s * rate
-            self._until_s, self._first = arrived_s + BACKLOG_S, None
+        gap_s = 0.0 if self._came_s is None else arrived_s - self._came_s
         self._came_s = arrived_s
+        if gap_s > GAP_S:
+            since_s = 0.0 if self._boot_at_s is None else arrived_s - self._boot_at_s
+            self._fresh_s = self._boot_s + (_CAUGHT_UP * since_s - _JITTER_S) * rate
+            self._suspected_s, self._first = gap_s, None
+        if gap_s > PAUSE_S:
+            self._begin(arrived_s)
         if (boot_ms := fields.get("time_boot_ms")) is not None:
-            boot_s = self._boot_s = boot_ms / 1e3
+            boot_s, self._boot_at_s = boot_ms / 1e3, arrived_s
+            self._boot_s = boot_s
             self._first = self._first or (boot_s, arrived_s)
             told_s, took_s = boot_s - self._first[0], (arrived_s - self._first[1]) * rate
             if boot_s >= self._fresh_s or took_s >= _LIVE * told_s > 0.0:
-                self._until_s = -math.inf
+                self.is_read()
+            elif self._suspected_s > 0.0:
+                self._begin(arrived_s)
         return arrived_s < self._until_s
+
+    def _begin(self, arrived_s: float) -> None:
+        """What comes is of before the gap."""
+        self.gap_s, self._suspected_s = self._suspected_s, 0.0
+        self.proven, self._until_s = False, arrived_s + BACKLOG_S
+
+    def is_read(self) -> None:
+        """What comes from now on was sent after the gap."""
+        self._suspected_s = 0.0
+        self.proven, self._until_s = True, -math.inf
 
 
 class Px4Messages:
@@ -121,6 +161,7 @@ class Px4Messages:
         self._news = asyncio.Event()  # set by every message, then replaced
         self._heard_s = loop_s()  # when anything came last, loop's clock
         self._arrived_s: dict[str, float] = {}  # by message, monotonic
+        self._watchers: list[Watcher] = []  # of all that is said, in order
         self._backlog = Backlog()
         self._texts: deque[str] = deque(maxlen=3)  # newest STATUSTEXTs
 
@@ -140,6 +181,10 @@ class Px4Messages:
         """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
         for name, handler in handlers.items():
             subscribe(self._direct, name, self._only_autopilot(name, handler))
+
+    def watch(self, watcher: Watcher) -> None:
+        """Hand all that is taken from the autopilot to this too, in the order of the link."""
+        self._watchers.append(watcher)
 
     def send(self, name: str, fields: dict[str, Any], *, to_all: bool = False) -> str | None:
         """Send a message once, to the autopilot or to all; why it did not leave, if so."""
@@ -212,33 +257,42 @@ class Px4Messages:
 
     def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
         def on_message(received: Received) -> None:
-            if received.sender != (self.system_id, AUTOPILOT) or self._is_old(received):
+            if received.sender != (self.system_id, AUTOPILOT):
+                return
+            old = self._is_old(name, received)
+            if old and name not in _ONCE:
                 return
             self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s
-            self._handed(name, received, handler)
+            self._handed(name, received, handler, old=old)
+            for watcher in self._watchers:
+                watcher(name, received.fields)
             self._news.set()
             self._news = asyncio.Event()
 
         return on_message
 
-    def _is_old(self, received: Received) -> bool:
-        """Whether a message is left out: a socket kept it while this program stood still."""
+    def _is_old(self, name: str, received: Received) -> bool:
+        """Whether a message may be of before a gap: a socket kept it while this program stood."""
         if self.clock.most_ahead_s < math.inf:
             return False  # the vehicle's time stood still as well
         backlog = self._backlog
         old = backlog.holds(received.fields, received.arrived_s, self.clock.rate)
-        if backlog.pause_s > 0.0:
-            silent_s, backlog.pause_s = backlog.pause_s, 0.0
+        if backlog.gap_s > 0.0:
+            silent_s, backlog.gap_s = backlog.gap_s, 0.0
             self._came_back(silent_s)
-        return old
+        return old or (name in MODES and not backlog.proven)
+
+    def up_to_date(self) -> None:
+        """What comes from now on was sent after the latest gap: an answer has shown it."""
+        self._backlog.is_read()
 
     def _came_back(self, silent_s: float) -> None:
         """A message has come after so long."""
 
-    def _handed(self, name: str, received: Received, handler: Handler) -> None:
-        """Hand a message on."""
-        del name
+    def _handed(self, name: str, received: Received, handler: Handler, *, old: bool) -> None:
+        """Hand a message on; an old one tells what was, and makes nothing younger."""
+        del name, old
         handler(received.fields)
 
     def _on_text(self, fields: dict[str, Any]) -> None:

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import math
-from collections.abc import Callable
 from typing import Final
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError, PlanRefusedError
@@ -27,7 +26,13 @@ from air_router.vehicle.px4.px4_order import (
     stop,
 )
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
-from air_router.vehicle.vehicle import FlightMode
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    Modes,
+    Objection,
+    TakenOverError,
+    no_objection,
+)
 from geo.frame import Point
 
 _log = logging.getLogger(__name__)
@@ -100,6 +105,8 @@ class Px4Motions:
         telemetry = self._telemetry
         mode, plan = telemetry.mode, telemetry.plan_ids
         self._check_armed()
+        await self._commands.look("Mission mode", {mode})
+        self._check_armed()
         try:
             await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
         except NotShownError as error:
@@ -129,7 +136,9 @@ class Px4Motions:
                 "it is left to the pilot"
             )
 
-    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
+    async def jump(
+        self, item: int, objection: Objection = no_objection, *, out_of: Modes = None
+    ) -> None:
         """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
 
         Both leave once: a leg was checked from where the vehicle was when it was commanded.
@@ -137,35 +146,45 @@ class Px4Motions:
         telemetry = self._telemetry
         if 0 < telemetry.item_total <= item:
             raise NotConfirmedError(f"the plan on board has no item {item}")
+        words = f"the jump to item {item}"
+        await self._commands.send(set_current(item), words, out_of=out_of, objection=objection)
         before = telemetry.mode
-        self._commands.send(set_current(item), f"the jump to item {item}")
         # PX4 drops the jump without an answer while a ground station downloads the plan. In a
         # fast simulation it flies far within so many seconds of ours: its own end the wait as well.
         end_s = telemetry.clock.boot_s() + CONFIRM_S
         await telemetry.shows(lambda: telemetry.item == item or telemetry.time_s > end_s, CONFIRM_S)
         if telemetry.item != item:
-            raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
+            raise NotConfirmedError(f"{words} did not show in MISSION_CURRENT")
         now = telemetry.mode
         if now is not FlightMode.MISSION:
             # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
-                raise NotConfirmedError(f"the pilot chose {now.value} mode")
+                if (taken := self._commands.taken({before})) is not None:
+                    raise TakenOverError(f"the pilot chose {taken.value} mode", taken, sent=True)
+                raise NotConfirmedError(f"{words} was overtaken by an order from before")
             # Until the item showed it may have flown on to the place that it was sent to before.
-            if objection is not None and (why := objection()) is not None:
-                raise NotConfirmedError(why)
-            await self._choose(choose(FlightMode.MISSION))
+            mission = choose(FlightMode.MISSION)
+            await self._choose(mission, out_of={FlightMode.HOLD}, objection=objection)
             self._speed_known = False
         self._late = None
         if not self._speed_known:
             self._tell_speed()
 
-    async def reposition(self, point: Point, altitude_m: float) -> None:
+    async def reposition(
+        self,
+        point: Point,
+        altitude_m: float,
+        objection: Objection = no_objection,
+        *,
+        out_of: Modes = None,
+    ) -> None:
         """See `Vehicle.reposition`; it leaves once, as a jump does.
 
         DO_REPOSITION is always above mean sea level. PX4 corrects home's altitude in flight, so the
         target is the present altitude corrected by what is missing, both of one message. A home
         that a ground station moved changes neither: heights count from that of the take-off.
         """
+        await self._commands.look("a reposition", out_of, objection)
         telemetry, before = self._telemetry, self._telemetry.target
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)
         self._late = point
@@ -180,29 +199,37 @@ class Px4Motions:
         await self._tell(order, shown)
         self._late = None
 
-    async def hold(self) -> None:
+    async def hold(self, *, out_of: Modes = None) -> None:
         """See `Vehicle.hold`.
 
         A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
         (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. So one that was
         told to fly to a point, and has not shown it, is stopped: it may be about to begin.
         """
+        await self._commands.look("a hold", out_of)
         if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
             await self._stop_here()
         else:
             await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
         self._late = None
 
-    async def land(self) -> None:
+    async def land(self, *, out_of: Modes = None) -> None:
         """See `Vehicle.land`."""
-        await self._choose(land(), attempts=ATTEMPTS)
+        await self._choose(land(), attempts=ATTEMPTS, out_of=out_of)
 
     def stop_telling(self) -> None:
         """The speed is told no more."""
         if self._telling_speed is not None:
             self._telling_speed.cancel()
 
-    async def _choose(self, order: Px4Order, *, attempts: int = 1) -> None:
+    async def _choose(
+        self,
+        order: Px4Order,
+        *,
+        attempts: int = 1,
+        out_of: Modes = None,
+        objection: Objection = no_objection,
+    ) -> None:
         """Have a mode; PX4 1.16 and 1.17 acknowledge one that they then refuse."""
         telemetry = self._telemetry
 
@@ -210,6 +237,7 @@ class Px4Motions:
             told_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             return telemetry.mode is order.leads_to and told_s > sent.first_s
 
+        await self._commands.look(order.words, out_of, objection)
         await self._tell(order, shown, attempts=attempts)
 
     async def _stop_here(self) -> None:
@@ -247,8 +275,9 @@ class Px4Motions:
         self._telling_speed = asyncio.create_task(self._set_speed())
 
     async def _set_speed(self) -> None:
-        order = change_speed(self._speed_m_s)
+        order, mission = change_speed(self._speed_m_s), {FlightMode.MISSION}
         try:
+            await self._commands.look(order.words, mission)
             await self._commands.tell(order, lambda sent: sent.accepted, attempts=ATTEMPTS)
         except NotConfirmedError as error:
             _log.warning("%s", error)

@@ -8,7 +8,7 @@ back again, to tell whether it flies as ours does.
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 from mavsdk.plugins.geofence.geofence import GeofenceResult
@@ -77,6 +77,7 @@ class OnboardPlan:
     Args:
         plugins: Of MAVSDK; what they have no call for is sent as a message.
         telemetry: What the vehicle says, and what sends to it.
+        received: Asks for the flight mode of now; whether it was received.
         report: Told what is different each time that a plan of another sender was compared with
             ours; None: it flies the same.
 
@@ -89,10 +90,12 @@ class OnboardPlan:
         self,
         plugins: Plugins,
         telemetry: Px4Telemetry,
+        received: Callable[[], Awaitable[bool]],
         report: Callable[[str | None], None] = lambda _difference: None,
     ) -> None:
         raw = plugins.raw
         self._plugins, self._telemetry, self._report = plugins, telemetry, report
+        self._received = received
         self.lock = asyncio.Lock()
         self._plan: FlightPlan | None = None  # what we put, or found, on board last
         self._objection: Callable[[], str | None] = _none  # why nothing more is put on board
@@ -195,6 +198,7 @@ class OnboardPlan:
             await self.compare(plan)  # it has all that was sent
             # The same mission was on board before, and PX4 keeps to what it thought of it when it
             # was switched on: it judges a mission anew only if it is another.
+            await self._may_change()
             await _transfer("no mission", self._plugins.raw.clear_mission_async)
             await self._upload(self.mission, plan.items)
             await self._feasible(len(plan.items))
@@ -253,7 +257,7 @@ class OnboardPlan:
 
     async def _clear_fence(self) -> None:
         """Take the fence of an earlier mission off board. Raises PlanRefusedError: it stays."""
-        self._may_change()
+        await self._may_change()
         clear = self._plugins.geofence.clear_geofence_async
         (result,) = await _transfer("no fence", clear)
         if result != GeofenceResult.SUCCESS:
@@ -268,7 +272,7 @@ class OnboardPlan:
         for _ in range(BUSY_ATTEMPTS):
             if not await self.download(self.rally):
                 return
-            self._may_change()
+            await self._may_change()
             fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
             if fault is not None:
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
@@ -276,18 +280,16 @@ class OnboardPlan:
             said = self._telemetry.said()
             raise PlanRefusedError(f"rally points of another mission stay on board{said}")
 
-    def _may_change(self) -> None:
+    async def _may_change(self) -> None:
+        """Nothing is put on board of what a pilot flies: who flies it shows in its mode of now."""
+        if not await self._received():
+            raise PlanRefusedError("nothing is put on board: no flight mode of now was received")
         if (why := self._objection()) is not None:
             raise PlanRefusedError(why)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
-
-        def begin(*arguments: Any) -> None:
-            self._may_change()
-            to.upload(*arguments)
-
-        result, *_ = await _patiently(to.what, begin, raw_items)
+        result, *_ = await _patiently(to.what, to.upload, raw_items, before=self._may_change)
         if result == MissionRawResult.SUCCESS:
             return
         hint = ""
@@ -373,13 +375,27 @@ class OnboardPlan:
         )
 
 
-async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
-    """A transfer that is begun again where another is under way, or too many packets were lost."""
+async def _always() -> None:
+    """It may always begin."""
+
+
+async def _patiently(
+    what: str,
+    method: Callable[..., None],
+    *arguments: Any,
+    before: Callable[[], Awaitable[None]] = _always,
+) -> tuple[Any, ...]:
+    """A transfer that is begun again where another is under way, or too many packets were lost.
+
+    `before` raises where it may not begin.
+    """
     for _ in range(BUSY_ATTEMPTS - 1):
+        await before()
         answer = await _transfer(what, method, *arguments)
         if answer[0] not in _PASSING:
             return answer
         await asyncio.sleep(BUSY_S)
+    await before()
     return await _transfer(what, method, *arguments)
 
 

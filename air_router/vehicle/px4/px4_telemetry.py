@@ -10,7 +10,7 @@ from air_router.vehicle.airframe import AirframeWatch
 from air_router.vehicle.clock import REBOOT_S, VehicleClock, loop_s
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.px4.mavsdk_bridge import Received
-from air_router.vehicle.px4.px4_messages import Handler, PlanIds, Px4Messages
+from air_router.vehicle.px4.px4_messages import MODES, Handler, PlanIds, Px4Messages
 from air_router.vehicle.px4.px4_streams import (
     LIFTED_M,
     Continuity,
@@ -193,11 +193,19 @@ class Px4Telemetry(Px4Messages):
         )
 
     def _came_back(self, silent_s: float) -> None:
-        """Tell of a silence that is over, also if this program stood still in it."""
+        """Tell of a silence that is over, also if this program stood still in it.
+
+        A mode that came just before may have waited in the socket.
+        """
+        for name in MODES:
+            self._streams.void(name)
         self._emit(LinkSilent(self.time_s, silent_s, over=True))
 
-    def _handed(self, name: str, received: Received, handler: Handler) -> None:
+    def _handed(self, name: str, received: Received, handler: Handler, *, old: bool) -> None:
         """Hand a message on, unless it says nothing, and tell how the vehicle is now and then."""
+        if old:  # a mode that a pilot chose is told at once all the same
+            handler(received.fields)
+            return
         self.clock.alive()
         clock = self.clock
         self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.case import Case, Responsible, Violation
 from sitl.rehearsal.judge.evidence import (
     SceneEvent,
     SceneEventKind,
@@ -38,6 +38,11 @@ _NEARLY_M: Final = 1.0
 _AT_HOME_M, _HELD_S = 20.0, 2.0
 """So near to home a take-off may be led on; elsewhere a hold is sent within so long."""
 
+_BEFORE_S: Final = 0.1
+_LISTS: Final = frozenset({"MISSION_COUNT", "MISSION_CLEAR_ALL"})
+_SAID_S: Final = 0.6
+"""What was chosen in a standstill is announced so soon: before another HEARTBEAT would tell it."""
+
 _AGAIN_S: Final = 1.0
 """What was sent before the silence began to count may be repeated, each time so soon after."""
 
@@ -58,6 +63,34 @@ def nothing_leaves_on_a_mode_from_before_a_silence(case: Case) -> Iterator[Viola
                 text = f"{message.name}, and no flight mode was heard since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 return
+
+
+def a_choice_in_a_standstill_stands(case: Case) -> Iterator[Violation]:
+    """A mode that a pilot chose while the companion stood still is announced, and not ended.
+
+    Once it goes on no motion leaves, and no list is put on board, until the vehicle is given back.
+    """
+    told = case.evidence.told
+    stops_s = [h.time_s for h in told(SceneEventKind.STOPPED)]
+    goes_on_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
+    for stopped_s, from_s in zip(stops_s, goes_on_s, strict=False):
+        chosen = (g for g in case.given if g.by is Responsible.PILOT)
+        for choice in (g for g in chosen if stopped_s <= g.begin_s <= from_s):
+            if case.by[case.at(stopped_s - _BEFORE_S)] is not Responsible.OURS:
+                continue
+            end_s = min(choice.end_s, choice.handed_s)
+            for message in case.commands:
+                ends = is_motion(message) or message.name in _LISTS
+                if ends and from_s <= message.time_s < end_s:
+                    text = f"{message.name} over a mode chosen in the standstill before"
+                    yield Violation(message.time_s, "authority", text)
+                    break
+            said_s = from_s + _SAID_S + max(case.evidence.reaction_s - 1.0, 0.0)
+            said_s += case.row.notice_s
+            flies = said_s < float(case.time_s[-1]) and bool(case.flying[case.at(said_s)])
+            if flies and not case.has_said("hands off", stopped_s, said_s):
+                text = f"a mode chosen at {choice.begin_s:.1f} s is not announced"
+                yield Violation(said_s, "told", text)
 
 
 def nothing_leaves_over_an_order_that_shows(case: Case) -> Iterator[Violation]:

@@ -62,6 +62,9 @@ _MISSION, _FENCE, _RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 _TEXTS: Final = frozenset({"param_id", "text"})
 
 Fields = Mapping[str, Any]
+FromAny = Callable[[Fields, tuple[int, int]], None]
+"""Takes the fields of a message, and its system id and component id."""
+
 Send = Callable[[str, Fields], object]
 """Sends a message to the vehicle: its name, and its fields."""
 
@@ -82,6 +85,7 @@ class StandIn(Px4Connection):
         super().__init__(url, system_id)
         self.send = send
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
+        self._direct: defaultdict[str, list[FromAny]] = defaultdict(list)
         self._heard = asyncio.Event()  # a HEARTBEAT of the vehicle
         self._tasks: list[asyncio.Task[None]] = []  # until it is closed
         self._transfers = asyncio.Lock()  # one at a time
@@ -107,10 +111,22 @@ class StandIn(Px4Connection):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def receive(self, name: str, fields: Fields) -> None:
-        """The vehicle's message has come."""
-        for listener in tuple(self._listeners.get(name, ())):
-            listener(fields)
+    def receive(self, name: str, fields: Fields, sender: tuple[int, int] | None = None) -> None:
+        """A message has come: of the vehicle, or of this system and component.
+
+        `MavlinkDirect` hands on all of one system; the rest of MAVSDK knows its autopilot.
+        """
+        autopilot = (self.system_id, _AUTOPILOT)
+        for direct in tuple(self._direct.get(name, ())):
+            direct(fields, sender or autopilot)
+        if sender in {None, autopilot}:
+            for listener in tuple(self._listeners.get(name, ())):
+                listener(fields)
+
+    def listen_to_all(self, name: str, listener: FromAny) -> Callable[[], None]:
+        """Hand messages of a name to this, with their senders; returns what ends it."""
+        self._direct[name].append(listener)
+        return lambda: self._direct[name].remove(listener)
 
     def listen(self, name: str, listener: Callable[[Fields], None]) -> Callable[[], None]:
         """Hand messages of a name to this; returns what ends it."""
@@ -265,9 +281,8 @@ class _Direct(_Plugin):
     def subscribe_message(
         self, name: str, callback: Callable[[MavlinkMessage, Any], None]
     ) -> Callable[[], None]:
-        system_id = self._link.system_id
-        return self._link.listen(
-            name, lambda fields: callback(_message(name, fields, system_id), None)
+        return self._link.listen_to_all(
+            name, lambda fields, sender: callback(_message(name, fields, *sender), None)
         )
 
 
@@ -306,12 +321,14 @@ class _Fence(_Plugin):
         self._answer(work(), callback)
 
 
-def _message(name: str, fields: Fields, system_id: int) -> MavlinkMessage:
+def _message(
+    name: str, fields: Fields, system_id: int, component_id: int = _AUTOPILOT
+) -> MavlinkMessage:
     plain = {
         key: value.rstrip(b"\0").decode() if key in _TEXTS else _plain(value)
         for key, value in fields.items()
     }
-    return MavlinkMessage(name, system_id, _AUTOPILOT, 0, 0, json.dumps(plain))
+    return MavlinkMessage(name, system_id, component_id, 0, 0, json.dumps(plain))
 
 
 def _plain(value: Any) -> Any:

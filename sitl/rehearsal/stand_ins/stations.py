@@ -200,3 +200,75 @@ def intrusion(kind: str, dice: random.Random) -> list[bytes]:
         pack("GLOBAL_POSITION_INT", {**boot, **place}),
         pack("ATTITUDE", boot),
     ]
+
+
+GIMBAL, CAMERA, OTHER_COMPANION, OSD = 154, 100, 192, 201  # MAV_COMP_ID
+_POSITION_MODE: Final = 3 << 16
+_FOREIGN: Final = ((1, GIMBAL), (1, OTHER_COMPANION), (1, CAMERA), (1, OSD), (2, 1))
+"""System id and component id of what speaks on the link of system 1 beside its autopilot."""
+
+
+def foreign_messages(now_s: float) -> list[tuple[tuple[int, int], str, dict[str, Any]]]:
+    """What components of the same system, and another vehicle, say of themselves: by turns.
+
+    Each would end the flight, or have it hold, if it counted as the autopilot's.
+    """
+    boot_ms = round(now_s * 1e3)
+    said: tuple[tuple[str, dict[str, Any]], ...] = (
+        (
+            "HEARTBEAT",
+            {
+                "type": 26,
+                "autopilot": 8,
+                "base_mode": 0,
+                "custom_mode": _POSITION_MODE,
+                "system_status": _EMERGENCY,
+                "mavlink_version": 3,
+            },
+        ),
+        (
+            "CURRENT_MODE",
+            {"standard_mode": 7, "custom_mode": _LANDS, "intended_custom_mode": _LANDS},
+        ),
+        ("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": 1}),
+        (
+            "SYS_STATUS",
+            {
+                "battery_remaining": 0,
+                "voltage_battery": 9_000,
+                "onboard_control_sensors_health": 0,
+            },
+        ),
+        (
+            "GPS_RAW_INT",
+            {
+                "fix_type": 0,
+                "satellites_visible": 0,
+                "h_acc": 0,
+                "alt": 0,
+                "time_usec": boot_ms * 1000,
+            },
+        ),
+        ("MISSION_CURRENT", {"seq": 0, "total": 3, "mission_state": 1, "mission_id": 77}),
+        (
+            "GLOBAL_POSITION_INT",
+            {
+                "time_boot_ms": boot_ms,
+                "lat": 0,
+                "lon": 0,
+                "alt": 0,
+                "relative_alt": 0,
+                "vx": 0,
+                "vy": 0,
+                "vz": 0,
+                "hdg": 0,
+            },
+        ),
+        (
+            "POSITION_TARGET_GLOBAL_INT",
+            {"time_boot_ms": boot_ms, "lat_int": 1, "lon_int": 1, "alt": 0.0},
+        ),
+    )
+    turn = round(now_s * 10.0)
+    name, fields = said[turn % len(said)]
+    return [(_FOREIGN[(turn // len(said)) % len(_FOREIGN)], name, fields)]

@@ -204,7 +204,7 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     vehicle, answer = flight.vehicle, asyncio.Event()
     answered = []
 
-    async def jump(item, objection):
+    async def jump(item, objection, *, out_of):
         vehicle.verbs.append("jump")
         await answer.wait()
         answered.append(item)
@@ -441,9 +441,9 @@ def test_ctrl_c_twice_leaves_at_once(rig, monkeypatch):
     monkeypatch.setattr(os, "_exit", leave)
     hold = flight.vehicle.hold
 
-    async def hold_and_be_interrupted_again():
+    async def hold_and_be_interrupted_again(*, out_of):
         flight.flight._on_interrupt()
-        await hold()
+        await hold(out_of=out_of)
 
     flight.vehicle.hold = hold_and_be_interrupted_again
     flight.plan((150.0, sends(signal.SIGINT)))
@@ -635,7 +635,7 @@ def test_a_mode_that_the_pilot_chose_while_we_got_ready_is_not_taken_back(rig, c
 def unconfirmed_jumps(flight):
     """From now on jumps leave, and neither show nor fail."""
 
-    async def jump(item, objection):
+    async def jump(item, objection, *, out_of):
         flight.vehicle.verbs.append("jump")
         await asyncio.Event().wait()
 

@@ -172,6 +172,7 @@ def test_what_an_object_looks_like():
         },
         "reason": "no",
         "sent": True,
+        "taken": None,
     }
 
 

@@ -48,6 +48,8 @@ from tests.system.scripted_px4 import (
     REPOSITION,
 )
 
+OURS = frozenset({FlightMode.HOLD, FlightMode.MISSION})
+
 
 @pytest.mark.parametrize("verb", ORDERS)
 def test_lost_acknowledgements_do_no_harm_where_telemetry_shows_it(run, verb):
@@ -216,7 +218,9 @@ def hold_over(run, mission):
                 reports.append(event)
                 done.set()
 
-            sender = MotionSender(vehicle, FlightPlan.of(mission), lambda _: None, report)
+            sender = MotionSender(
+                vehicle, FlightPlan.of(mission), lambda _: None, lambda: OURS, report
+            )
             sending = asyncio.create_task(sender.run())
             sender.give(motion)
             await arrived.wait()

@@ -25,7 +25,10 @@ class Told:
         self._telemetry = telemetry
         self.told = []
 
-    def send(self, wire, words):
+    async def look(self, words, out_of=None, objection=None):
+        """It is in the mode that it was in."""
+
+    async def send(self, wire, words, *, out_of, objection):
         self.told.append(wire)
 
     async def tell(self, order, shown, *, attempts):
@@ -75,8 +78,9 @@ def test_a_start_over_which_a_plan_is_put_on_board_is_refused(pennovation, repla
             telemetry.mode = chosen
             raise NotConfirmedError("Mission mode was asked for and does not show")
 
+        commands = SimpleNamespace(tell=tell, look=Told(telemetry).look)
         with pytest.raises(error):
-            await Px4Motions(pennovation, telemetry, SimpleNamespace(tell=tell)).start()
+            await Px4Motions(pennovation, telemetry, commands).start()
 
     asyncio.run(script())
 

@@ -46,9 +46,13 @@ class Board:
         self.told = []  # what was different from the plan that we put on board
         self.after_read = lambda: None
         self.in_air = False
+        self.tells_mode = True
 
     def onboard(self):
-        return OnboardPlan(Plugins(self, self, self), self, self.told.append)
+        return OnboardPlan(Plugins(self, self, self), self, self.received, self.told.append)
+
+    async def received(self):
+        return self.tells_mode
 
     def forget_words(self):
         self.refusals.clear()

@@ -1,0 +1,123 @@
+"""Which flight mode a PX4 has now: asked for, and known by an answer that was sent afterwards.
+
+HEARTBEAT tells the mode once a second, and a socket keeps what came while this program stood
+still: the oldest, until it is full. So a mode that was received says what the vehicle did, perhaps
+before a pilot chose. Here a HEARTBEAT is requested, and one counts that follows what can only have
+been sent after the request: the echo of a TIMESYNC that left with it, or else a message whose
+`time_boot_ms` is no earlier. A link keeps the order; what it loses is requested again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from air_router.vehicle.clock import loop_s
+from air_router.vehicle.px4.px4_messages import GAP_S, MODES, Px4Messages
+
+LIMIT_S: Final = 3.0
+"""Wall-clock limit for the answer: a PX4 answers within 15 ms, a slow radio within a second."""
+
+_AGAIN_S: Final = 0.25
+"""So often the request leaves, until one is answered."""
+
+_LOOK_S: Final = 0.05
+"""So often it is looked whether this program stood still since the request."""
+
+_REQUEST_MESSAGE, _HEARTBEAT = 512, 0  # MAV_CMD, message id
+
+
+@dataclass(slots=True)
+class _Question:
+    """What proves that an answer was sent after it was asked for.
+
+    Attributes:
+        first: The first TIMESYNC that left for it has this `ts1`, later ones a greater.
+        boot_s: The vehicle's time when it was asked, as far as it is known.
+        proven: Something came that was sent since.
+        answered: After that, a mode came.
+    """
+
+    first: int
+    boot_s: float
+    proven: bool = False
+    answered: bool = False
+
+    def begin_anew(self, now: _Question) -> None:
+        """What was asked and answered before counts no more."""
+        self.first, self.boot_s = now.first, now.boot_s
+        self.proven = self.answered = False
+
+    def take(self, name: str, fields: Mapping[str, Any]) -> None:
+        """Any message came, in the order of the link."""
+        if name == "TIMESYNC":
+            self.proven |= fields["tc1"] != 0 and fields["ts1"] >= self.first
+        elif name in MODES:
+            self.answered |= self.proven
+        elif (boot_ms := fields.get("time_boot_ms")) is not None:
+            self.proven |= boot_ms / 1e3 >= self.boot_s
+
+
+class ModeCheck:
+    """Asks a PX4 for its flight mode.
+
+    Args:
+        messages: Takes them to it, and from it.
+    """
+
+    def __init__(self, messages: Px4Messages) -> None:
+        self._messages = messages
+        self._newest = 0  # `ts1` of the latest TIMESYNC that left
+        self._open: list[_Question] = []  # that are waited for
+
+    def listen(self) -> None:
+        """Take what the autopilot says, from now on."""
+        self._messages.take({"TIMESYNC": lambda _fields: None})
+        self._messages.watch(self._on_message)
+
+    async def received(self, limit_s: float = LIMIT_S) -> bool:
+        """Whether a mode has come that the vehicle had after this was called.
+
+        When it returns True that mode was taken in a moment ago, and this program has not stood
+        still since it asked: what follows in the same turn of the loop rests on it.
+
+        Args:
+            limit_s: Wall-clock limit.
+        """
+        end_s, asked_s = loop_s() + limit_s, -math.inf
+        question = self._question()
+        self._open.append(question)
+        try:
+            while (looked_s := loop_s()) < end_s:
+                if looked_s - asked_s >= _AGAIN_S:
+                    self._ask()
+                    asked_s = looked_s
+                answered = await self._messages.shows(lambda: question.answered, _LOOK_S)
+                if loop_s() - looked_s > GAP_S:  # it stood still, and the answer may be old
+                    question.begin_anew(self._question())
+                    asked_s = -math.inf
+                elif answered:
+                    return True
+        finally:
+            self._open.remove(question)
+        return False
+
+    def _question(self) -> _Question:
+        return _Question(self._newest + 1, self._messages.clock.boot_s())
+
+    def _ask(self) -> None:
+        """Request a HEARTBEAT, behind a TIMESYNC."""
+        self._newest = max(self._newest + 1, round(loop_s() * 1e9))
+        self._messages.send("TIMESYNC", {"tc1": 0, "ts1": self._newest}, to_all=True)
+        params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_HEARTBEAT)}
+        self._messages.send(
+            "COMMAND_LONG", {"command": _REQUEST_MESSAGE, "confirmation": 0, **params}
+        )
+
+    def _on_message(self, name: str, fields: Mapping[str, Any]) -> None:
+        for question in self._open:
+            question.take(name, fields)
+            if question.proven:
+                self._messages.up_to_date()
