@@ -161,6 +161,7 @@ class PretendFlight(Airframe):
         self.robots = {}
         self.destinations = {}
         self.deaf = False  # commands are lost
+        self.slow = False  # commands are under way
         self.actions = []
         self.events = []
         self.finished = None
@@ -272,6 +273,8 @@ class PretendFlight(Airframe):
             case Finish():
                 self.finished = action
                 return
+        if self.slow:
+            return  # what becomes of it, the test says
         if self.deaf:
             self.give(CommandFailed(action, "deaf"))
             return

@@ -40,6 +40,7 @@ class ScriptedPx4:
         self.mode, self.armed, self.landed = MISSION, True, AIR
         self.item, self.target, self.plan_id = 3, None, 1
         self.talks = True
+        self.others = []  # (system id, component id, name, fields) that are sent beside it
         self.orders = []
         self.heartbeats = 0
         self._booted_s = time.monotonic()
@@ -120,6 +121,9 @@ class ScriptedPx4:
             latitude, longitude = (round(degrees * 1e7) for degrees in self.target)
             zeros = (0.0,) * 8
             self.say("position_target_global_int", boot_ms, 5, 0, latitude, longitude, 40.0, *zeros)
+        for system, component, name, fields in self.others:
+            frame = Sender(system, component).pack_values(name, fields)
+            self._socket.sendto(frame, self._to)
         base_mode = CUSTOM_MODE | (ARMED if self.armed else 0)
         self.say("heartbeat", COPTER, PX4, base_mode, self.mode, 4)
         with self._news:

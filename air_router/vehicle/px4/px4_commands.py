@@ -9,7 +9,6 @@ a pilot who chose something else meanwhile. Here it leaves again only on a HEART
 after it left that still shows what was before; what leads to a place does not leave again at all.
 """
 
-import contextlib
 import logging
 import math
 from collections import defaultdict, deque
@@ -273,10 +272,12 @@ class Px4Commands:
         verdict = None
         for attempt in range(attempts):
             if attempt:
-                with contextlib.suppress(NotSentError):  # what became of it is not known
+                try:
                     await self.look(order.words, {sent.before.mode, order.leads_to})
-                # It may not have been received, or follow just now.
-                if not self._no_other_chose(sent):
+                except NotSentError:
+                    verdict = None  # it has left before, and what became of that is not known
+                    break
+                if not self._unchanged(sent):  # it follows just now, perhaps, or is about it
                     verdict = await self._settled(sent, shown, more=False)
                     break
             self._leave(sent, attempt)
@@ -338,12 +339,15 @@ class Px4Commands:
 
     def _no_other_chose(self, sent: SentOrder) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""
+        heartbeat_s = self._telemetry.arrived_s("HEARTBEAT")
+        just_now = loop_s() - heartbeat_s <= FRESH_S
+        return heartbeat_s >= sent.last_s + SETTLED_S and just_now and self._unchanged(sent)
+
+    def _unchanged(self, sent: SentOrder) -> bool:
+        """Whether all is as it was before the order, by what the vehicle said last."""
         telemetry = self._telemetry
-        heartbeat_s = telemetry.arrived_s("HEARTBEAT")
         return (
-            heartbeat_s >= sent.last_s + SETTLED_S
-            and loop_s() - heartbeat_s <= FRESH_S
-            and sent.heard_s < sent.last_s
+            sent.heard_s < sent.last_s
             and sent.before.told_since(sent.last_s, telemetry)
             and sent.before.same(ObservedState.of(telemetry))
             # Mission mode would fly what a ground station has put on board meanwhile.

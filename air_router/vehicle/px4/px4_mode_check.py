@@ -105,11 +105,15 @@ class ModeCheck:
         return False
 
     def _question(self) -> _Question:
-        return _Question(self._newest + 1, self._messages.clock.boot_s())
+        return _Question(self._stamp(), self._messages.clock.boot_s())
+
+    def _stamp(self) -> int:
+        """A time in nanoseconds that no TIMESYNC of ours has had."""
+        return max(self._newest + 1, round(loop_s() * 1e9))
 
     def _ask(self) -> None:
         """Request a HEARTBEAT, behind a TIMESYNC."""
-        self._newest = max(self._newest + 1, round(loop_s() * 1e9))
+        self._newest = self._stamp()
         self._messages.send("TIMESYNC", {"tc1": 0, "ts1": self._newest}, to_all=True)
         params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_HEARTBEAT)}
         self._messages.send(

@@ -204,7 +204,7 @@ def intrusion(kind: str, dice: random.Random) -> list[bytes]:
 
 GIMBAL, CAMERA, OTHER_COMPANION, OSD = 154, 100, 192, 201  # MAV_COMP_ID
 _POSITION_MODE: Final = 3 << 16
-_FOREIGN: Final = ((1, GIMBAL), (1, OTHER_COMPANION), (1, CAMERA), (1, OSD), (2, 1))
+FOREIGN: Final = ((1, GIMBAL), (1, OTHER_COMPANION), (1, CAMERA), (1, OSD), (2, 1))
 """System id and component id of what speaks on the link of system 1 beside its autopilot."""
 
 
@@ -213,8 +213,14 @@ def foreign_messages(now_s: float) -> list[tuple[tuple[int, int], str, dict[str,
 
     Each would end the flight, or have it hold, if it counted as the autopilot's.
     """
-    boot_ms = round(now_s * 1e3)
-    said: tuple[tuple[str, dict[str, Any]], ...] = (
+    said, turn = foreign_words(round(now_s * 1e3)), round(now_s * 10.0)
+    name, fields = said[turn % len(said)]
+    return [(FOREIGN[(turn // len(said)) % len(FOREIGN)], name, fields)]
+
+
+def foreign_words(boot_ms: int) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Names and fields of what they say: landed, disarmed, empty, elsewhere, in another mode."""
+    return (
         (
             "HEARTBEAT",
             {
@@ -269,6 +275,3 @@ def foreign_messages(now_s: float) -> list[tuple[tuple[int, int], str, dict[str,
             {"time_boot_ms": boot_ms, "lat_int": 1, "lon_int": 1, "alt": 0.0},
         ),
     )
-    turn = round(now_s * 10.0)
-    name, fields = said[turn % len(said)]
-    return [(_FOREIGN[(turn // len(said)) % len(_FOREIGN)], name, fields)]

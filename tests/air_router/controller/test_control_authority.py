@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from air_router.controller.control_authority import COMPARED_S
+from air_router.controller.control_authority import COMPARED_S, LATE_S
 from air_router.controller.model.actions import (
     Announce,
     ControlHolder,
@@ -15,7 +15,7 @@ from air_router.controller.model.actions import (
     HoldHere,
     LandHere,
 )
-from air_router.controller.model.events import RobotPose
+from air_router.controller.model.events import CommandFailed, RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow, LandNow, SeekNow
 from air_router.controller.model.standing_alarms import ESCALATES_S, REPEATED_S
 from air_router.controller.model.states import State
@@ -779,3 +779,64 @@ def test_a_vehicle_that_a_pilot_has_taken_is_not_alarmed_of(away):
     flight.mode, flight.target = FlightMode.POSITION, None
     flight.fly_for(2 * REPEATED_S)
     assert alarmed(flight) == []
+
+
+def holds(flight):
+    """A hold of ours that has been decided on, for a lost fix, and of which nothing shows yet."""
+    flight.slow, flight.fix = True, False
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    return flight.motions[-1]
+
+
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND])
+def test_a_mode_that_kept_an_order_from_leaving_is_the_pilots(away, mode):
+    """Hold among them: the hold that was about to leave does not explain it."""
+    flight = away()
+    order = holds(flight)
+    flight.give(CommandFailed(order, "it was not sent", sent=False, taken=mode))
+    assert flight.controller.state is State.PASSIVE
+    assert flight.said[-1] == f"hands off: the pilot chose {mode.value} mode"
+    assert flight.controller.gate.pending is None
+
+
+def test_a_hold_that_was_not_sent_explains_no_hold_mode(away):
+    flight = away()
+    order = holds(flight)
+    flight.give(CommandFailed(order, "no flight mode of now was received", sent=False))
+    flight.pilot_chooses(FlightMode.HOLD)
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_a_hold_that_was_sent_and_not_confirmed_explains_hold_mode(away):
+    flight = away()
+    order = holds(flight)
+    flight.give(CommandFailed(order, "it does not show", sent=True))
+    flight.mode = FlightMode.HOLD
+    flight.step()
+    assert flight.controller.state is not State.PASSIVE
+
+
+def test_an_order_that_crossed_the_pilots_choice_is_an_alarm_that_says_what_to_do(away):
+    flight = away()
+    holds(flight)
+    flight.pilot_chooses(FlightMode.RETURN)
+    assert flight.said[-1] == "hands off: the pilot chose Return mode"
+    flight.mode = FlightMode.HOLD  # our hold has reached it behind the pilot's choice
+    flight.step()
+    alarms = [a for a in flight.actions if isinstance(a, Announce) and a.severity is Severity.ALARM]
+    (alarm,) = alarms
+    assert alarm.text == "Hold mode followed Return mode: an order of ours was on its way"
+    assert alarm.instruction == "choose Return mode again if that is wanted"
+
+
+@pytest.mark.parametrize("seen_s", [0.5, 10.0])
+def test_a_hold_that_the_pilot_chooses_after_another_mode_is_no_alarm(away, seen_s):
+    flight = away()
+    if seen_s > LATE_S:
+        holds(flight)
+    flight.pilot_chooses(FlightMode.RETURN)
+    flight.fly_for(seen_s)
+    flight.mode = FlightMode.HOLD
+    flight.step()
+    assert not [a for a in flight.actions if getattr(a, "severity", None) is Severity.ALARM]

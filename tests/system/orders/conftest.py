@@ -40,9 +40,11 @@ def run(mission, udp_port):
     def degrees(point):
         return mission.frame.to_geodetic(point)
 
-    def start(answer, script, **state):
+    def start(answer, script, keep=None, **state):
         px4 = ScriptedPx4(udp_port, degrees(mission.home), answer)
         px4.places = degrees
+        if keep is not None:
+            keep.append(px4)
 
         async def main():
             vehicle = Px4Vehicle(mission, f"udpin://127.0.0.1:{udp_port}", VehicleClock())

@@ -6,7 +6,15 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.vehicle.px4.px4_link import ANEW_S, PeerFilter, Px4Link, frames
+from air_router.vehicle.px4.px4_link import (
+    ANEW_S,
+    KEPT_S,
+    RECEIVE_BYTES,
+    PeerFilter,
+    Px4Link,
+    frames,
+    widen,
+)
 
 VEHICLE, INTRUDER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
 
@@ -75,3 +83,45 @@ def test_over_real_sockets():
         assert vehicle.recv(100) == b"an order"
         link.close()
     assert heard.empty()
+
+
+class Kernel:
+    """A socket whose kernel grants so many bytes of receive buffer."""
+
+    def __init__(self, most):
+        self.most, self.granted = most, min(212_992, most)
+
+    def setsockopt(self, _level, option, value):
+        if option != socket.SO_RCVBUF:
+            raise PermissionError
+        self.granted = min(2 * value, self.most)  # Linux doubles it
+
+    def getsockopt(self, _level, _option):
+        return self.granted
+
+
+def test_a_buffer_that_the_kernel_grants_is_not_worth_a_word(caplog):
+    assert widen(Kernel(1 << 30)) == KEPT_S
+    assert caplog.text == ""
+
+
+def test_a_buffer_that_the_kernel_does_not_grant_is_logged_with_what_to_do(caplog):
+    assert widen(Kernel(425_984)) == pytest.approx(1.25, abs=0.01)
+    assert "keeps 1.2 s" in caplog.text
+    assert f"sysctl -w net.core.rmem_max={RECEIVE_BYTES // 2}" in caplog.text
+
+
+def test_a_real_socket_keeps_what_it_says():
+    """Datagrams as a PX4 sends them, while nothing reads them: the oldest, until it is full."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle,
+    ):
+        bound.bind(("127.0.0.1", 0))
+        kept_s = widen(bound)
+        bound.setblocking(False)
+        wanted = round(kept_s * 410 * 0.9)
+        for number in range(wanted):
+            vehicle.sendto(number.to_bytes(4, "little") + bytes(56), bound.getsockname())
+        found = [int.from_bytes(bound.recv(100)[:4], "little") for _ in range(wanted)]
+    assert found == list(range(wanted))

@@ -122,6 +122,42 @@ class Board:
         answer(MissionRawResult.SUCCESS, self.rally, None)
 
 
+def test_nothing_is_put_on_board_while_no_flight_mode_of_now_is_received(pennovation):
+    board = Board()
+    board.tells_mode = False
+    with pytest.raises(PlanRefusedError, match="no flight mode of now was received"):
+        asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
+    assert (board.uploads, board.fence, board.rally) == (0, [], [])
+
+
+def test_the_mode_is_asked_for_before_each_list_that_is_put_on_board(pennovation):
+    """A pilot who took the vehicle between two lists shows in it, and the objection knows."""
+    board, taken, said = Board(), [], []
+
+    async def received():
+        said.append((bool(board.fence), bool(board.rally), board.uploads))
+        if board.fence:
+            taken.append("the pilot has it")
+        return True
+
+    board.received = received
+    plan = FlightPlan.of(pennovation)
+    board.items = [to_raw(n, item, 0) for n, item in enumerate(plan.items)]
+    board.rally = [to_raw(n, item, px4_plan.RALLY) for n, item in enumerate(plan.rally[:-1])]
+    onboard = board.onboard()
+    take = board.upload_rally_points_async
+
+    def rally(items, answer):
+        board.fence = ["drawn meanwhile"]
+        take(items, answer)
+
+    board.upload_rally_points_async = rally
+    onboard = board.onboard()
+    with pytest.raises(PlanRefusedError, match="the pilot has it"):
+        asyncio.run(onboard.renew(plan, lambda: taken[0] if taken else None))
+    assert board.fence == ["drawn meanwhile"]
+
+
 def test_the_same_mission_that_was_found_wrong_at_power_on_is_judged_anew(pennovation):
     plan, board = FlightPlan.of(pennovation), Board()
     board.judged = identity([to_raw(n, item, 0) for n, item in enumerate(plan.items)])
