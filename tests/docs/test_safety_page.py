@@ -35,6 +35,17 @@ def test_every_unsafe_command_has_a_test_and_a_scene():
                 assert name in known or name in Fault.__members__, (command, name)
 
 
+def test_every_belief_has_a_test_and_the_scenes_exist():
+    section = TEXT.partition("## What is believed")[2].partition("\nWhat leaves")[0]
+    table = [line.split(" | ") for line in section.splitlines() if line.startswith("| ")][1:]
+    known = set(names_of_tests()) | set(Fault.__members__)
+    assert len(table) == 11
+    for belief, *_, evidence in table:
+        named = re.findall(r"`(\w+)`", evidence)
+        assert [name for name in named if name.startswith("test_")], belief
+        assert set(named) <= known, (belief, set(named) - known)
+
+
 def test_what_shows_the_faults_of_an_older_version_exists():
     named = set(re.findall(r"test_\w+_\w+_\w+", SHOWN))
     assert len(named) > 40

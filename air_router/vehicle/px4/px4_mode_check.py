@@ -74,7 +74,7 @@ class ModeCheck:
 
     def listen(self) -> None:
         """Take what the autopilot says, from now on."""
-        self._messages.take({"TIMESYNC": lambda _fields: None})
+        self._messages.take({"TIMESYNC": self._on_timesync})
         self._messages.watch(self._on_message)
 
     async def received(self, limit_s: float = LIMIT_S) -> bool:
@@ -119,6 +119,9 @@ class ModeCheck:
         self._messages.send(
             "COMMAND_LONG", {"command": _REQUEST_MESSAGE, "confirmation": 0, **params}
         )
+
+    def _on_timesync(self, fields: Mapping[str, Any]) -> None:
+        """An echo of ours, or a question of the vehicle's: looked at with all, in their order."""
 
     def _on_message(self, name: str, fields: Mapping[str, Any]) -> None:
         for question in self._open:

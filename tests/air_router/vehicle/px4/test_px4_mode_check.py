@@ -10,7 +10,7 @@ from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, TakenOverError
 from geo.frame import Point
 from sitl.rehearsal.companion import SimulatedLoop, World
-from tests.air_router.vehicle.px4.conftest import HOLD, LAND, MISSION, RETURN
+from tests.air_router.vehicle.px4.conftest import HOLD, LAND, MISSION, ON_GROUND, RETURN
 
 POSITION = 3 << 16
 STALLS_S = (0.25, 0.6, 1.0, 2.0)
@@ -220,21 +220,60 @@ def test_after_a_standstill_the_modes_that_were_kept_are_told_and_none_counts_as
     assert px4.telemetry.snapshot().ages.mode_s == 0.0
 
 
-@pytest.mark.parametrize(
-    "name", ["GLOBAL_POSITION_INT", "SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE"]
-)
-def test_after_a_standstill_no_state_of_before_is_believed(px4, name):
-    def state():
-        told = px4.telemetry.snapshot()
-        return (told.position, told.altitude_m, told.battery, told.fix, told.in_air)
+STATES = {
+    "GLOBAL_POSITION_INT": lambda told: (told.position, told.altitude_m),
+    "POSITION_TARGET_GLOBAL_INT": lambda told: told.target,
+    "MISSION_CURRENT": lambda told: told.item,
+    "EXTENDED_SYS_STATE": lambda told: told.in_air,
+    "SYS_STATUS": lambda told: told.battery,
+    "GPS_RAW_INT": lambda told: told.fix,
+}
 
-    before = state()
-    old_boot_s = px4.boot_s
-    px4.wall_s += 1.0
-    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(old_boot_s * 1e3) + 20)
-    px4.east_m, px4.height_m, px4.battery, px4.fix, px4.landed = 50.0, 60.0, 3, 0, 1
-    px4.says(name, **({"time_boot_ms": round(old_boot_s * 1e3) + 40} if "POS" in name else {}))
-    assert state() == before
+
+def is_another(px4):
+    """All that the vehicle says of itself is otherwise from now on, but its mode."""
+    px4.east_m, px4.height_m = 50.0, 60.0
+    px4.item, px4.landed, px4.battery, px4.fix = 7, ON_GROUND, 3, 0
+
+
+@pytest.mark.parametrize("stall_s", STALLS_S)
+@pytest.mark.parametrize("name", STATES)
+def test_after_a_standstill_no_state_of_before_is_believed(px4, name, stall_s):
+    """What the socket kept tells of the beginning of the gap; it is believed as of now."""
+    before = STATES[name](px4.telemetry.snapshot())
+    ids = px4.telemetry.plan_ids
+    px4.wall_s += stall_s
+    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    is_another(px4)
+    if name != "GLOBAL_POSITION_INT":
+        px4.says(name, mission_id=99)
+    assert STATES[name](px4.telemetry.snapshot()) == before
+    assert px4.telemetry.plan_ids == ids
+    px4.boot_s += stall_s
+    px4.says("GLOBAL_POSITION_INT")
+    px4.says(name, mission_id=99)
+    px4.run(0.8)  # it has its place by messages that agree
+    px4.says(name, mission_id=99)
+    assert STATES[name](px4.telemetry.snapshot()) != before
+
+
+@pytest.mark.parametrize("stall_s", STALLS_S)
+def test_a_home_that_was_moved_in_a_standstill_is_told(px4, stall_s):
+    before = px4.telemetry.home
+    px4.wall_s += stall_s
+    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    px4.says("HOME_POSITION", latitude=399_500_000, longitude=-751_900_000, altitude=9000)
+    assert px4.telemetry.home != before
+
+
+@pytest.mark.parametrize("stall_s", STALLS_S)
+def test_after_a_standstill_the_time_has_gone_on(px4, stall_s):
+    """Timers that are due in it are due: what the socket kept does not turn the time back."""
+    before_s = px4.clock.boot_s()
+    px4.wall_s += stall_s
+    assert px4.clock.boot_s() == pytest.approx(before_s + stall_s, abs=0.1)
+    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    assert px4.clock.boot_s() == pytest.approx(before_s + stall_s, abs=0.1)
 
 
 def test_a_mode_that_shows_between_an_order_and_its_confirmation_is_the_pilots(wire):
