@@ -21,6 +21,7 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.input_limits import MODE_S
 from air_router.vehicle.instructions import (
     CHECK_LINK,
+    CHOOSE_AGAIN,
     CONNECT_ANOTHER,
     FLY_OUT,
     IN_YOUR_HANDS,
@@ -213,7 +214,7 @@ class ControlAuthority:
             context.alarm(
                 f"{telemetry.mode.value} mode followed {mode.value} mode: an order of ours was on "
                 "its way",
-                f"choose {mode.value} mode again if that is wanted",
+                CHOOSE_AGAIN,
             )
         self._look_at_inputs(telemetry)
         breach = self._monitor.breach(telemetry)

@@ -32,6 +32,7 @@ WATCH_FAILSAFE: Final = Instruction(
     "Pilot: watch what PX4 does, and take over if it nears a zone or people"
 )
 TAKE_FROM_HERE: Final = Instruction("Pilot: take over, or let PX4 return it")
+CHOOSE_AGAIN: Final = Instruction("Pilot: choose your flight mode again if you want it")
 IN_YOUR_HANDS: Final = Instruction(
     "Pilot: fly it by hand. Operator: 'resume' continues the mission, 'home' brings it home"
 )

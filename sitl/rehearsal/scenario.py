@@ -225,7 +225,7 @@ class Scenario(World, ABC):
             if stalled:
                 next_s = min(next_s, self._stalled_until_s)
             if next_s > until_s and not stalled:
-                self.now_s = until_s
+                self.now_s = max(self.now_s, until_s)  # it may have stood still for longer
                 break
             self.now_s = max(self.now_s, next_s)
             if self._stalled_until_s <= self.now_s:

@@ -54,6 +54,9 @@ LONGEST_S: Final = 15.0
 LOOKED_S: Final = 0.02
 """A command leaves so shortly after the vehicle's mode was looked at."""
 
+POLL_S: Final = 0.1
+"""So often the vehicle's mode is requested while it is waited for."""
+
 SAME_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
 
@@ -320,8 +323,11 @@ class Px4Commands:
             if left_s <= 0.0:
                 judged()
                 return verdict
-            if await self._telemetry.shows(judged, left_s):
+            if await self._telemetry.shows(judged, min(left_s, POLL_S)):
                 return verdict
+            # A mode that it has now and no HEARTBEAT has told yet is a pilot's as soon as another
+            # follows: the sooner ours is known, the sooner that shows.
+            self.check.request()
 
     def _verdict(self, sent: SentOrder, shown: Shown, *, more: bool) -> OrderOutcome | None:
         if shown(sent):

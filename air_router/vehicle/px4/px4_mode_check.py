@@ -115,6 +115,10 @@ class ModeCheck:
         """Request a HEARTBEAT, behind a TIMESYNC."""
         self._newest = self._stamp()
         self._messages.send("TIMESYNC", {"tc1": 0, "ts1": self._newest}, to_all=True)
+        self.request()
+
+    def request(self) -> None:
+        """Have the vehicle send a HEARTBEAT; what it says may be from before some order of ours."""
         params = {f"param{n}": 0.0 for n in range(1, 8)} | {"param1": float(_HEARTBEAT)}
         self._messages.send(
             "COMMAND_LONG", {"command": _REQUEST_MESSAGE, "confirmation": 0, **params}
