@@ -52,13 +52,14 @@ class Pilot:
     Args:
         bound: Its port.
         to: Where the vehicle listens; None: where it sends from.
+        vehicle: Its system id.
     """
 
-    def __init__(self, bound, to):
-        self._socket, self._to = bound, to
+    def __init__(self, bound, to, vehicle):
+        self._socket, self._to, self._vehicle = bound, to, (vehicle, 1)
         self._socket.settimeout(BEAT_S)
         self._lock = threading.Lock()
-        self.station = Station(255, self._send)
+        self.station = Station(255, self._send, vehicle)
         self.modes = []  # (when, custom mode), as heard
         self.place, self.height_m = None, 0.0
         self.armed = False
@@ -98,7 +99,7 @@ class Pilot:
                     self._take(message)
 
     def _take(self, message):
-        if message.get_srcComponent() != 1:
+        if (message.get_srcSystem(), message.get_srcComponent()) != self._vehicle:
             return
         match message.get_type():
             case "HEARTBEAT":
@@ -262,7 +263,7 @@ def flown(request, tmp_path):
         if request.param == "px4":
             api = int(ready["mavlink"].rpartition(":")[2])
             to = ("127.0.0.1", 18570 + ready["system_id"] - 1)
-        pilot = stack.enter_context(contextlib.closing(Pilot(bound, to)))
+        pilot = stack.enter_context(contextlib.closing(Pilot(bound, to, ready["system_id"])))
         words = [str(file.path), f"--connect=udpin://127.0.0.1:{api}", f"--log-dir={tmp_path}"]
         words += [f"--sysid={ready['system_id']}", "--arm", "--yes"]
         companion = Companion(OURS, words, tmp_path, time.monotonic)

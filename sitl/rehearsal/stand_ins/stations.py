@@ -37,15 +37,16 @@ class Station:
     Args:
         system: Its system id.
         send: Takes every message that it sends to the vehicle.
+        vehicle: The vehicle's system id.
     """
 
-    def __init__(self, system: int, send: Send) -> None:
+    def __init__(self, system: int, send: Send, vehicle: int = 1) -> None:
         self._sender = Sender(system, _GROUND_CONTROL)
-        self._send = send
+        self._send, self._vehicle = send, vehicle
 
     def say(self, name: str, **fields: Any) -> None:
         """Send a message to the vehicle; fields that are not given are 0."""
-        self._send(self._sender, name, addressed(name, 1, fields))
+        self._send(self._sender, name, addressed(name, self._vehicle, fields))
 
     def command(self, number: int, *params: float) -> None:
         """A COMMAND_LONG."""

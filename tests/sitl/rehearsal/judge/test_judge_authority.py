@@ -162,3 +162,47 @@ def test_a_landing_that_we_have_ordered_needs_no_plan(at_s, delivered, end):
     replaced = (SceneEvent(at_s, SceneEventKind.PILOT, "plan"),)
     flown = evidence(more=[order], happenings=replaced, faults=("PLAN_DELETED",))
     assert judge(flown).end is End[end]
+
+
+RETURN = 0x05040000
+STANDS = (
+    SceneEvent(40.0, SceneEventKind.STOPPED, None),
+    SceneEvent(41.0, SceneEventKind.PILOT, "AUTO_RTL"),
+    SceneEvent(41.5, SceneEventKind.CONTINUED, None),
+)
+
+
+def stood_still(*messages, said=(41.6, "hands off: the pilot chose Return mode"), scene=STANDS):
+    """What is found of a flight whose pilot chose Return at 41 s, in a standstill to 41.5 s."""
+    states = [
+        (*state[:5], RETURN if n * 0.05 >= 41.0 else state[5]) for n, state in enumerate(track())
+    ]
+    flown = evidence(states, more=messages, code=6, said=(said,), happenings=scene, reaction_s=0.0)
+    return [v.text for v in judge(flown).violations if "standstill" in v.text or "41.0" in v.text]
+
+
+def test_a_choice_in_a_standstill_that_is_announced_and_left_alone_is_good():
+    assert stood_still() == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        command(41.51, 176, param2=4.0, param3=3.0),
+        goto(41.6, 60, 0),
+        dataclasses.replace(goto(45.0, 60, 0), name="MISSION_SET_CURRENT", fields={"seq": 2}),
+        dataclasses.replace(goto(45.0, 60, 0), name="MISSION_COUNT", fields={"mission_type": 1}),
+    ],
+)
+def test_what_leaves_over_a_choice_in_a_standstill_is_found(message):
+    assert any("chosen in the standstill before" in text for text in stood_still(message))
+
+
+@pytest.mark.parametrize("said", [(43.0, "hands off: late"), (41.6, "it holds")])
+def test_a_choice_in_a_standstill_that_is_not_announced_at_once_is_found(said):
+    assert stood_still(said=said) == ["a mode chosen at 41.0 s is not announced"]
+
+
+def test_a_choice_outside_of_a_standstill_is_another_rules():
+    ends = SceneEvent(40.5, SceneEventKind.CONTINUED, None)
+    assert "is not announced" not in str(stood_still(scene=(*STANDS[:1], ends, STANDS[1])))
