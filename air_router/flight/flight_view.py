@@ -60,6 +60,10 @@ class FlightView:
             "uav": self._name,
             "origin": list(self._frame.origin),
             "changes": self._changes(),
+            "alarms": [
+                {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
+                for about, alarm in self._controller.context.alarms.shown.items()
+            ],
             "heard": self._heard(),
             "links": [self._link(link) for _, link in sorted(self._links().items())],
             "areas_revision": self._revision,

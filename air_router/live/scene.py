@@ -13,12 +13,14 @@ from typing import Any, Final, Generic, TypeVar
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
+from air_router.controller.model.states import State
 from air_router.controller.targets.target_list import TargetTrack
 from air_router.gossip.interactions import Interactions
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
 from air_router.vehicle.clock import REBOOT_S
+from air_router.vehicle.instructions import Severity
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.outlines import area_beside, buffer, degrees
 from air_router.words import wind_words
@@ -31,6 +33,9 @@ TRACK_STEP_M: Final = 0.5
 
 MOST_NEWS: Final = 200
 """So many lines of news are kept for a page that is opened later."""
+
+MOST_ALARMS: Final = 5
+"""So many of the newest are shown at once: more would hide the map."""
 
 SAMPLE_S, MOST_ROWS = 1.0, 3_600
 """How often a row of what is plotted is kept, and how many of them."""
@@ -81,6 +86,7 @@ class LiveScene:
     Attributes:
         track: Latitude and longitude of the points of the flown track.
         news: The lines of the log.
+        alarms: What the pilot or the operator has to act on, and warnings; the newest last.
         interactions: Contacts and syncs.
         rows: What is plotted: seconds, altitude and speed in metres (per second), charge (0..1),
             metres to the nearest border, and of each peer its signal, whether data crossed,
@@ -101,6 +107,7 @@ class LiveScene:
         self.rows: History[list[Any]] = History(MOST_ROWS)
         self._sampled_s = -math.inf  # the last row's time
         self.news: History[dict[str, Any]] = History(MOST_NEWS)
+        self.alarms: list[dict[str, Any]] = []
 
     # What happens.
 
@@ -133,11 +140,37 @@ class LiveScene:
                 case StateChanged(source=source, target=target):
                     self._tell("state", f"{source.name} → {target.name}")
                 case Announce():
-                    self._tell("said", action.words)
+                    self._announced(action)
                 case CommandAck(by=by, accepted=accepted, why=why):
                     self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
                 case Finish(why=why):
                     self._tell("state", why)
+
+    def _announced(self, said: Announce) -> None:
+        """What is said again of the same thing, or that it is over, takes its place."""
+        grave = None if said.severity is Severity.INFO else said.severity.value
+        self._tell("said", said.words, grave)
+        if said.about:
+            self.alarms = [alarm for alarm in self.alarms if alarm["about"] != said.about]
+        if grave is not None:
+            self.alarms.append(
+                {
+                    "n": self.news.count,
+                    "t": round(self._now_s, 1),
+                    "severity": grave,
+                    "text": said.text,
+                    "instruction": said.instruction,
+                    "about": said.about,
+                }
+            )
+            del self.alarms[:-MOST_ALARMS]
+
+    def open_alarms(self) -> list[dict[str, Any]]:
+        """Those that are not over: what was to last until then is shown no longer."""
+        if self._controller.state is State.DONE:
+            return []
+        standing = self._controller.context.alarms.shown
+        return [a for a in self.alarms if not a["about"] or a["about"] in standing]
 
     def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """What the node measures now."""
@@ -258,9 +291,9 @@ class LiveScene:
             self._track_end = position
             self.track.add(self._pair(position))
 
-    def _tell(self, kind: str, text: str) -> None:
-        number, t = self.news.count + 1, round(self._now_s, 1)
-        self.news.add({"n": number, "t": t, "kind": kind, "text": text})
+    def _tell(self, kind: str, text: str, severity: str | None = None) -> None:
+        line = {"n": self.news.count + 1, "t": round(self._now_s, 1), "kind": kind, "text": text}
+        self.news.add(line if severity is None else {**line, "severity": severity})
 
     def _pair(self, point: Point) -> list[float]:
         return degrees(self._frame, point)

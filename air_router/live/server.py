@@ -223,6 +223,7 @@ class LivePage:
             self._browsers.broadcast("scenery", self._scenery)
         self.tell("vehicle", scene.vehicle())
         self.tell("robots", {"robots": scene.robots()})
+        self.tell("alarms", {"alarms": scene.open_alarms()})
         if self._ticks % SLOW_TICKS == 1:
             scene.links(self._links())
             piece = self._map_feed.news()

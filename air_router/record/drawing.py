@@ -18,6 +18,7 @@ from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint,
 from air_router.controller.model.events import RobotPose
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
+from air_router.vehicle.instructions import Severity
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.zone import Band
 from geo.frame import FrameError, Point
@@ -41,6 +42,7 @@ Plain = dict[str, Any]
 
 _TYPES: Final = {str: "string", int: "integer"}
 _INFO, _UINT8, _LOOP, _LIST = 2, 1, 1, 2  # of Foxglove's enumerations
+_LEVELS: Final = {Severity.INFO: _INFO, Severity.WARNING: 3, Severity.ALARM: 4}  # WARNING, ERROR
 _COLOURS: Final = {"fence": "#2e7d32", "zone": "#c62828", "waypoint": "#1565c0", "leg": "#f9a825"}
 _FENCE, _ZONE, _IDLE = (0.18, 0.49, 0.2), (0.78, 0.16, 0.16), (0.5, 0.5, 0.5)
 _GRAPH, _ROBOT, _TEXT = (0.4, 0.4, 0.4), (0.08, 0.4, 0.75), (0.9, 0.9, 0.9)
@@ -136,7 +138,7 @@ class FlightDrawing:
                     leg = {"type": "LineString", "coordinates": self._coordinates((here, target))}
                     yield _geojson("/leg", [_feature("leg", "leg", leg)])
             case Announce():
-                yield _log(action.words, unix_s)
+                yield _log(action.words, unix_s, _LEVELS[action.severity])
             case StateChanged(source=source, target=target, robot=robot):
                 whom = "" if robot is None else f" ({robot})"
                 yield _log(f"{source.name} -> {target.name}{whom}", unix_s)
@@ -234,9 +236,9 @@ def _feature(kind: str, name: str, geometry: Plain) -> Plain:
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
-def _log(text: str, unix_s: float) -> Drawn:
+def _log(text: str, unix_s: float, level: int = _INFO) -> Drawn:
     where = {"name": "air_router", "file": "", "line": 0}
-    message = {"timestamp": _time(unix_s), "level": _INFO, "message": text, **where}
+    message = {"timestamp": _time(unix_s), "level": level, "message": text, **where}
     return Drawn("/log", LOG, message)
 
 

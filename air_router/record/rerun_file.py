@@ -111,8 +111,16 @@ def _geojson(recording: rr.RecordingStream, topic: str, message: dict[str, Any])
     )
 
 
+_TEXT_LEVELS: Final = {
+    2: rr.TextLogLevel.INFO,
+    3: rr.TextLogLevel.WARN,
+    4: rr.TextLogLevel.ERROR,
+}
+"""By the levels of Foxglove's log."""
+
+
 def _log(recording: rr.RecordingStream, topic: str, message: dict[str, Any]) -> None:
-    recording.log(topic, rr.TextLog(message["message"], level=rr.TextLogLevel.INFO))
+    recording.log(topic, rr.TextLog(message["message"], level=_TEXT_LEVELS[message["level"]]))
 
 
 _DRAWN: Final[dict[str, Callable[[rr.RecordingStream, str, dict[str, Any]], None]]] = {

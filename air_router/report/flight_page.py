@@ -138,7 +138,10 @@ def _what_was_said(
         for r in summary.requests
     ]
     yield "Requests", ("at", "what", "who", "answer"), requests
-    yield "Announcements", ("at", "text"), [(at(t), said) for t, said in summary.announcements]
+    announced: list[tuple[str, ...]] = [
+        (at(t), severity, said) for t, severity, said in summary.announcements
+    ]
+    yield "Announcements", ("at", "severity", "text"), announced
     yield "Commands not followed", ("at", "what"), [(at(t), what) for t, what in summary.failures]
 
 

@@ -73,7 +73,7 @@ class FlightSummary:
         distances: (t, metres to the nearest zone or fence) in the air, while it was ours.
         battery: (t, charge 0..1) in the air.
         states: One after the other.
-        announcements: (t, text).
+        announcements: (t, severity, text).
         requests: Requests and their answers.
         failures: (t, text): commands that the vehicle did not follow.
         robots: Where robots were heard: name -> (t, east_m, north_m, stamp_s).
@@ -91,7 +91,7 @@ class FlightSummary:
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     states: list[StateInterval] = field(default_factory=list)
-    announcements: list[tuple[float, str]] = field(default_factory=list)
+    announcements: list[tuple[float, str, str]] = field(default_factory=list)
     closest: tuple[float, str] | None = field(default=None, init=False)  # metres, what to
     requests: list[RequestRecord] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
@@ -205,7 +205,7 @@ class FlightSummary:
                 about = robot if target in _ABOUT_ROBOTS else None
                 self.states.append(StateInterval(target.name, t, t, about, signal.value))
             case Announce():
-                self.announcements.append((t, action.words))
+                self.announcements.append((t, action.severity.value, action.words))
             case Seeking(robot=str() as robot) if self.states:
                 self.states[-1].robot = robot  # a search finds its robot once entered
             case CommandAck():
@@ -254,7 +254,10 @@ class FlightSummary:
                 for name in self.exchanges.names
             },
             "requests": [asdict(request) for request in self.requests],
-            "announcements": [{"t": t, "text": text} for t, text in self.announcements],
+            "announcements": [
+                {"t": t, "severity": severity, "text": text}
+                for t, severity, text in self.announcements
+            ],
             "not_followed": [{"t": t, "text": text} for t, text in self.failures],
             "track": [[round(v, 3) for v in row] for row in self.track],
             "distance_to_zones_m": [[round(t, 3), round(d, 2)] for t, d in self.distances],

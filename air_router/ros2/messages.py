@@ -178,6 +178,9 @@ class Scene:
         keys = ("robot", "time_left_s", "points_left", "waypoints_left", "mode", "armed", "battery")
         told = {key: view.get(key) for key in keys}
         statuses = [self._status("mission", level, message, told)]
+        for alarm in view.get("alarms", ()):
+            words = f"{alarm['text']}. {alarm['instruction']}"
+            statuses.append(self._status(f"alarm {alarm['about']}", _ERROR, words, {}))
         for link in view["links"]:
             level, message = _OK, link["signal"]
             if link["team_differs"]:

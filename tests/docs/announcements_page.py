@@ -32,7 +32,7 @@ report; the pilot in the ground station, as a STATUSTEXT.
 
 An alarm whose condition lasts (an input that the vehicle stands for, a zone without a way out, a
 vehicle that hovers after hands off) is said again after 10 s, then every 30 s, and then asks the
-pilot to take the vehicle by hand. It ends with the condition, or as soon as a pilot has the vehicle.
+pilot to take the vehicle by hand. It ends with the condition, or once a pilot has the vehicle.
 
 ## All of them
 

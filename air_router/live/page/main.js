@@ -5,6 +5,7 @@ import { byId } from "/page/element.js";
 import { MISSION, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
 import { startTheme } from "/page/theme.js";
+import { Alarms } from "./alarms.js";
 import { Flight } from "./flight.js";
 import { Grounds } from "./ground.js";
 import { News } from "./news.js";
@@ -38,6 +39,7 @@ map.setView([0, 0], 2, { animate: false });
 const svg = L.svg({ pane: "route" });
 const scenery = new Scenery(map);
 const news = new News();
+const alarms = new Alarms();
 const panel = new Panel((robot) => verbs.seek(robot));
 const verbs = new Verbs(map, () => chosen, say);
 const timeline = new Timeline(() => chosen);
@@ -78,6 +80,7 @@ async function listing() {
 /** What a flight tells beside what it draws itself. @param {Flight} flight @param {any} message */
 function told(flight, message) {
   if (message.type === "news") news.add(flight, message);
+  if (message.type === "alarms") alarms.show(flight, message);
   if (message.type === "welcome") welcomed(flight, message);
   if (message.type === "scenery" && !flight.seen && !layout.touched) fit();
   flight.seen ||= message.type === "scenery";
@@ -97,6 +100,7 @@ function told(flight, message) {
 /** @param {Flight} flight @param {{backdrop: any}} welcome */
 function welcomed(flight, { backdrop }) {
   news.forget(flight);
+  alarms.forget(flight);
   // A page for several has a picture of its own, or none.
   if (shown.backdrop === undefined && backdrop) addBackdrop(map, backdrop);
 }

@@ -3,6 +3,7 @@
 import { byId, element } from "/page/element.js";
 
 const MOST_NEWS = 200;
+const LABELS = { warning: "Warning", alarm: "ALARM" };
 
 export class News {
   constructor() {
@@ -15,7 +16,7 @@ export class News {
 
   /** Vehicles' clocks differ: what is told to a new page is put in by how long ago it was, all else is new.
    *  @param {import("./flight.js").Flight} flight
-   *  @param {{now_s: number, lines: {n: number, t: number, kind: string, text: string}[]}} news */
+   *  @param {{now_s: number, lines: {n: number, t: number, kind: string, severity?: string, text: string}[]}} news */
   add(flight, { now_s: nowS, lines }) {
     const before = this.newest.get(flight);
     const last = before ?? { n: 0, atMs: 0 };
@@ -24,7 +25,9 @@ export class News {
       last.atMs = Math.max(last.atMs, Date.now() - (before ? 0 : (nowS - line.t) * 1000));
       const when = element("small", { textContent: `${line.t.toFixed(0)} s ` });
       const who = flight.colour ? [element("b", { className: flight.colour, textContent: `${flight.name} ` })] : [];
-      this.insert({ item: element("li", { className: line.kind }, when, ...who, line.text), flight, atMs: last.atMs });
+      const grave = line.severity ? [element("strong", { textContent: `${LABELS[line.severity]}: ` })] : [];
+      const className = `${line.kind} ${line.severity ?? ""}`.trim();
+      this.insert({ item: element("li", { className }, when, ...who, ...grave, line.text), flight, atMs: last.atMs });
     }
     this.newest.set(flight, last);
     for (const { item } of this.shown.splice(MOST_NEWS)) item.remove();

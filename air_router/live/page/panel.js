@@ -28,7 +28,8 @@ export class Panel {
     setText(byId("left"), vehicle.left_s === null ? "" : `${Math.ceil(vehicle.left_s)} s`);
     setText(byId("facts"), facts(vehicle));
     for (const [name, value] of instruments(vehicle)) this.instrument(name, value);
-    const title = `${vehicle.state} · ${vehicle.name}`;
+    const alarmed = document.body.classList.contains("alarmed") ? "ALARM · " : "";
+    const title = `${alarmed}${vehicle.state} · ${vehicle.name}`;
     if (document.title !== title) document.title = title;
     const robots = new Set([...vehicle.robots, ...Object.keys(this.heard), ...Object.keys(this.links)]);
     for (const name of robots) this.row(name, vehicle.robots.includes(name));

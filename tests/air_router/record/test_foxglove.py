@@ -11,7 +11,10 @@ import pytest
 from mcap.reader import make_reader
 
 from air_router.cli.cli import main
+from air_router.controller.model.actions import Announce
 from air_router.errors import ExitCode, RefusedError
+from air_router.record.drawing import FlightDrawing
+from air_router.vehicle.instructions import BE_READY, Severity
 from geo.frame import Point
 from tests.air_router.record.conftest import DRAWN
 
@@ -177,3 +180,12 @@ def test_what_fails_for_one_who_comes_late_is_told_beside_what_fails_in_flight(m
         assert "a viewer who has just come" in caplog.text
     finally:
         socket.close()
+
+
+def test_the_log_says_how_grave_an_announcement_is(pennovation):
+    """Levels of Foxglove's log: INFO, WARNING, ERROR."""
+    drawing, levels = FlightDrawing(pennovation), []
+    for severity in Severity:
+        (drawn,) = drawing.action(Announce("x", severity, BE_READY), 1.7e9)
+        levels.append((drawn.topic, drawn.message["level"]))
+    assert levels == [("/log", 2), ("/log", 3), ("/log", 4)]
