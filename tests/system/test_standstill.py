@@ -43,7 +43,8 @@ WATCHED_S, SAID_S = 3.0, 2.0
 BEAT_S = 0.05
 CHOICES = (FlightMode.AUTO_LAND, FlightMode.AUTO_RTL, FlightMode.AUTO_LOITER, FlightMode.POSCTL)
 DUE = ("hold", "home", "goto", "reload", "fix")
-LIFTED_M = 15.0
+LIFTED_M, LEVEL_M, ALTITUDE_M = 15.0, 18.5, 20.0
+NOWHERE = 2**31 - 1
 
 
 class Pilot:
@@ -61,7 +62,7 @@ class Pilot:
         self._lock = threading.Lock()
         self.station = Station(255, self._send, vehicle)
         self.modes = []  # (when, custom mode), as heard
-        self.place, self.height_m = None, 0.0
+        self.place, self.height_m, self.home_amsl_m = None, 0.0, 0.0
         self.armed = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -75,6 +76,11 @@ class Pilot:
     @property
     def mode(self):
         return self.modes[-1][1] if self.modes else None
+
+    def climb(self):
+        """To the mission's altitude, where it hovers."""
+        here = {"x": NOWHERE, "y": NOWHERE, "z": self.home_amsl_m + ALTITUDE_M}
+        self.station.say("COMMAND_INT", command=192, param1=-1.0, param2=1.0, **here)
 
     def _send(self, sender, name, fields):
         with self._lock:
@@ -108,6 +114,7 @@ class Pilot:
             case "GLOBAL_POSITION_INT":
                 self.place = (message.lat / 1e7, message.lon / 1e7)
                 self.height_m = message.relative_alt / 1e3
+                self.home_amsl_m = (message.alt - message.relative_alt) / 1e3
 
 
 def wait(condition, what, limit_s=LIMIT_S):
@@ -204,7 +211,7 @@ class Flight:
         """A zone where it is about to fly: near it, on one side or the other."""
         here = self.file.mission.frame.to_local(*self.pilot.place)
         angle_rad = self.dice.uniform(0.0, 2 * math.pi)
-        there = Point(here[0] + 16 * math.sin(angle_rad), here[1] + 16 * math.cos(angle_rad))
+        there = Point(here[0] + 22 * math.sin(angle_rad), here[1] + 22 * math.cos(angle_rad))
         self.file.circle(there, 5.0)
 
     def take_up(self):
@@ -212,6 +219,9 @@ class Flight:
         if not self.ours:
             self.pilot.station.choose(FlightMode.AUTO_LOITER)
             wait(lambda: self.pilot.mode == FlightMode.AUTO_LOITER.custom_mode, "Hold mode")
+            if self.pilot.height_m < LEVEL_M:  # it was landing
+                self.pilot.climb()
+                wait(lambda: self.pilot.height_m >= LEVEL_M, "the climb")
             self.file.undo()  # what was drawn is taken out again
             self.companion.type("reload")
 
@@ -237,7 +247,7 @@ def flown(request, tmp_path):
         except NoPx4Error as error:
             pytest.skip(str(error).splitlines()[0])
     derive_team(Team.load(PENNOVATION.parent / "team.yaml"), tmp_path)
-    document = {**hurried(PENNOVATION), "team": "team.yaml", "altitude_m": 20}
+    document = {**hurried(PENNOVATION), "team": "team.yaml", "altitude_m": ALTITUDE_M}
     document |= {"timers": {"init_s": 3000}, "duration_s": 3000, "endurance_s": 4000}
     file = MissionFile(tmp_path / "mission.yaml", document, masts=False)
     with contextlib.ExitStack() as stack:
