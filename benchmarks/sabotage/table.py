@@ -1,4 +1,4 @@
-"""The sabotages of `sabotages.txt`: one place of the flight code each, and what should show it.
+"""The sabotages of the texts beside this: one place of the flight code each.
 
 `=` begins one with its name, `?` lists its scenes, `@` names a file; then, as in a patch, `-` is
 the text that stands there in one place, and `+` what stands there instead.
@@ -6,7 +6,7 @@ the text that stands there in one place, and `+` what stands there instead.
 
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from benchmarks.patched import Change
 
@@ -47,4 +47,8 @@ def parse(text: str) -> tuple[Sabotage, ...]:
     return tuple(found)
 
 
-SABOTAGES = parse(Path(__file__).with_name("sabotages.txt").read_text(encoding="utf-8"))
+SABOTAGES: Final = tuple(
+    sabotage
+    for path in sorted(Path(__file__).parent.glob("*.txt"), reverse=True)
+    for sabotage in parse(path.read_text(encoding="utf-8"))
+)

@@ -6,6 +6,7 @@ import asyncio
 import math
 import selectors
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -26,6 +27,9 @@ from sitl.rehearsal.stand_ins.team import NodeStandIn
 
 EPOCH_S: Final = 1_790_000_000.0
 """Unix time of simulated time zero."""
+
+START: Final = datetime.fromtimestamp(EPOCH_S, UTC)
+"""The same moment."""
 
 _URL: Final = "udpin://127.0.0.1:14540"
 _CRASHED: Final = 70
@@ -127,6 +131,8 @@ class Companion:
         arm: Arm it, and take off.
         resume: Go on with a flight that is under way.
         records: The folder of its records; None: it keeps none.
+        uav: Which of several UAVs it flies; None: the first.
+        start: When it is to take off, for zones with hours; None: now, by the clock on the wall.
 
     Attributes:
         flight: The shell that flies.
@@ -146,6 +152,8 @@ class Companion:
         arm: bool = True,
         resume: bool = False,
         records: Path | None = None,
+        uav: str | None = None,
+        start: datetime | None = None,
     ) -> None:
         self._loop = SimulatedLoop(world)
         self._send = send
@@ -154,7 +162,7 @@ class Companion:
         self.outcome = ""
         self.report: Mapping[str, Any] = {}
         self._recorder = Recorder(records, str(path))
-        mission = load_mission(path, in_flight=resume)
+        mission = load_mission(path, uav=uav, start=start, in_flight=resume)
         team, uav = team_of(mission, None)
         clock = VehicleClock(self._loop.time, self._unix_s)
         mapper = Mapper(mission)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from sitl.px4sim.motion.disturbances import WindSettings
-from sitl.rehearsal import courses, requests, takeovers
+from sitl.rehearsal import courses, documents, inspections, requests, takeovers
 from sitl.rehearsal.courses import (
     BATTERY,
     ITEM,
@@ -35,7 +35,10 @@ from sitl.rehearsal.courses import (
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 _AT_ONCE: Final = frozenset({"ready", "armed"})
-_DRAWS: Final = ("reload", "wall", "enclose", "zone ")  # and how the names of others begin
+_DRAWS: Final = ("reload", "wall", "enclose", "zone ", "move zone", "draw alone", "change")
+"""And how the names of others begin."""
+
+_WIND: Final = {"WIND_COV": 2.0}
 FLIGHT_S: Final = 260.0
 
 
@@ -53,6 +56,10 @@ class Kind(NamedTuple):
         mission: Keys of the mission file that it flies with.
         waypoints: Of how many it has the first; 0: of all.
         records: Whether the companion keeps a record of the flight.
+        document: Makes its mission file of the one in a hurry; None: zones get terms.
+        terms: It makes it of one whose zones have got terms.
+        streams: Messages that the companion hears beside the usual ones, and how often, Hz.
+        parameters: Of the vehicle.
     """
 
     words: str
@@ -65,6 +72,10 @@ class Kind(NamedTuple):
     mission: Mapping[str, Any] = MappingProxyType({})
     waypoints: int = 0
     records: bool = False
+    document: documents.Draw | None = None
+    terms: bool = False
+    streams: Mapping[str, float] = MappingProxyType({})
+    parameters: Mapping[str, float] = MappingProxyType({})
 
 
 class Fault(Enum):
@@ -251,6 +262,62 @@ class Fault(Enum):
         *("a way home that takes more than the reserve", 6, one("battery", 250.0), "ready"),
         mission={"endurance_s": 250, "battery_reserve": 0.1, "duration_s": 600},
     )
+    # Classes that the judge was blind to: units, axes, old inputs, several UAVs ...
+    MAP_FILES = Kind("zones of map files in feet", 8, document=documents.of_map_files)
+    LOCAL_METRES = Kind(
+        "a mission in metres of an origin of its own", 3, document=documents.in_local_metres
+    )
+    WINDY = Kind(
+        *("wind from one side, heard of", 4),
+        document=documents.with_way_home,
+        streams=_WIND,
+        parameters={"EKF2_DRAG_CTRL": 1},
+    )
+    HANDED_BACK_MOVING = Kind(
+        *("pilot flies it low, and it is given back on the way", 6),
+        *(takeovers.hand_back_moving, "SEARCH"),
+    )
+    DAILY_HOURS = Kind(
+        "zones with days and hours",
+        *(8, one("vanish")),
+        document=documents.with_daily_hours,
+        waypoints=9,
+        mission={"duration_s": 190, "timers": {"init_s": 400, "search_s": 10}},
+    )
+    ALTERED_LISTS = Kind(
+        "fence or rally points are stored otherwise", 8, inspections.altered_lists, "ready"
+    )
+    FENCE_MOVED = Kind("a station moves the fence", 8, inspections.fence_moved)
+    ZONE_MOVED = Kind("a zone is moved by reload", 6, inspections.zone_moved, "INIT")
+    STALE = Kind("sent around corners while its position is old", 8, inspections.stale, "INIT")
+    RESUMED_AMONG = Kind(
+        "a zone is drawn while no companion runs", 8, inspections.resumed_among, "INIT"
+    )
+    PAST_ALL = Kind(
+        *("sent along every zone and fence", 4, inspections.past_all, "INIT"),
+        mission={"duration_s": 330},
+    )
+    LANDED_AT = Kind(
+        *("asked to land over low zones, at other altitudes", 6, inspections.landed_at, "INIT"),
+        document=documents.over_low_zones,
+        mission={"duration_s": 260},
+    )
+    SECOND_UAV = Kind(
+        *("the second of two UAVs", 8, inspections.of_two, "INIT"),
+        document=documents.of_second_uav,
+    )
+    FILE_CHANGED = Kind("more than zones is changed by reload", 8, inspections.file_changed, "INIT")
+    FORGED = Kind(
+        *("robots hand over poses of others", 6, inspections.forged, "INIT"),
+        mission={"timers": {"init_s": 15, "explore_s": 8, "search_s": 12, "communicate_s": 5}},
+    )
+    CLAIMS = Kind(
+        "other systems and components speak as the autopilot", 12, inspections.claims, "INIT"
+    )
+    ASKED_EVERYWHERE = Kind(
+        *("everything is asked for in every state", 24, inspections.asked_everywhere),
+        mission={"timers": {"init_s": 30, "explore_s": 30, "search_s": 20, "communicate_s": 15}},
+    )
     # Two at once, and what only the real programs fly.
     TWO = Kind("two of these at once", 40)
     MOVED_LINK = Kind("the vehicle is heard from another port", 0)
@@ -281,6 +348,10 @@ _ALONE: Final = frozenset(
         *(Fault.DIVERTED_CLOSE, Fault.DOUBTED, Fault.LEFT_BEHIND, Fault.LAYERS, Fault.MOVED_LINK),
         *(Fault.HOSTILE, Fault.TWO_VEHICLES, Fault.WRONG_VEHICLE, Fault.TYPE_CHANGES),
         Fault.JUMPING_POSES,
+        *(Fault.MAP_FILES, Fault.LOCAL_METRES, Fault.WINDY, Fault.DAILY_HOURS),
+        *(Fault.ALTERED_LISTS, Fault.FENCE_MOVED, Fault.ZONE_MOVED, Fault.STALE, Fault.PAST_ALL),
+        *(Fault.RESUMED_AMONG, Fault.LANDED_AT, Fault.SECOND_UAV, Fault.FILE_CHANGED),
+        *(Fault.FORGED, Fault.CLAIMS, Fault.ASKED_EVERYWHERE, Fault.HANDED_BACK_MOVING),
     }
 )
 """Two things at once already, or nothing: not combined with others."""
@@ -355,6 +426,9 @@ def wind_of(scene: Scene) -> WindSettings:
     dice = scene.chance("wind")
     if Fault.STORM in scene.faults:
         return WindSettings(dice.uniform(12.0, 25.0), dice.uniform(0.0, 360.0), 3.0)
+    if scene.fault is Fault.WINDY:
+        side_deg = 90.0 * scene.seed + dice.uniform(-8.0, 8.0)
+        return WindSettings(dice.uniform(5.0, 7.0), side_deg % 360.0, 0.3)
     if Fault.GUSTS not in scene.faults:
         return WindSettings()
     mean_m_s = dice.uniform(3.0, 7.0)

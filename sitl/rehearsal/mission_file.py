@@ -9,7 +9,8 @@ import copy
 import functools
 import math
 import random
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -49,7 +50,10 @@ _SHORT_M: Final = 1.3
 """So much less than the clearance a way keeps that the judge calls bad."""
 
 _TRIES: Final = 120
-_ANOTHER, _ADDRESS = "zephyr", {"address": "127.0.1.99", "base_port": 30_000, "clients": []}
+ANOTHER: Final = "zephyr"
+"""The second of two UAVs."""
+
+_ADDRESS: Final = {"address": "127.0.1.99", "base_port": 30_000, "clients": []}
 _APART_M, _AROUND_M, _HOMES_M = 12.0, 18.0, 25.0
 """How far the layers of two UAVs are apart; waypoints, and the other home, at least from a home."""
 
@@ -108,10 +112,10 @@ def with_another_uav(document: dict[str, Any], folder: Path, dice: random.Random
         if min(math.hypot(*frame.metres(*place)) for frame in around) > _AROUND_M
     ]
     team = yaml.safe_load(Path(document["team"]).read_text(encoding="utf-8"))
-    team["robots"][_ANOTHER] = {"kind": team["robots"][uav]["kind"], **_ADDRESS}
+    team["robots"][ANOTHER] = {"kind": team["robots"][uav]["kind"], **_ADDRESS}
     path = folder / "team.yaml"
     path.write_text(yaml.safe_dump(team), encoding="utf-8")
-    uavs = {uav: {}, _ANOTHER: {"altitude_m": layer_m + above_m, "home": home}}
+    uavs = {uav: {}, ANOTHER: {"altitude_m": layer_m + above_m, "home": home}}
     rest = {key: value for key, value in document.items() if key not in {"uav", "rally_points"}}
     return {**rest, "waypoints": kept, "uavs": uavs, "team": str(path)}
 
@@ -122,6 +126,8 @@ class MissionFile:
     Args:
         path: Where it is written.
         document: What is in it.
+        uav: Which of several UAVs is rehearsed; None: the first.
+        start: When it is to take off, for zones with hours; None: now.
         masts: The first zone that is drawn brings one over a rally point.
 
     Attributes:
@@ -131,8 +137,17 @@ class MissionFile:
         mission: As it was at the start; what is drawn is given in its local frame.
     """
 
-    def __init__(self, path: Path, document: dict[str, Any], *, masts: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        document: dict[str, Any],
+        *,
+        uav: str | None = None,
+        start: datetime | None = None,
+        masts: bool = True,
+    ) -> None:
         self.path = path
+        self._uav = uav
         self._masts = masts
         self._document = document
         self._before = document
@@ -140,12 +155,18 @@ class MissionFile:
         self._walls: list[str] = []  # names of those that stand, the last one opens first
         self.text = ""
         self._write(document)
-        self.mission = load_mission(path)
+        self.mission = load_mission(path, uav=uav, start=start)
+
+    @property
+    def map_files(self) -> list[str]:
+        """Map files with zones that it names."""
+        entries = self._document.get("no_fly_files") or []
+        return [entry["file"] if isinstance(entry, dict) else entry for entry in entries]
 
     @property
     def space(self) -> FlyableSpace:
         """Where one may fly by the file as it is now."""
-        return _space(self.path, self.text)
+        return _space(self.path, self.text, self._uav)
 
     def circle(self, place: Point, radius_m: float, **limits_m: float) -> bool:
         """Draw a circle, perhaps with limits of its altitude above home; whether it is drawn.
@@ -198,6 +219,12 @@ class MissionFile:
         changed["no_fly_zones"] = [z for z in changed["no_fly_zones"] if z.get("name") != name]
         self._write(changed)
         return True
+
+    def rewrite(self, change: Callable[[dict[str, Any]], None]) -> None:
+        """Change anything in it: `change` gets a copy of what is in it."""
+        changed = copy.deepcopy(self._document)
+        change(changed)
+        self._write(changed)
 
     def undo(self) -> None:
         """The last change was not taken: the file is again as it is flown."""
@@ -306,5 +333,5 @@ def _around(here: Pair, dice: random.Random, least_m: float, most_m: float) -> l
 
 
 @functools.lru_cache(maxsize=4)
-def _space(path: Path, text: str) -> FlyableSpace:
-    return FlyableSpace(read_mission(path, text, ground_amsl_m=0.0))
+def _space(path: Path, text: str, uav: str | None) -> FlyableSpace:
+    return FlyableSpace(read_mission(path, text, uav, ground_amsl_m=0.0))

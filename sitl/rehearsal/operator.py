@@ -119,7 +119,7 @@ class Operator:
     def do_send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after it was told to stop."""
         self.do_ask("hold")
-        self._at(seconds, self._send)
+        self.later(seconds, self._send)
 
     def do_send_again(self, _: None) -> None:
         """Send it somewhere else that it sees, unless it is the pilot's."""
@@ -129,7 +129,7 @@ class Operator:
     def do_corner(self, brakes_s: float | None) -> None:
         """Send it somewhere, and on its way around a corner; so long after it began to brake."""
         self.do_ask("hold")
-        self._at(_STANDS_S, lambda: self._set_out(brakes_s))
+        self.later(_STANDS_S, lambda: self._set_out(brakes_s))
 
     def do_deaf(self, on: bool) -> None:
         """No command reaches the vehicle."""
@@ -177,7 +177,7 @@ class Operator:
             if brakes_s is not None:
                 self.do_ask("hold")
             if brakes_s:
-                self._at(brakes_s, self._around)
+                self.later(brakes_s, self._around)
             else:
                 self._go_to(turn.off_to)
             return True
@@ -226,7 +226,8 @@ class Operator:
     def _go_to(self, place: Pair) -> None:
         self.do_ask(goto(self._flight.mission, [self.point(place)]))
 
-    def _at(self, seconds: float, what: Moment) -> None:
+    def later(self, seconds: float, what: Moment) -> None:
+        """Do something after so long, again and again until it is done."""
         at_s = self._flight.now_s + seconds
         self._waiting.append((math.inf, lambda: self._flight.now_s >= at_s and what()))
 

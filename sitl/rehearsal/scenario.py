@@ -20,7 +20,7 @@ from sitl.mavlink.codec import Sender
 from sitl.mavlink.vehicle import MavlinkVehicle, VehicleSettings
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state import Place
-from sitl.rehearsal.companion import EPOCH_S, Companion, World
+from sitl.rehearsal.companion import EPOCH_S, START, Companion, World
 from sitl.rehearsal.courses import Agenda
 from sitl.rehearsal.faults import BY_HAND, WIDE, Fault, Scene, wind_of
 from sitl.rehearsal.judge.evidence import (
@@ -31,7 +31,14 @@ from sitl.rehearsal.judge.evidence import (
     SceneEventKind,
     WireMessage,
 )
-from sitl.rehearsal.mission_file import MissionFile, changed, hurried, with_another_uav, with_room
+from sitl.rehearsal.mission_file import (
+    ANOTHER,
+    MissionFile,
+    changed,
+    hurried,
+    with_another_uav,
+    with_room,
+)
 from sitl.rehearsal.seen import LANDS, RATES_HZ, Ending, phases, true_degrees, true_state
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.stations import Stations
@@ -88,6 +95,8 @@ class Scenario(World, ABC):
         self.scene = scene
         self.agenda = Agenda(scene.schedule())
         self._path = path
+        self._dated = scene.fault is Fault.DAILY_HOURS
+        self._uav = ANOTHER if scene.fault is Fault.SECOND_UAV else None
         self.companion: Companion | None = None
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
         self._speaker = Sender(1, COMPANION)
@@ -122,6 +131,7 @@ class Scenario(World, ABC):
         with tempfile.TemporaryDirectory() as folder:
             self._set_up(Path(folder))
             text = self.file.text
+            maps = {name: Path(name).read_text("utf-8") for name in self.file.map_files}
             exit_code, outcome = self._fly()
         return self._seen.evidence(
             scene=str(self.scene),
@@ -133,6 +143,8 @@ class Scenario(World, ABC):
             report=self._report,
             uav=self.mission.uav,
             reaction_s=REACTION_S,
+            epoch_s=EPOCH_S if self._dated else None,
+            map_files=maps,
         )
 
     def _set_up(self, folder: Path) -> None:
@@ -142,9 +154,15 @@ class Scenario(World, ABC):
         document = with_room(document) if scene.draws else document
         if scene.fault is Fault.LAYERS:
             document = with_another_uav(document, folder, scene.chance("layers"))
-        else:
+        elif kind.document is None:
             document = with_terms(document, wide=scene.fault in WIDE)
-        self.file = MissionFile(folder / "mission.yaml", document)
+        else:
+            document = with_terms(document) if kind.terms else document
+            document = kind.document(document, folder, scene.chance("document"))
+        path = folder / "mission.yaml"
+        masts = kind.document is None
+        start = START if self._dated else None
+        self.file = MissionFile(path, document, uav=self._uav, start=start, masts=masts)
         mission = self.mission = self.file.mission
         team, uav = team_of(mission, None)
         self.seek = sought(team, uav, mission.seek, mission.goals_from)
@@ -154,12 +172,12 @@ class Scenario(World, ABC):
                 Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0),
                 seed=scene.seed,
                 start_unix_s=EPOCH_S,
-                parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0},
+                parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0, **kind.parameters},
                 wind=wind_of(scene),
                 ground_link=False,  # it is listened to, and says nothing
                 truth_link=False,
                 step_s=STEP_S,
-                onboard_rates_hz=RATES_HZ,
+                onboard_rates_hz={**RATES_HZ, **kind.streams},
             )
         )
         self.stations = Stations(self.vehicle, self._record)
@@ -199,7 +217,12 @@ class Scenario(World, ABC):
         self.happened(SceneEventKind.STARTED)
         arm = not (resume or self.scene.fault in BY_HAND)
         companion = self.companion = Companion(
-            self.file.path, self, self.send, self._say, arm=arm, resume=resume, records=self._logs
+            *(self.file.path, self, self.send, self._say),
+            arm=arm,
+            resume=resume,
+            records=self._logs,
+            uav=self._uav,
+            start=START if self._dated else None,
         )
         try:
             companion.run()

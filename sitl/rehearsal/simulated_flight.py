@@ -10,6 +10,8 @@ from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault, carry_out
 from sitl.rehearsal.faults import Scene
+from sitl.rehearsal.file_changes import FileChanges
+from sitl.rehearsal.inspector import Inspector
 from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.operator import Operator
 from sitl.rehearsal.pilot import Pilot
@@ -17,6 +19,7 @@ from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way, wrong_of
 from sitl.rehearsal.stand_ins.stations import foreign_messages
 from sitl.rehearsal.stand_ins.team import pose, prank_of
+from sitl.rehearsal.strangers import Strangers
 from sitl.rehearsal.zone_drawing import ZoneDrawing
 
 GUST_S: Final = 2.0
@@ -41,6 +44,11 @@ class SimulatedFlight(Scenario):
         self._operator = Operator(self, self._fault_dice)
         self._zones = ZoneDrawing(self, self._operator, self._fault_dice)
         self._pilot = Pilot(self, self._operator, self._fault_dice)
+        self._more = (
+            Strangers(self),
+            FileChanges(self, self._zones, self._operator),
+            Inspector(self, self._operator),
+        )
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._other_until_s = -math.inf  # so long another UAV is heard
         self._foreign_until_s = -math.inf  # so long others speak on the link
@@ -51,7 +59,7 @@ class SimulatedFlight(Scenario):
         for scheduled in self.agenda.take(now_s):
             self.happened(SceneEventKind.FAULT, scheduled.what)
             doers = (self, self._pilot, self._operator, self._zones, self.robots)
-            carry_out(scheduled, *doers)
+            carry_out(scheduled, *doers, *self._more)
         self._operator.step(now_s)
         self._zones.step(now_s)
         self._pilot.step(now_s)

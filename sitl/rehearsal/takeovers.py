@@ -47,6 +47,14 @@ zone_above: Final = steps(
 )
 """The pilot hands it back low, and a zone is drawn above it as it climbs."""
 
+hand_back_moving: Final = steps(
+    (0.0, "pilot", "AUTO_LAND"),
+    (uniform(9.0, 14.0), "low away", uniform(35.0, 60.0)),
+    (18.0, "ask on the way"),
+    (30.0, "hand back"),
+)
+"""The pilot has it low, flies it elsewhere, and the operator asks for it while it moves."""
+
 hand_back_high: Final = steps(
     (0.0, "pilot", "AUTO_RTL"),
     (1.0, "pilot", "AUTO_LOITER"),

@@ -40,7 +40,7 @@ class ZoneDrawing:
     def __init__(self, flight: Scenario, operator: Operator, dice: random.Random) -> None:
         self._flight, self._operator = flight, operator
         self._dice, self._haste = dice, operator.haste
-        self._reading: tuple[float, int | None] | None = None  # until when; how many zones before
+        self._reading: tuple[float, object] | None = None  # until when; zones before
 
     def step(self, now_s: float) -> None:
         """Whether the changed file was taken; what was not is taken out of it again."""
@@ -48,7 +48,7 @@ class ZoneDrawing:
             return
         until_s, zones = self._reading
         known, file = self._zones_flown_by, self._flight.file
-        if known not in {None, zones}:
+        if known is not None and known != zones:
             self._flight.happened(SceneEventKind.MISSION_FILE, file.text)
         elif known is not None and now_s < until_s:
             return
@@ -127,7 +127,7 @@ class ZoneDrawing:
     def do_wall(self, *sides: int) -> None:
         """The operator walls the vehicle in, zone by zone."""
         file, place = self._flight.file, self._flight.place
-        self._change(lambda: file.wall(place, sides))
+        self.change(lambda: file.wall(place, sides))
 
     def do_enclose(self, _: None) -> None:
         """Draw all four walls at once."""
@@ -135,12 +135,16 @@ class ZoneDrawing:
 
     def do_open(self, _: None) -> None:
         """Take the last wall away."""
-        self._change(self._flight.file.open)
+        self.change(self._flight.file.open)
 
     def _draw_circle(self, centre: Point, radius_m: float, **limits_m: float) -> None:
-        self._change(lambda: self._flight.file.circle(centre, radius_m, **limits_m))
+        self.change(lambda: self._flight.file.circle(centre, radius_m, **limits_m))
 
-    def _change(self, draw: Callable[[], bool]) -> None:
+    def counts(self) -> None:
+        """What is in the file now is what is to be flown by: it is read when it is next begun."""
+        self._flight.happened(SceneEventKind.MISSION_FILE, self._flight.file.text)
+
+    def change(self, draw: Callable[[], bool]) -> None:
         """Draw into the file, and have it read again; one change at a time."""
         zones = self._zones_flown_by
         waits = self._flight.scene.fault is Fault.BY_HAND and not self._flight.autopilot.armed
@@ -151,10 +155,13 @@ class ZoneDrawing:
             self._operator.do_ask("reload")
 
     @property
-    def _zones_flown_by(self) -> int | None:
-        """How many zones the companion knows; None: there is no companion."""
+    def _zones_flown_by(self) -> object:
+        """The fences and zones that the companion knows; None: there is no companion."""
         companion = self._flight.companion
-        return None if companion is None else len(companion.flight.controller.context.mission.zones)
+        if companion is None:
+            return None
+        mission = companion.flight.controller.context.mission
+        return mission.fences, mission.zones
 
     @property
     def _above_m(self) -> float:

@@ -148,6 +148,10 @@ class Airframe:
         return (east / away * pace, north / away * pace)
 
 
+LONGEST_S = 3600.0
+"""No flight of a test takes longer: one that would wait for ever fails instead."""
+
+
 class PretendFlight(Airframe):
     """Flies a controller among robots that can be heard within a radius."""
 
@@ -401,6 +405,7 @@ class PretendVehicle(Vehicle):
         self.inspection = Inspection(gps=GpsFix(3, 14, 0.8), battery=1.0)
         self.failures = {}  # verb -> errors to raise, one after the other
         self.on_step = lambda: None
+        self.lasts_too_long = lambda: None  # called after an hour in the air
         self._running = None
 
     async def connect(self):
@@ -475,6 +480,8 @@ class PretendVehicle(Vehicle):
     async def _run(self):
         while True:
             self.airframe.move()
+            if self.airframe.now_s > LONGEST_S:
+                self.lasts_too_long()
             self.on_step()
             self.clock.heard(self.airframe.now_s)
             self.callback(self.airframe.telemetry())

@@ -104,6 +104,21 @@ ACCEPTED: Final = MappingProxyType(
         "JUMPING_POSES": _row(
             End.LANDED, says="the position of [a-z]+ jumped .*: it is not followed"
         ),
+        # What is unusual is read as it is, what is false is not believed, what is asked is done.
+        **dict.fromkeys(
+            (
+                *("LOCAL_METRES", "WINDY", "ZONE_MOVED", "STALE", "PAST_ALL", "MAP_FILES"),
+                *("FORGED", "CLAIMS", "FILE_CHANGED"),
+            ),
+            _HOME,
+        ),
+        "DAILY_HOURS": _row(End.LANDED, explores=True),
+        "ALTERED_LISTS": _row(End.LANDED, End.STAYED),
+        "FENCE_MOVED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
+        "RESUMED_AMONG": _row(End.LANDED, End.HOVERS),
+        "LANDED_AT": _row(End.LANDED, End.ASKED),
+        "SECOND_UAV": _row(End.LANDED, End.ASKED),
+        "ASKED_EVERYWHERE": _row(End.LANDED, End.ASKED),
         # Nothing goes wrong: what is asked of it is done, or a way home not called off.
         "SENT": _HOME,
         "EXPLORED": _row(End.LANDED, explores=True),
@@ -149,6 +164,7 @@ ACCEPTED: Final = MappingProxyType(
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_LOW": _row(End.LANDED, End.PILOT),
+        "HANDED_BACK_MOVING": _row(End.LANDED, End.PILOT),
         "ZONE_ABOVE": _row(End.LANDED, End.PILOT),
         "HANDED_BACK_HIGH": _row(End.LANDED, End.PILOT),
         "TAKEN_IN_HASTE": _PILOTS,

@@ -61,6 +61,7 @@ _SAID_S: Final = 3.0
 _SETTLED_S: Final = 8.0
 """A companion that was started has so long to connect."""
 
+_ANSWERED_S: Final = 1.0
 _LANDS_HERE: Final = ": accepted: it lands where it hovers"
 _STATUS: Final = re.compile(r"^[A-Z]+ *\|")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
@@ -203,15 +204,20 @@ class Case:
         pilot = any(given.by is Responsible.PILOT for given in self.given)
         self.row = accepted(evidence.faults - (set() if pilot else {"PILOT", "PAUSE"}))
         self.uploads = list(uploads_of(evidence.messages))
-        asked_s = [at_s for at_s, text in self.said if _LANDS_HERE in text]
+        asked_s = [
+            at_s for at_s, text in self.said if _LANDS_HERE in text and self._land_asked(at_s)
+        ]
         self.landing_place = self.place(self.at(asked_s[0])) if asked_s else None
         targets = ((m, target_of(m, self.uploads, self.mission.frame)) for m in self.commands)
         self.legs = [(message, to) for message, to in targets if to is not None]
 
     def read(self, text: str) -> RawMission:
         """The mission of a file. Raises EvidenceError."""
-        evidence = self.evidence
-        return read_mission(evidence.mission_path, text, evidence.uav, self._first_m)
+        evidence, flown = self.evidence, None
+        if evidence.epoch_s is not None:
+            flown = (evidence.epoch_s, evidence.epoch_s + evidence.samples[-1].time_s)
+        where = evidence.mission_path, text, evidence.uav, self._first_m
+        return read_mission(*where, flown, evidence.map_files)
 
     def at(self, time_s: float) -> int:
         """The sample that was taken last before."""
@@ -233,6 +239,12 @@ class Case:
         """Horizontally, from one sample to another."""
         seconds = max(float(self.time_s[after] - self.time_s[index]), 1e-3)
         return math.dist(self.place(index), self.place(after)) / seconds
+
+    def _land_asked(self, answered_s: float) -> bool:
+        """Whether an operator had just asked to land when that was answered."""
+        asked = (h for h in self.evidence.told(SceneEventKind.REQUEST) if h.value == "land")
+        slack_s = _ANSWERED_S * max(self.evidence.speed, 1.0)
+        return any(0.0 <= answered_s - h.time_s <= slack_s for h in asked)
 
     def _estimate_off(self) -> Floats:
         """For each sample; an estimate that comes back is followed by a vehicle that comes back."""

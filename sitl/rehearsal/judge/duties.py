@@ -172,19 +172,19 @@ def comes_home(
 
 def accepted_requests_are_done(case: Case) -> Iterator[Violation]:
     """What followed an accepted "hold", "home", "goto" or "altitude", until the next request."""
-    answered = list(_answered(case))
-    ends_s = [*(request.time_s for request, _ in answered), float(case.time_s[-1])]
-    for (request, answer), until_s in zip(answered, ends_s[1:], strict=True):
+    requests = list(answered(case))
+    ends_s = [*(request.time_s for request, _ in requests), float(case.time_s[-1])]
+    for (request, answer), until_s in zip(requests, ends_s[1:], strict=True):
         verb = str(request.value).split()[0] if answer and _promises(answer) else ""
         if verb == "hold":
             yield from _holds(case, request.time_s, until_s)
-        elif verb == "home" or (verb == "goto" and _is_far(case, request)):
+        elif verb == "home" or (verb == "goto" and is_far(case, request)):
             yield from _sets_out(case, request.time_s, until_s)
         elif verb == "altitude":
             yield from _comes_to(case, request, until_s)
 
 
-def _answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
+def answered(case: Case) -> Iterator[tuple[SceneEvent, Answer | None]]:
     """Every request with what the operator was answered at once, in the same order."""
     answers = [(at_s, m) for at_s, text in case.said if (m := _ANSWER.search(text))]
     for request in case.evidence.told(SceneEventKind.REQUEST):
@@ -237,20 +237,21 @@ def _comes_to(case: Case, request: SceneEvent, until_s: float) -> Iterator[Viola
         yield Violation(due_s, "request", text)
 
 
-def _places(case: Case, request: SceneEvent) -> list[Pair]:
+def places_of(case: Case, request: SceneEvent) -> list[Pair]:
     """The points of a "goto", in metres."""
     pairs = re.findall(r"(-?[\d.]+),(-?[\d.]+)", str(request.value))
     return [case.mission.frame.metres(float(lat), float(lon)) for lat, lon in pairs]
 
 
-def _is_far(case: Case, request: SceneEvent) -> bool:
+def is_far(case: Case, request: SceneEvent) -> bool:
+    """Whether the vehicle was not at the first point of a "goto" already."""
     here = case.place(case.at(request.time_s))
-    return any(math.dist(here, place) > _BESIDE_M for place in _places(case, request)[:1])
+    return any(math.dist(here, place) > _BESIDE_M for place in places_of(case, request)[:1])
 
 
 def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Violation]:
     """Each is answered at once; the state changes with it if it is accepted, else it does not."""
-    for request, answer in _answered(case) if case.evidence.heard else ():
+    for request, answer in answered(case) if case.evidence.heard else ():
         asked_s, verb = request.time_s, str(request.value).split()[0]
         if verb not in _LEADS_TO or not case.answers(asked_s, asked_s + _ANSWERED_S, ours=False):
             continue
@@ -265,12 +266,12 @@ def requests_are_answered_and_no_refused_one_is_done(case: Case) -> Iterator[Vio
 
 def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
     """When it says that it is at the last of several points it was at all of them, in order."""
-    accepted = [(r, a) for r, a in _answered(case) if a and _promises(a)]
+    accepted = [(r, a) for r, a in answered(case) if a and _promises(a)]
     sent = [(r, a) for r, a in accepted if str(r.value).startswith("goto")]
     for end_s in (at_s for at_s, text in case.said if text.endswith("at the last point")):
         for request, answer in [each for each in sent if each[0].time_s < end_s][-1:]:
             first, until = case.at(request.time_s), case.at(end_s) + 1
-            for count, place in enumerate(_places(case, request), 1):
+            for count, place in enumerate(places_of(case, request), 1):
                 if case.has_said(f"point {count} left out", request.time_s, end_s):
                     continue
                 of = rf"point(?: {count})?: (?:(?!point).)* so ([\d.]+) m beside"

@@ -185,6 +185,10 @@ class Evidence(FlightRecord):
         speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
         tells_meetings: Whether `SYNCED` tells who was met; of real programs it is not known.
         pace: How the clock of real programs was kept, for the result; empty in one process.
+        epoch_s: Unix time of simulated time zero, where zones with hours are judged by it; None:
+            they are judged as if they applied always.
+        map_files: Texts of map files that the mission names, by their paths; of others the files
+            are read.
     """
 
     scene: str
@@ -199,6 +203,8 @@ class Evidence(FlightRecord):
     speed: float = 1.0
     tells_meetings: bool = True
     pace: Mapping[str, Any] = field(default_factory=dict)
+    epoch_s: float | None = None
+    map_files: Mapping[str, str] = field(default_factory=dict)
 
 
 # What MAVLink says.

@@ -142,8 +142,8 @@ def silence_is_told(case: Case) -> Iterator[Violation]:
 
 def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
     """A stream that is lost or frozen is told; then the vehicle stands, or comes home."""
-    gaps = list(_gaps(case))
-    for gap in gaps:
+    found = list(gaps(case))
+    for gap in found:
         each, began_s = gap.of, gap.began_s
         news = News(began_s, f"the {each.name} was not heard any more")
         told_s, stands_s, home_s = (
@@ -154,7 +154,7 @@ def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
             yield from says(case, news, each.words, told_s)
         until_s = min(float(gap.times_s[-1]), gap.reached_s(each.home_s * _EARLY))
         yield from stands(case, news, (stands_s, until_s))
-        yield from comes_home(case, news, home_s, _blind(gaps))
+        yield from comes_home(case, news, home_s, blind(found))
 
 
 def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violation]:
@@ -162,7 +162,7 @@ def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violati
 
     And not so often that nothing else can be heard.
     """
-    for gap in _gaps(case):
+    for gap in gaps(case):
         stands_s = _ASKS_S.get(gap.of.name)
         if stands_s is None:
             continue
@@ -190,25 +190,25 @@ def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violati
             yield Violation(asked_s[-1], "told", text)
 
 
-def _gaps(case: Case) -> Iterator[Gap]:
+def gaps(case: Case) -> Iterator[Gap]:
     """Of all streams, those that have to be announced."""
     heard = case.evidence.heard
     times_s = np.array([message.time_s for message in heard])
     clock_s = np.cumsum(np.minimum(np.diff(times_s, prepend=times_s[:1]), _LONELY_S))
     for each in INPUTS:
         mine = [at for at, message in enumerate(heard) if message.name in each.messages]
-        for first, after in itertools.pairwise([*_news(heard, mine), len(heard)]):
+        for first, after in itertools.pairwise([*news(heard, mine), len(heard)]):
             if clock_s[after - 1] - clock_s[first] >= each.told_s:
                 began_s, since_s = float(times_s[first]), float(clock_s[first])
                 yield Gap(each, began_s, times_s[:after], clock_s[:after], since_s)
 
 
-def _blind(gaps: Iterable[Gap]) -> list[Span]:
+def blind(found: Iterable[Gap]) -> list[Span]:
     """Times without position or mode."""
-    return [(g.began_s, float(g.times_s[-1])) for g in gaps if not math.isfinite(g.of.home_s)]
+    return [(g.began_s, float(g.times_s[-1])) for g in found if not math.isfinite(g.of.home_s)]
 
 
-def _news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
+def news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
     """Those that are news: their clock goes on, and what reports a velocity has moved."""
     last: Mapping[str, Any] = {}
     for at in numbers:
@@ -263,7 +263,7 @@ def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
     """A battery that is at its reserve is told, and the vehicle comes home."""
     messages, reserve = case.heard("SYS_STATUS"), case.mission.battery_reserve * 100.0
     low = [0 <= number(m.fields, "battery_remaining") <= reserve for m in messages]
-    lost = _blind(_gaps(case))
+    lost = blind(gaps(case))
     for begin_s, end_s in _spans(messages, low):
         news, due_s = News(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
         due_s += case.reacts_s
@@ -284,7 +284,7 @@ def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:
     since_s = max([over_s, *held_s])
     if since_s < case.time_s[-1]:
         news = News(over_s, "the time of the mission was over")
-        yield from comes_home(case, news, since_s, _blind(_gaps(case)))
+        yield from comes_home(case, news, since_s, blind(gaps(case)))
 
 
 def a_failsafe_is_told(case: Case) -> Iterator[Violation]:

@@ -7,10 +7,9 @@ out.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,6 +19,8 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.evidence import EvidenceError, Frame
+from sitl.rehearsal.judge.hours import meets
+from sitl.rehearsal.judge.map_reader import zones_of_map
 
 Pair = tuple[float, float]
 
@@ -31,6 +32,10 @@ _KNOWN: Final = frozenset(
     {"name", "polygon", "holes", "circle", "clearance_m", "altitude", "active", "crosses_fence"}
 )
 _SPEED_M_S, _CLEARANCE_M, _MARGIN_M, _ACCEPTANCE_M, _RESERVE = 3.5, 5.0, 5.0, 2.0, 0.25
+_TRACKING_M, _SEPARATION_M = 1.5, 10.0
+_LATER_S: Final = 4500.0
+"""A flight may begin an hour later than it is to, and come home some minutes after its end."""
+
 _PAST, _FUTURE = "2020", "2090"  # all rehearsals lie between
 
 
@@ -85,8 +90,10 @@ class RawMission:
     Attributes:
         frame: Metres of home.
         ground_amsl_m: Of the ground at home; None: the file does not say.
+        altitude_m: That it cruises at where a waypoint has no other.
         altitudes_m: All that it cruises at, or may be sent to, above home.
         waypoints: Where to, in metres.
+        heights_m: How high above home, of each of them.
         rally: Where it may land in need, in metres; of several UAVs none is put on board.
         zones: To stay outside of, but for those whose periods are over.
         fences: To stay inside of, all of them.
@@ -102,14 +109,19 @@ class RawMission:
         goals_from: The robots whose goals count.
         timers_s: How long states last, by the names of the file; those that it leaves out are not
             known.
+        tracking_margin_m: Kept by ways on top of every clearance, at least.
+        others: Of other UAVs: home, and how high above the level of this one's cruise they fly.
+        separation_m: Between two UAVs, up or down.
     """
 
     frame: Frame
     ground_amsl_m: float | None
     altitudes_m: tuple[float, ...]
+    altitude_m: float
     waypoints: tuple[Pair, ...]
     zones: tuple[Area, ...]
     fences: tuple[Area, ...]
+    heights_m: tuple[float, ...] = ()
     rally: tuple[Pair, ...] = ()
     clearance_m: float = _CLEARANCE_M
     vertical_margin_m: float = _MARGIN_M
@@ -122,6 +134,9 @@ class RawMission:
     layer_top_m: float = math.inf
     goals_from: tuple[str, ...] = ()
     timers_s: Mapping[str, float] = field(default_factory=dict)
+    tracking_margin_m: float = _TRACKING_M
+    others: tuple[tuple[Pair, float], ...] = ()
+    separation_m: float = _SEPARATION_M
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -140,8 +155,13 @@ class RawMission:
         return tuple(area for area in self.areas if area.meets(*self.cruise_m))
 
 
-def read_mission(
-    path: Path, text: str | None = None, uav: str | None = None, ground_amsl_m: float | None = None
+def read_mission(  # noqa: PLR0913, PLR0917 - all that a file is read with
+    path: Path,
+    text: str | None = None,
+    uav: str | None = None,
+    ground_amsl_m: float | None = None,
+    flown: tuple[float, float] | None = None,
+    map_files: Mapping[str, str] | None = None,
 ) -> RawMission:
     """Read a mission file.
 
@@ -150,13 +170,16 @@ def read_mission(
         text: Its text, if that is not what is in the file now.
         uav: Which of several it is flown by.
         ground_amsl_m: Height of the ground at home, where the file does not say.
+        flown: From when to when, Unix seconds: zones whose hours are not then are left out, those
+            whose hours are then apply; None: they may apply.
+        map_files: Texts of files that it names, by their paths.
 
     Raises:
         EvidenceError: there is something in it that this reader does not know.
     """
     text = path.read_text(encoding="utf-8") if text is None else text
     data = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506
-    return _YamlReader(path, data, uav, ground_amsl_m).read()
+    return _YamlReader(path, data, uav, ground_amsl_m, flown, map_files or {}).read()
 
 
 class _Pairs(NamedTuple):
@@ -185,10 +208,17 @@ class _Pairs(NamedTuple):
 
 
 class _YamlReader:
-    def __init__(
-        self, path: Path, data: dict[str, Any], uav: str | None, ground_amsl_m: float | None
+    def __init__(  # noqa: PLR0913, PLR0917 - all that a file is read with
+        self,
+        path: Path,
+        data: dict[str, Any],
+        uav: str | None,
+        ground_amsl_m: float | None,
+        flown_s: tuple[float, float] | None,
+        map_files: Mapping[str, str],
     ) -> None:
-        self._path = path
+        self._path, self._map_files = path, map_files
+        self._flown_s = flown_s
         flown = {name: _flown(data, own or {}) for name, own in (data.get("uavs") or {}).items()}
         uav = next(iter(flown), "") if uav is None else uav
         self._data = flown.pop(uav) if uav in flown else _flown(data, {})
@@ -226,8 +256,10 @@ class _YamlReader:
             frame=self._pairs.home,
             ground_amsl_m=self._ground_m,
             altitudes_m=tuple(sorted(altitudes)),
+            altitude_m=float(data["altitude_m"]),
             waypoints=tuple(metres(p["position"]) for p in places),
-            zones=tuple(zone for zone in zones if not _over(zone.periods)),
+            heights_m=tuple(float(p.get("altitude_m", data["altitude_m"])) for p in places),
+            zones=tuple(map(self._timed, filter(self._may_apply, zones))),
             fences=tuple(self._area(a, f"fence {n}", fence=True) for n, a in enumerate(fences, 1)),
             rally=tuple(metres(p) for p in data.get("rally_points") or () if alone),
             clearance_m=self._clearance_m,
@@ -241,7 +273,27 @@ class _YamlReader:
             layer_top_m=max(altitudes) + min(above, default=math.inf) / 2,
             goals_from=tuple(data.get("goals_from") or ()),
             timers_s={name: float(at_s) for name, at_s in (data.get("timers") or {}).items()},
+            tracking_margin_m=float(planner.get("tracking_margin_m", _TRACKING_M)),
+            others=tuple(
+                (metres(other["home"]["position"]), other["level_m"] - data["level_m"])
+                for other in self._others
+            ),
+            separation_m=float(planner.get("vertical_separation_m", _SEPARATION_M)),
         )
+
+    def _may_apply(self, zone: Area) -> bool:
+        """Whether a zone's hours may be those of the flight, or of one up to an hour later."""
+        if self._flown_s is None or not zone.periods:
+            return not _over(zone.periods)
+        begin_s, end_s = self._flown_s
+        return any(meets(period, begin_s, end_s + _LATER_S) for period in zone.periods)
+
+    def _timed(self, zone: Area) -> Area:
+        """A zone without its hours if the flight is in them."""
+        if self._flown_s is None or not zone.periods:
+            return zone
+        applies = any(meets(period, *self._flown_s) for period in zone.periods)
+        return replace(zone, periods=()) if applies else zone
 
     def _area(
         self, area: Any, name: str, *, fence: bool = False, pairs: _Pairs | None = None
@@ -279,26 +331,10 @@ class _YamlReader:
         return float(limit) + math.copysign(relief_m, otherwise_m) + (self._ground_m or 0.0)
 
     def _zones_of_file(self, path: Path) -> Iterator[Area]:
-        document = json.loads(path.read_text(encoding="utf-8")) if path.suffix != ".kml" else None
-        if document is None or document.get("type") not in {"FeatureCollection", "Feature"}:
-            raise EvidenceError(f"{path}: the judge reads zones from GeoJSON features only")
-        if any("extendedProperties" in f for f in document.get("features", [])):
-            raise EvidenceError(f"{path}: the judge does not read geozones")
-        pairs = self._pairs._replace(source=None)  # those of GeoJSON are degrees
-        for number, feature in enumerate(document.get("features", [document]), 1):
-            given = feature.get("properties") or {}
-            title = given.get("name") or given.get("title") or feature.get("id")
-            kept = {key: given[key] for key in ("clearance_m", "active") if key in given}
-            kept["altitude"] = {
-                "lower_m": given.get("lower_m", given.get("lower")),
-                "upper_m": given.get("upper_m", given.get("upper")),
-                **{key: value for key, value in given.items() if key.endswith("reference")},
-            }
-            radius_m = given.get("radius_m", given.get("radius"))
-            for shape in _shapes(path, feature["geometry"], radius_m):
-                if given.get("kind", "zone") == "zone":
-                    name = str(title or f"{path.stem} {number}")
-                    yield self._area(kept | shape, name, pairs=pairs)
+        pairs = self._pairs._replace(source=None)  # those of map files are degrees
+        text = self._map_files.get(str(path)) or path.read_text(encoding="utf-8")
+        for name, zone in zones_of_map(path, text):
+            yield self._area(zone, name, pairs=pairs)
 
 
 def _over(periods: Sequence[Mapping[str, Any]]) -> bool:
@@ -316,23 +352,3 @@ def _flown(data: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     known = [float(h.get("altitude_amsl_m") or 0.0) for h in homes if "altitude_amsl_m" in h]
     both = {**data, **own, "home": homes["home" in own]}
     return {**both, "level_m": float(both["altitude_m"]) + [0.0, *known][-1]}
-
-
-def _shapes(
-    path: Path, geometry: Mapping[str, Any], radius_m: float | None
-) -> Iterator[dict[str, Any]]:
-    """The areas of a geometry of GeoJSON, as a mission file has them."""
-    kind = geometry["type"]
-    if kind == "GeometryCollection":
-        for inner in geometry["geometries"]:
-            yield from _shapes(path, inner, radius_m)
-        return
-    coordinates = geometry["coordinates"]
-    if kind == "Point":
-        yield {"circle": {"centre": coordinates[1::-1], "radius_m": radius_m}}
-        return
-    if kind not in {"Polygon", "MultiPolygon"}:
-        raise EvidenceError(f"{path}: a zone of the type {kind}")
-    for rings in [coordinates] if kind == "Polygon" else coordinates:
-        outer, *holes = ([corner[1::-1] for corner in ring] for ring in rings)
-        yield {"polygon": outer, "holes": holes}

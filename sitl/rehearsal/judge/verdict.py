@@ -18,12 +18,15 @@ from sitl.rehearsal.judge import (
     authority,
     commands,
     duties,
+    files,
     heights,
     inputs,
+    obligations,
     plan,
     promises,
     robots,
     space,
+    wire,
 )
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.case import Case, Responsible, Rule, Violation
@@ -126,8 +129,11 @@ def _left_flying(case: Case) -> End:
     changed_s = [h.time_s for h in case.evidence.told(SceneEventKind.FENCE_CHANGED)]
     if changed_s and max(_hands_off_s(case), default=-math.inf) >= changed_s[0]:
         return End.PILOT  # a station changed the plan: what follows is its operator's
-    lives = [h.what for h in case.evidence.told(SceneEventKind.KILLED, SceneEventKind.STARTED)]
-    alone = SceneEventKind.KILLED in lives and lives[-1] is not SceneEventKind.STARTED
+    kinds = (SceneEventKind.KILLED, SceneEventKind.STARTED, SceneEventKind.ENDED)
+    lives = [h.what for h in case.evidence.told(*kinds)][-1:]
+    alone = lives == [SceneEventKind.KILLED]
+    # One that is started anew, and finds that it may not fly on, leaves it where it hovers.
+    alone |= lives == [SceneEventKind.ENDED] and case.evidence.exit_code == _REFUSED
     return End.HOVERS if alone else End.NOT
 
 
@@ -261,16 +267,20 @@ def _cruised_s(case: Case, since_s: float) -> float:
 
 
 def _rules_of(module: ModuleType) -> list[Rule]:
-    """Its public generators that take a case alone, in their order."""
+    """Its public generators of violations that take a case alone, in their order."""
     return [
         rule
         for name, rule in vars(module).items()
         if inspect.isgeneratorfunction(rule) and rule.__module__ == module.__name__
         if not name.startswith("_") and len(inspect.signature(rule).parameters) == 1
+        if inspect.signature(rule).return_annotation == "Iterator[Violation]"
     ]
 
 
-_MODULES: Final = (space, plan, commands, authority, inputs, heights, promises, duties, robots)
+_MODULES: Final = (
+    *(space, plan, commands, authority, inputs, heights, promises, duties, robots),
+    *(wire, files, obligations),
+)
 RULES: Final = tuple(chain.from_iterable(map(_rules_of, (*_MODULES, sys.modules[__name__]))))
 """All that a flight is judged by; each rule sees the whole flight, and knows of no other."""
 

@@ -17,6 +17,8 @@ from sitl.px4sim.state import FlightMode
 
 _REAL32 = 9  # MAV_PARAM_TYPE
 _EXCLUSION: Final = 5002
+_POLYGONS: Final = frozenset({5001, 5002})
+_METRE_E7: Final = 117  # of longitude, at 40 degrees
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 _ZONE_M: Final = 15.0
 _STOP_M: Final = 12.0
@@ -145,6 +147,19 @@ class Stations:
             params = (float(len(_AHEAD)), 0.0, 0.0, 0.0)
             zone.append(MissionItem(5, Command(_EXCLUSION), False, params, x, y, 0.0))
         self._store(MissionType.FENCE, (*self._items(MissionType.FENCE), *zone))
+
+    def move_fence(self, off_m: float, dice: random.Random) -> None:
+        """The fence gets other places for one of its areas: as many points as before."""
+        items = list(self._items(MissionType.FENCE))
+        if not items:
+            return
+        first = dice.randrange(len(items))
+        run = int(items[first].params[0]) if items[first].command in _POLYGONS else 1
+        east_e7 = round(off_m * _METRE_E7)
+        for number in range(first, min(first + run, len(items))):
+            if items[number].command == items[first].command:
+                items[number] = replace(items[number], y=items[number].y + east_e7)
+        self._store(MissionType.FENCE, tuple(items))
 
     def divert(self, towards: tuple[float, float] | None = None) -> bool:
         """Make another item of the plan the current one; whether there is one.

@@ -152,6 +152,7 @@ class Robots:
             away; robots drive, and carry what others have said. None: links are good, robots stand.
         prank: What they tell instead of the truth; None: the truth.
         others: Messages of other robots that they carry.
+        forged: The same, but no robot hands over its own among them.
         carry: They carry each other's poses, too.
         hostile: They hand their positions over all the time, and take nothing.
     """
@@ -163,6 +164,7 @@ class Robots:
     weak: random.Random | None = None
     prank: Prank | None = None
     others: list[Told] = field(default_factory=list)
+    forged: list[Told] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         weak = self.weak
@@ -232,6 +234,7 @@ class Robots:
             told: list[Told] = []
             if sync.direction is Direction.IN:
                 told = self._told(name, self._place(name, now_s), now_s) + self.others
+                told += [message for message in self.forged if message[0] != name]
                 node.take(name, told)
             value = (name, sync.direction.value, sync.began_s, told)
             self.happened(SceneEventKind.SYNCED, value)

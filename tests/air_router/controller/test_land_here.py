@@ -34,6 +34,18 @@ def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     assert holding.finished.why == "landed where it hovered, as kim asked"
 
 
+def test_above_home_a_landing_that_is_not_followed_is_told_again_until_it_lands(away):
+    flight = away(duration_s=4000.0)
+    flight.operator_asks(ComeHome())
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 4.0)
+    flight.deaf = True
+    flight.fly_to_state(State.LAND, 60.0)
+    flight.fly_for(10.0)
+    assert flight.motions.count(LandHere()) > 2
+    flight.deaf = False
+    flight.lands(300.0)
+
+
 def test_asked_to_while_its_altitude_has_jumped_it_lands(holding):
     holding.altitude_m += 12.0
     holding.step()

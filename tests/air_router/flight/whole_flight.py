@@ -41,4 +41,12 @@ class WholeFlight:
 
     def run(self):
         with self.recorder:
-            return asyncio.run(self.flight.run())
+            return asyncio.run(self._ends())
+
+    async def _ends(self):
+        """The flight's result; one that does not end by itself is an error."""
+        flight = asyncio.ensure_future(self.flight.run())
+        self.vehicle.lasts_too_long = flight.cancel
+        await asyncio.wait({flight})
+        assert not flight.cancelled(), f"it does not end: {self.out.getvalue()[-300:]}"
+        return flight.result()

@@ -96,13 +96,17 @@ def ours(time_s, name, **fields):
     return WireMessage(time_s, 1, 191, 1, name, fields)
 
 
-def upload(fence=FENCE, waypoints=ROUND[1:-1], z=40.0, at_s=0.1):
-    plan = [(16, 0, 0, 0.0), *((16, *w, 0.0) for w in waypoints)]
+PARAM2 = {178: 5.0, 16: 2.0}  # of the items: the speed, and the acceptance radius
+
+
+def upload(fence=FENCE, waypoints=ROUND[1:-1], z=40.0, at_s=0.1, param2=PARAM2):
+    plan = [(178, 0, 0, 1.0), (22, 0, 0, 0.0), (16, 0, 0, 0.0), *((16, *w, 0.0) for w in waypoints)]
     for kind, items in ((1, fence), (0, plan)):
         yield ours(at_s, "MISSION_COUNT", count=len(items), mission_type=kind)
         for seq, (number, east, north, param1) in enumerate(items):
             fields = {"seq": seq, "command": number, "frame": 6, "z": z, **place(east, north)}
             more = {"param1": param1, "autocontinue": 0, "mission_type": kind}
+            more |= {"param2": param2[number]} if number in param2 else {}
             yield ours(at_s, "MISSION_ITEM_INT", **fields, **more)
         yield WireMessage(at_s, 1, 1, 1, "MISSION_ACK", {"type": 0, "mission_type": kind})
 
@@ -223,7 +227,7 @@ def test_what_is_on_board_is_what_the_file_says(messages):
 
 def test_a_leg_to_an_item_is_as_clear_as_one_to_a_place():
     states = track(((0, 0), (0, 30), (60, 30), (0, 0)))
-    jump = ours(26.9, "MISSION_SET_CURRENT", seq=1)  # from (0, 30) beside the shed to (60, 0)
+    jump = ours(26.9, "MISSION_SET_CURRENT", seq=3)  # from (0, 30) beside the shed to (60, 0)
     assert "leg" in kinds(evidence(states, more=[jump]))
 
 
@@ -308,7 +312,7 @@ def test_no_command_leaves_twice_at_once():
     raised = [command(30.0, 176, param2=4.0, confirmation=n) for n in range(2)]
     assert "repeat" not in kinds(evidence(more=raised))
     assert "repeat" in kinds(evidence(more=raised[:1] * 2))
-    jumps = [ours(at_s, "MISSION_SET_CURRENT", seq=1) for at_s in (25.0, 25.01, 25.2)]
+    jumps = [ours(at_s, "MISSION_SET_CURRENT", seq=3) for at_s in (25.0, 25.01, 25.2)]
     assert "repeat" in kinds(evidence(more=jumps))
     assert "repeat" not in kinds(evidence(more=jumps[1:]))  # decided anew with a position
 
@@ -500,7 +504,7 @@ def test_the_judge_imports_nothing_of_what_it_judges():
 def test_what_is_read_back_is_what_was_sent(off_east_m, wrong):
     def told(item):
         number, spot = item.fields["seq"], {}
-        if item.fields["mission_type"] == 0 and number == 2:
+        if item.fields["mission_type"] == 0 and number == 4:
             spot = place(60 + off_east_m, 60)
         return WireMessage(0.2, 1, 1, 1, item.name, {**item.fields, **spot})
 

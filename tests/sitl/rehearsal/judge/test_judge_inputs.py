@@ -187,7 +187,7 @@ def test_a_fix_that_is_back_for_three_seconds_is_back():
 def test_no_leg_begins_from_a_place_that_is_not_known():
     said = [(71.0, "position not heard for 2 s: holding"), BY_HAND]
     spoil, leg = between(69.0, 85.0, POSITION), goto(80.0, 60, 0)
-    assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind"}
+    assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind", "leg"}
     assert found(flight(HOVERS, said=said, more=[leg])) == set()
 
 
@@ -321,12 +321,14 @@ def test_for_a_home_that_is_moved_up_or_down_it_is_held(up_m, wrong):
     ],
 )
 def test_a_changed_file_that_is_not_taken_is_reported(said, wrong):
-    drawn = TEXT + "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
+    # Where home lies in a new zone the file cannot be taken, whatever is said of it.
+    home = "  - {name: new, polygon: [[-5, -5], [5, -5], [5, 5], [-5, 5]]}\n"
+    drawn = TEXT + home
 
     def left(text):
         return (SceneEvent(74.0, SceneEventKind.FILE_LEFT, (70.0, text)),)
 
-    higher = TEXT.replace("upper_m: 20", "upper_m: 50")
+    higher = TEXT.replace("upper_m: 20", "upper_m: 50") + home
     for changed in (drawn, higher):
         assert found(flight(said=[(72.0, said)], happenings=left(changed))) == wrong
     assert found(flight(said=[(72.0, said)], happenings=left(TEXT))) == set()

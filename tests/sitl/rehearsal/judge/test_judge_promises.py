@@ -144,7 +144,10 @@ def test_the_charge_covers_the_way_home():
 def test_it_may_land_where_it_was_asked_to(lands_at, end):
     states = track(((0, 0), (60, 0), (60, 0), lands_at))
     said = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]
-    flown = judge(evidence(states, said=said, faults=("LANDED_HERE",)))
+    asked = (SceneEvent(32.7, SceneEventKind.REQUEST, "land"),)
+    how = {"said": said, "faults": ("LANDED_HERE",)}
+    flown = judge(evidence(states, **how, happenings=asked))
+    assert judge(evidence(states, **how)).end is End.ELSEWHERE  # nobody asked for it
     assert flown.end is end
     assert "landing" in {violation.kind for violation in flown.violations}  # it moved: 5 m/s
 

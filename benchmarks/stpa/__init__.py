@@ -1,0 +1,1 @@
+"""The unsafe commands of docs/safety.md: each test fails once its code is broken."""

@@ -1,0 +1,244 @@
+"""What an accepted request, or an announcement, obliges the companion to: seen on the wire.
+
+The answer to a request is only believed where it takes an obligation on; what it says of having
+done it already, or of doing it later, is looked at where the vehicle is.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import shapely
+
+from sitl.rehearsal.judge.case import Case, Violation
+from sitl.rehearsal.judge.duties import (
+    Answer,
+    News,
+    answered,
+    comes_home,
+    is_far,
+    places_of,
+    stands,
+)
+from sitl.rehearsal.judge.evidence import LAND, SceneEvent, command_of, is_motion
+from sitl.rehearsal.judge.inputs import blind, gaps
+from sitl.rehearsal.judge.space import open_space, room_m
+
+_BRAKES_S, _STANDS_S = 1.0, 12.0
+"""A hold is sent within the one, and looked at for so long."""
+
+_SETS_OUT_S: Final = 6.0
+_BOARD_S: Final = 65.0
+"""What waits for a changed fence may wait for so long."""
+
+_ON_S: Final = 45.0
+"""A vehicle that flies on has a new leg, or moves, within that time."""
+
+_STATE_S: Final = 3.0
+_LANDS_S: Final = 4.0
+_WAITS_S: Final = 100.0
+_MOVES_M_S: Final = 0.7
+_DETOUR, _TURNS_S, _NEAR_M = 2.5, 20.0, 5.0
+_OVER_M: Final = 12.0
+_IN_M: Final = 3.0
+_MOVING: Final = frozenset({"home", "goto", "seek", "explore", "resume", "land", "altitude"})
+_ENDS: Final = re.compile("coming home: |hands off")
+
+
+class Duty(NamedTuple):
+    """A request that was accepted, and until when nothing else came between."""
+
+    request: SceneEvent
+    answer: Answer
+    until_s: float
+
+    @property
+    def at_s(self) -> float:
+        """When it was asked for."""
+        return self.request.time_s
+
+    @property
+    def verb(self) -> str:
+        """What was."""
+        return str(self.request.value).split()[0]
+
+
+def _duties(case: Case) -> Iterator[Duty]:
+    """All that was accepted, until the next request that was, or an end of the mission."""
+    if not case.evidence.heard:
+        return
+    found = [(r, a) for r, a in answered(case) if a is not None and a.what == "accepted"]
+    ends_s = [at_s for at_s, text in case.said if _ENDS.search(text)]
+    for number, (request, answer) in enumerate(found):
+        later = [r.time_s for r, _ in found[number + 1 :] if str(r.value) != "reload"]
+        own = 0.6 if str(request.value).startswith("home") else 0.0
+        later += [at_s for at_s in ends_s if at_s > request.time_s + own]
+        later += [version.from_s for version in case.versions if version.from_s > request.time_s]
+        yield Duty(request, answer, min(later, default=math.inf))
+
+
+def _lags_s(case: Case) -> float:
+    return case.row.notice_s + case.evidence.reaction_s
+
+
+def _sent(case: Case, begin_s: float, end_s: float) -> bool:
+    """Whether a motion left between."""
+    return any(begin_s <= m.time_s <= end_s for m in case.commands if is_motion(m))
+
+
+def _waits(case: Case, at_s: float) -> float:
+    """How much longer it may take because a changed file is on its way on board."""
+    new = [v.from_s for v in case.versions[1:] if v.from_s - 1.0 <= at_s <= v.from_s + _BOARD_S]
+    return _BOARD_S if new else 0.0
+
+
+def a_hold_that_is_accepted_is_held(case: Case) -> Iterator[Violation]:
+    """Whatever the answer says of it, the vehicle stands soon, until something else is asked."""
+    for duty in _duties(case):
+        if duty.verb != "hold":
+            continue
+        from_s = duty.at_s + _BRAKES_S + _lags_s(case)
+        until_s = min(duty.until_s, duty.at_s + _STANDS_S) - 0.1
+        leaves = any(v.from_s - 1.0 <= duty.at_s <= v.from_s + _STANDS_S for v in case.versions[1:])
+        if not leaves:
+            yield from stands(
+                case, News(duty.at_s, "hold was accepted"), (from_s, until_s), "request"
+            )
+
+
+def a_way_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:
+    """After "goto", "seek", "home" and "explore" a leg leaves, or it is there, or on its way."""
+    for duty in _duties(case):
+        if duty.verb not in {"goto", "seek", "home", "explore", "resume"}:
+            continue
+        due_s = duty.at_s + _SETS_OUT_S + _lags_s(case) + _waits(case, duty.at_s)
+        if case.above_m[case.at(duty.at_s)] < min(case.mission.altitudes_m) - _IN_M:
+            continue  # it climbs first
+        due_s += _ON_S if duty.verb in {"explore", "resume"} else 0.0
+        if due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+            continue
+        if _sent(case, duty.at_s - 0.1, due_s) or _is_there(case, duty, due_s):
+            continue
+        text = f"nothing was sent, though {duty.verb} was accepted at {duty.at_s:.1f} s"
+        yield Violation(due_s, "request", text)
+
+
+def _is_there(case: Case, duty: Duty, due_s: float) -> bool:
+    """Whether the vehicle is where it was to go, or flies there already."""
+    index = case.at(duty.at_s)
+    here = case.place(index)
+    if duty.verb == "home":
+        return case.from_home_m(index) < case.mission.acceptance_m + _IN_M or _moves(case, duty)
+    if duty.verb == "goto":
+        return not is_far(case, duty.request)
+    if duty.verb == "explore":
+        return _moves(case, duty)
+    if duty.verb == "resume":
+        return _moves(case, duty) or case.state(due_s) in {"SEARCH", "COMM", "GOTO"}
+    robots = case.state(due_s) in {"SEARCH", "COMM"}  # it hovers where it is sought
+    return (
+        robots
+        and min((math.dist(here, place) for place in case.mission.waypoints), default=0.0)
+        < 10 * _OVER_M
+    )
+
+
+def _moves(case: Case, duty: Duty) -> bool:
+    index = case.at(duty.at_s)
+    return case.speed_m_s(max(index - 10, 0), index) > _MOVES_M_S
+
+
+def points_that_are_accepted_are_flown_to(case: Case) -> Iterator[Violation]:
+    """It comes to the first point of a "goto", or as near as areas let it, in the time it takes."""
+    for duty in _duties(case):
+        places = places_of(case, duty.request) if duty.verb == "goto" else []
+        if not places:
+            continue
+        index, place = case.at(duty.at_s), places[0]
+        if case.above_m[index] < min(case.mission.altitudes_m) - _IN_M:
+            continue
+        mission = case.version_at(duty.at_s).mission
+        way_s = _DETOUR * math.dist(case.place(index), place) / mission.speed_m_s
+        due_s = duty.at_s + way_s + _TURNS_S + _lags_s(case) + _waits(case, duty.at_s)
+        if due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+            continue
+        clear = open_space(mission.cruised, mission.tracking_margin_m)
+        beside_m = clear.distance(shapely.Point(place))
+        last = case.at(due_s) + 1
+        away_m = min(math.dist(case.place(n), place) for n in range(index, last, 5))
+        slack_m = mission.acceptance_m + _NEAR_M + float(case.off_m[index:last].max())
+        if away_m > 2 * beside_m + slack_m:
+            text = (
+                f"no nearer than {away_m:.1f} m to a point that was accepted {due_s:.0f} s before"
+            )
+            yield Violation(due_s, "request", text)
+
+
+def a_landing_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:
+    """It is told to land within seconds, or does already."""
+    for duty in _duties(case):
+        due_s = duty.at_s + _LANDS_S + _lags_s(case)
+        if duty.verb != "land" or due_s > duty.until_s or not case.answers(duty.at_s, due_s):
+            continue
+        told = any(
+            command_of(m) == LAND and duty.at_s - 0.1 <= m.time_s <= due_s for m in case.commands
+        )
+        if not (told or case.lands[case.at(due_s)]):
+            text = f"not told to land, though that was accepted at {duty.at_s:.1f} s"
+            yield Violation(due_s, "request", text)
+
+
+def what_is_resumed_goes_on(case: Case) -> Iterator[Violation]:
+    """A "resume" that is accepted while it holds ends that."""
+    for duty in _duties(case):
+        due_s = duty.at_s + _STATE_S + _lags_s(case)
+        holds = case.state(duty.at_s - 0.01) == "HOLD"
+        if duty.verb != "resume" or not holds or due_s > duty.until_s:
+            continue
+        if case.answers(duty.at_s, due_s) and case.state(due_s) == "HOLD":
+            text = f"it holds on, though resume was accepted at {duty.at_s:.1f} s"
+            yield Violation(due_s, "request", text)
+
+
+def points_that_wait_are_answered(case: Case) -> Iterator[Violation]:
+    """A request that waits for its time is answered in the end."""
+    for request, answer in answered(case) if case.evidence.heard else ():
+        if answer is None or answer.what:
+            continue
+        due_s = request.time_s + _WAITS_S
+        states = {case.state(request.time_s + seconds) for seconds in range(0, 100, 5)}
+        open_to = states <= {"INIT", "SEARCH", "COMM", "EXPL"}
+        said = case.has_said("accepted: |refused: |its time was", request.time_s + 0.1, due_s)
+        if open_to and case.answers(request.time_s, due_s) and not said:
+            yield Violation(due_s, "request", "points that were to wait are forgotten")
+
+
+def what_is_said_of_coming_home_is_so(case: Case) -> Iterator[Violation]:
+    """After "coming home" it comes home, unless something else is asked for and accepted."""
+    if not case.evidence.heard:
+        return
+    asked_s = [d.at_s for d in _duties(case) if d.verb in _MOVING | {"hold"}]
+    lost = blind(gaps(case))
+    for at_s, text in case.said:
+        if "coming home: " not in text:
+            continue
+        found = list(comes_home(case, News(at_s, "it says that it comes home"), at_s, lost))
+        yield from (v for v in found if not any(at_s + 0.1 < s < v.time_s for s in asked_s))
+
+
+def what_is_said_of_leaving_is_so(case: Case) -> Iterator[Violation]:
+    """It leaves only what a changed file has drawn where it is, or near."""
+    for at_s, text in case.said if case.evidence.heard else ():
+        if not re.search(r" s  leaving ", text):
+            continue
+        version = case.version_at(at_s)
+        before = [v for v in case.versions if v.until_s <= version.from_s][-1:]
+        here = shapely.Point(case.place(case.at(at_s)))
+        known = before[0].mission.areas if before else ()
+        new = [a for a in version.mission.areas if not any(map(a.same, known))]
+        near_m = min((room_m(area, here) for area in new), default=math.inf)
+        if near_m > _IN_M + float(case.off_m[case.at(at_s)]) + case.row.room_m:
+            yield Violation(at_s, "told", f"'{text.strip()}', but nothing new is near")
