@@ -6,18 +6,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
+# What pip says, as one line a package; a pipe fails with pip.
+SHELL := bash
+.SHELLFLAGS := -o pipefail -c
+PINNED = $(BIN)/python -m pip install --disable-pip-version-check --no-input --no-deps --require-hashes --requirement $(1) \
+	| awk -v all="$$(grep -c '==' $(1))" '/^(Collecting|Requirement already)/ { sub(/^Requirement already satisfied:/, "Collecting"); printf "  %d of up to %d: %s\n", ++n, all, $$2; fflush() } \
+		/^Installing/ { print "  installing " n " packages: the longest step"; fflush() }' >&2
+
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice stpa experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test dist-test lowest explore coverage rehearse rehearse-slice sabotage sabotage-slice stpa experiments experiments-verify lint film bench bench-goals bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: pyproject.toml packaging/mocha-link/pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("air-router needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
-	@echo "setting up $(VENV): a minute, once" >&2
+	@echo "setting up $(VENV), once: 1 GB; what there is to fetch and to install takes one to five minutes" >&2
 	@$(PYTHON) -m venv $(VENV) || { echo "no virtual environment: on Debian/Ubuntu run 'sudo apt-get install python3-venv' and try again" >&2; exit 1; }
-	@$(PIP) --no-deps --require-hashes --requirement constraints.txt
+	@$(call PINNED,constraints.txt)
 	@$(PIP) --no-deps --no-build-isolation --editable packaging/mocha-link --editable .
 	@touch $@
 
@@ -95,12 +102,12 @@ bench-route: $(VENV)/.tools
 
 # What only benchmarks, `make dist` and `make docs` need
 $(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
-	@$(PIP) --no-deps --require-hashes --requirement constraints-tools.txt
+	@$(call PINNED,constraints-tools.txt)
 	@$(PIP) --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
 	@touch $@
 
 # Wheels and source archives, what they need in pinned versions (requirements.txt, CycloneDX), and checksums
-EXTRAS := sim keys mavlink ros ros2 plot experiments web completion foxglove
+EXTRAS := $(shell sed -n '/^\[project.optional-dependencies\]/,/^$$/s/^\([a-z0-9]*\) = .*/\1/p' pyproject.toml)
 dist: $(VENV)/.tools
 	rm -rf dist
 	$(BIN)/hadolint packaging/Dockerfile
@@ -110,6 +117,32 @@ dist: $(VENV)/.tools
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json dist/requirements.txt
 	cd dist && sha256sum -- * > SHA256SUMS
 
+# Wheels of ours in empty environments elsewhere, one for each extra, which then does what it is for: 10 minutes
+dist-test: $(VENV)/.tools
+	$(BIN)/python -m pytest -n 2 -o 'python_files=walk_*.py' --timeout 900 tests/dist
+
+# The suite with the lowest versions that the bounds in pyproject.toml allow, in an environment of its own
+LOWEST := build/lowest
+lowest: $(VENV)/.tools
+	@mkdir -p build
+	$(BIN)/uv pip compile --quiet --python-version 3.11 --resolution lowest-direct --no-header --no-annotate --no-emit-package mocha-link pyproject.toml \
+		$(EXTRAS:%=--extra %) --group dev --output-file build/lowest.txt
+	$(BIN)/uv venv --quiet --clear --python 3.11 $(LOWEST)
+	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --requirement build/lowest.txt
+	$(BIN)/uv pip install --quiet --python $(LOWEST) --no-deps --no-build-isolation --editable packaging/mocha-link --editable .
+	$(LOWEST)/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(TESTS)
+
+# Properties with new examples, a thousand each, where the suite has fixed ones
+explore: setup
+	HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 3 -m hypothesis --timeout 7200 $(TESTS)
+
+# Which share of the code the suite runs, programs that it starts included
+coverage: setup
+	$(BIN)/coverage erase
+	COVERAGE_PROCESS_START=$(CURDIR)/pyproject.toml $(BIN)/coverage run -m pytest -n 3 --dist loadfile --no-loadscope-reorder $(TESTS)
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report --skip-covered --sort=cover | tail -n 40
+
 # The documentation as a site, in build/site; a broken link is an error
 docs: $(VENV)/.tools
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --clean
@@ -118,8 +151,8 @@ docs: $(VENV)/.tools
 PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
 COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
-	$(COMPILE) --upgrade --extra plot --extra dev --output-file constraints.txt
-	$(PINS) | $(COMPILE) --upgrade --extra bench --extra dist --extra docs --constraint - --output-file constraints-tools.txt
+	$(COMPILE) --upgrade --extra plot --group dev --output-file constraints.txt
+	$(PINS) | $(COMPILE) --upgrade --group bench --group dist --group docs --constraint - --output-file constraints-tools.txt
 
 clean:
 	rm -rf $(VENV)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from air_router.errors import NoVehicleError
+from air_router.errors import AirRouterError, ExitCode, NoVehicleError
 from air_router.mission.fleet import Layer
 from air_router.record.record_file import no_folder
 from air_router.sim.ports import free_port, is_free
@@ -72,6 +72,12 @@ class SimVehicle:
     camera: str = ""
 
 
+class WorldIncompleteError(AirRouterError):
+    """A process of the simulated world lacks a package; it said how to install it."""
+
+    exit_code = ExitCode.MISSING_EXTRA
+
+
 class Child:
     """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM.
 
@@ -107,6 +113,7 @@ class Child:
 
         Raises:
             NoVehicleError: it ended or stayed silent instead.
+            WorldIncompleteError: it lacks a package.
         """
         stdout = self._process.stdout
         assert stdout is not None  # noqa: S101 - it was asked for
@@ -120,6 +127,8 @@ class Child:
             if not byte:
                 code = self._process.wait()
                 said = self._log.read_text(errors="replace").strip() or "nothing"
+                if code == ExitCode.MISSING_EXTRA:
+                    raise WorldIncompleteError(said)
                 raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
             line += byte
         ready: dict[str, Any] = json.loads(line)

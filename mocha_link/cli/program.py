@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from mocha_link import __version__
-from mocha_link.errors import needs_extra
+from mocha_link.errors import MissingExtraError, needs_extra
 from mocha_link.node.lifetime import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 
 USAGE = 2
@@ -102,11 +102,15 @@ class Program:
     log_level: int = logging.WARNING  # without `--verbose`
     log_format: str = "%(levelname)s %(name)s: %(message)s"
 
-    def parser(self, *, whole: bool = True) -> argparse.ArgumentParser:
+    def parser(
+        self, *, whole: bool = True, lacking: list[str] | None = None
+    ) -> argparse.ArgumentParser:
         """What its command line can say.
 
         If `whole`, the modules of all commands are imported now: for code that looks into their
         parsers, to write documentation or to complete words. Otherwise each when it is asked for.
+        Why a module cannot be imported, an extra being absent, is put into `lacking`, and the
+        command then has a name only; without that it is an error.
         """
         parser = Parser(
             prog=self.name, description=self.description, epilog=self.epilog, formatter_class=Help
@@ -116,8 +120,14 @@ class Program:
         commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
         for command in self.commands:
             commands.add_parser(command.name, help=command.about)
-            stand_in = _StandIn(command, self.name)
-            commands.choices[command.name] = command.parser(self.name) if whole else stand_in
+            commands.choices[command.name] = _StandIn(command, self.name)
+            if whole:
+                try:
+                    commands.choices[command.name] = command.parser(self.name)
+                except MissingExtraError as error:
+                    if lacking is None:
+                        raise
+                    lacking.append(str(error))
         completion = add_command(
             commands,
             "completion",
@@ -129,7 +139,10 @@ class Program:
         return parser
 
     def _complete(self, arguments: argparse.Namespace) -> int:
-        sys.stdout.write(script(self.parser(), arguments.shell) + "\n")
+        lacking: list[str] = []
+        sys.stdout.write(script(self.parser(lacking=lacking), arguments.shell) + "\n")
+        for why in dict.fromkeys(lacking):
+            sys.stderr.write(f"options of some commands are not completed: {why}\n")
         return 0
 
     def run(self, argv: Sequence[str] | None) -> int:

@@ -17,10 +17,6 @@ from geo.grid import Cells, Terrain
 from mocha_link.errors import needs_extra
 from sitl.world.towns.town import GRAIN_M, Cell, Lattice
 
-with needs_extra("an experiment", "experiments", "air-router"):
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import dijkstra
-
 Floats = npt.NDArray[np.float64]
 
 COSTS: Final[Mapping[Terrain, float]] = {
@@ -59,9 +55,7 @@ class Ways:
         """
         self.lattice = lattice
         self.start = start
-        costs, before = dijkstra(
-            _graph(lattice, ground), indices=start, return_predecessors=True, limit=_FARTHEST
-        )
+        costs, before = _cheapest(lattice, ground, start)
         self.costs: Floats = costs  # by cell; inf: none leads there
         self._before: npt.NDArray[np.int32] = before  # by cell: the one before it on the way
 
@@ -110,8 +104,26 @@ def _neighbours(rows: int, columns: int) -> tuple[npt.NDArray[np.int32], npt.NDA
     return indices, np.arange(0, 8 * rows * columns + 1, 8, dtype=np.int32)
 
 
-def _graph(lattice: Lattice, ground: Cells) -> csr_array:
-    """What the steps between neighbours cost; inf where there is none."""
+def _cheapest(lattice: Lattice, ground: Cells, start: Cell) -> tuple[Floats, npt.NDArray[np.int32]]:
+    """What every cell costs from the start, and the cell before it on the way.
+
+    Raises:
+        MissingExtraError: only worlds with ways need SciPy, and it is not installed.
+    """
+    with needs_extra("a world with ways for its robots", "experiments", "air-router"):
+        from scipy.sparse import csr_array  # noqa: PLC0415 - an extra
+        from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415 - an extra
+    graph = csr_array(_steps(lattice, ground), shape=(lattice.rows * lattice.columns,) * 2)
+    found: tuple[Floats, npt.NDArray[np.int32]] = dijkstra(
+        graph, indices=start, return_predecessors=True, limit=_FARTHEST
+    )
+    return found
+
+
+def _steps(
+    lattice: Lattice, ground: Cells
+) -> tuple[Floats, npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """What the steps between neighbours cost; inf where there is none: a sparse matrix' parts."""
     rows, columns = lattice.rows, lattice.columns
     costs = np.full((rows + 2, columns + 2), math.inf)
     costs[1:-1, 1:-1] = (_COSTS * (GRAIN_M / 2))[ground].reshape(rows, columns)
@@ -129,4 +141,4 @@ def _graph(lattice: Lattice, ground: Cells) -> csr_array:
         else:
             steps[..., index] = middle + other
     indices, pointers = _neighbours(rows, columns)
-    return csr_array((steps.ravel(), indices, pointers), shape=(rows * columns, rows * columns))
+    return steps.ravel(), indices, pointers
