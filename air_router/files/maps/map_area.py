@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from air_router.files.mission_document import DocumentSource, Keys, local_ring
 from air_router.files.zone_terms import NO_TERMS, ZoneTerms
@@ -22,6 +23,8 @@ REPAIRED: Final = "zone-repaired"
 """The code of the note about a zone whose border was no sound one."""
 
 _DEGREE_M: Final = 111_000.0
+_POLE_DEG: Final = 90.0
+_LEAST_DEG2: Final = 1e-12  # a hundredth of a square metre
 _FRAME_STEP_DEG: Final = 10.0
 
 Places = NDArray[np.float64]
@@ -96,8 +99,11 @@ class MapArea:
     def sound(self) -> tuple[list[MapArea], Problem | None]:
         """The areas that its border encloses, and a note if it had to be repaired for that.
 
-        It is judged in a frame of its own, so that the verdict is the same for every mission.
+        It is judged on the map, where its sides are straight, or in a frame of its own, so that the
+        verdict is the same for every mission.
         """
+        if self._sound_on_map():
+            return [self], None
         frame = self.own_frame()
         try:
             self._shape(frame)
@@ -153,6 +159,21 @@ class MapArea:
         return LocalFrame(
             Geodetic(*(_FRAME_STEP_DEG * round(part / _FRAME_STEP_DEG) for part in place))
         )
+
+    def _sound_on_map(self) -> bool:
+        """Whether it is an area in degrees; also false if that cannot be told, as around a pole."""
+        if isinstance(self.shape, MapCircle):
+            return False
+        rings, west_deg = [], self.shape.ring[0].longitude_deg
+        for ring in (self.shape.ring, *self.shape.holes):
+            places = np.array(ring)[:, ::-1]
+            jumps = np.round(np.diff(places[:, 0], append=places[0, 0]) / 360.0)
+            if jumps.any() or len(places) < 3 or abs(places[:, 1]).max() >= _POLE_DEG:
+                return False
+            places[:, 0] -= 360.0 * np.round((places[0, 0] - west_deg) / 360.0)
+            rings.append(places)
+        polygon = Polygon(rings[0], rings[1:])
+        return bool(polygon.is_valid and polygon.area > _LEAST_DEG2)
 
     def _shape(self, frame: LocalFrame) -> Shape:
         if isinstance(self.shape, MapCircle):

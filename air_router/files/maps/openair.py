@@ -144,8 +144,14 @@ class _Reader:
             self._add(zone, name)
 
     def _add(self, zone: _Airspace, name: str) -> None:
-        shapes: Shapes = [(zone.place, circle) for circle in zone.circles]
-        ring = self._reading.ring(zone.corners, zone.place) if zone.corners else None
+        alone = len(set(zone.corners)) == 1
+        circles = [*zone.circles, *(zone.turns if alone else ())]
+        shapes: Shapes = [(zone.place, circle) for circle in circles]
+        ring = (
+            self._reading.ring(zone.corners, zone.place)
+            if zone.corners and not (alone and zone.turns)
+            else None
+        )
         shapes += [(zone.place, MapOutline(ring))] if ring else []
         if zone.hours is not None:
             message = "when it applies is not read: always"
@@ -204,6 +210,10 @@ class _Reader:
             zone.corners += arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)
         else:
             arc = [polar(centre, place) for place in ends]
+            if ends[0] == ends[1]:  # a whole turn if there is nothing else, else rounding
+                zone.turns.append(MapCircle(centre, arc[0][1]))
+                zone.corners.append(ends[0])
+                return
             between = arc_around(centre, arc[0], arc[1], clockwise=zone.clockwise)[1:-1]
             zone.corners += [ends[0], *between, ends[1]]
 
@@ -261,6 +271,7 @@ class _Airspace:
         self.contradicted: set[str] = set()  # commands that say one thing, then another
         self.corners: list[Geodetic] = []  # of its outline so far
         self.circles: list[MapCircle] = []  # each an area of its own
+        self.turns: list[MapCircle] = []  # of arcs that end where they begin
         self.hours: Place | None = None  # where it says when it applies
         self.clockwise = True  # direction of the next arc
         self.broken = False  # a line of it could not be read

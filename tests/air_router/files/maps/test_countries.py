@@ -130,6 +130,15 @@ def test_an_arc_that_misses_its_point_is_read_as_all_that_it_may_mean():
     assert codes(draft.notes) == ["zone-repaired"]
 
 
+def test_an_arc_that_ends_where_it_begins_is_a_circle_only_if_it_is_alone(tmp_path):
+    arc = ["V X=47N 8E", "DB 47:06:00 N 8:00:00 E, 47:06:00 N 8:00:00 E"]
+    (round_zone,) = read_zones(written(tmp_path, "a.txt", openair(*arc))).zones
+    far_m = GEOD.inv(8, 47, 8, 47.1)[2]
+    assert round_zone.shape == MapCircle(Geodetic(47, 8), pytest.approx(far_m))
+    (zone,) = read_zones(written(tmp_path, "b.txt", openair(*SQUARE, *arc))).zones
+    assert zone.shape.ring[3:] == (pytest.approx((47.1, 8)),)
+
+
 # Tokens
 
 
