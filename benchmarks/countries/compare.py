@@ -140,15 +140,18 @@ class Comparison:
         """The areas of zones that a mission has as a whole."""
         places = {_place(zone): zone for zone in self._reading.zones}
         found: dict[int, float] = defaultdict(float)
+        wide: set[int] = set()
         for area in draft.zones:
             key = _number(places[int(area.keys[0]), int(area.keys[1])])
             west, south, east, north = area.shape.polygon.bounds
             if len(self._ours[key]) > 1 or max(east - west, north - south) > WIDE_M:
-                continue  # of several parts some may be too far away
+                wide.add(key)  # of several parts some may be too far away
             circle = isinstance(area.shape, Circle)
             round_m2 = math.pi * area.shape.radius_m**2 if circle else 0.0
             found[key] += round_m2 or area.shape.polygon.area
         for key, area in found.items():
+            if key in wide:
+                continue
             self.row.compared += 1
             if not self._same(key, area):
                 self.row.areas += 1

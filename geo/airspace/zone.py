@@ -22,10 +22,21 @@ _FARTHEST_M = 1e8
 _LEAST_SEGMENTS, _MOST_SEGMENTS = 12, 360
 _EXCESS_M = 0.02  # how much farther out a grown circle's corners may be
 
+
+def arc_excess(steps: int) -> float:
+    """By what a reach is multiplied so that no chord falls short of it.
+
+    GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
+    compensation for the chord still falls short, this one does not.
+
+    Args:
+        steps: Of a quarter circle.
+    """
+    return 1 / math.cos(0.75 * (math.pi / 2) / steps)
+
+
 ARC_STEPS = 16  # of a quarter circle
-ARC_EXCESS = 1 / math.cos(0.75 * (math.pi / 2) / ARC_STEPS)
-"""GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
-compensation for the chord still falls short, this one does not."""
+ARC_EXCESS = arc_excess(ARC_STEPS)
 
 
 class ZoneError(ValueError):

@@ -8,7 +8,8 @@ a path too near. Exact along straight sides; at corners of polygons
   has, so that searches are quick;
 * tight: arcs, at most 0.3 % too far out. So are, in the lean area too, those shapes that would
   close a gap in between them only because of their mitred corners: both areas are connected alike,
-  but for pockets between corners that the lean area fills.
+  but for pockets between corners that the lean area fills. Where even these arcs close a gap, they
+  are finer.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from geo.airspace.zone import (
     ARC_STEPS,
     Circle,
     Shape,
+    arc_excess,
     circle_ring,
     polygons_of,
 )
@@ -37,6 +39,7 @@ from geo.airspace.zone import (
 Shapes = npt.NDArray[np.object_]
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 Bounds = tuple[float, float, float, float]
 """West, south, east, north."""
 
@@ -47,6 +50,9 @@ HAIR_M = 1e-4
 
 BEVEL = 1.03
 """Where mitred corners are cut off, in distances to keep: up to here they never fall short."""
+
+FINE_STEPS = 128  # of a quarter circle
+"""Of arcs beside a gap that coarser ones would close: at most 0.004 % too far out."""
 
 _SHARP = 2.0
 """For shapes that are cut to arcs afterwards; a limit much higher than this falls short."""
@@ -127,6 +133,10 @@ class FreeSpace:
         drawn, reaches_m = self._zones[missing], self._reaches_m[missing]
         sharp = shapely.buffer(drawn, reaches_m, join_style="mitre", mitre_limit=_SHARP)
         arcs = shapely.buffer(drawn, reaches_m * ARC_EXCESS, quad_segs=ARC_STEPS)
+        fine = self._fine[missing]
+        if fine.any():
+            far_m = reaches_m[fine] * arc_excess(FINE_STEPS)
+            arcs[fine] = shapely.buffer(drawn[fine], far_m, quad_segs=FINE_STEPS)
         self._tight_zones[missing] = shapely.intersection(sharp, arcs)
         for index in missing:
             if isinstance(shape := self._airspace.zones[index].shape, Circle):
@@ -134,6 +144,11 @@ class FreeSpace:
                 self._tight_zones[index] = _circle(shape, reach_m, finest=True)
         grown: Shapes = self._tight_zones[zones]
         return grown
+
+    @cached_property
+    def _fine(self) -> npt.NDArray[np.bool_]:
+        """Of which zones the arcs are finer, as a gap beside them is open by less than 0.6 %."""
+        return np.zeros(len(self._zones), dtype=bool)
 
     @cached_property
     def _tight_zones(self) -> Shapes:
@@ -182,10 +197,22 @@ class FreeSpace:
             pinching[one[changed][gaps]] = pinching[other[changed][gaps]] = True
             more = np.flatnonzero(pinching & ~tight)
             if not len(more):
+                more = self._still_meeting(grown, one[~close], other[~close], tight)
+                self._fine[more] = True
+                self._tight_zones[more] = None
+            if not len(more):
                 return grown
             grown[more] = self._grown_tight(more)
             tight[more] = True
             changed = np.isin(one, more) | np.isin(other, more)
+
+    def _still_meeting(self, grown: Shapes, one: Indices, other: Indices, tight: Flags) -> Indices:
+        """The zones of pairs with a gap between them that their tight shapes close."""
+        both = tight[one] & tight[other]
+        one, other = one[both], other[both]
+        closed = shapely.intersects(grown[one], grown[other])
+        found = np.unique(np.concatenate([one[closed], other[closed]]))
+        return np.asarray(found[~self._fine[found]])
 
     def _closing(self, grown: Shapes) -> Indices:
         """The zones that may close a gap between them and a fence."""

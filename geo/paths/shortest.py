@@ -16,14 +16,15 @@ import numpy as np
 
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
-from geo.paths.free_space import FreeSpace
+from geo.paths.free_space import BEVEL, FreeSpace
 from geo.paths.mesh import Mesh
 from geo.paths.polyanya import CornerSearch, Search, Source
 
 Path = tuple[Point, ...]
 
-_CORNER_EXCESS = 0.2
-"""By how many distances to keep, per radian turned, lean corners make a path longer at most."""
+_CORNER_EXCESS = math.hypot(BEVEL, 1.0) - 1.0
+"""By how many distances to keep, per radian turned, lean corners make a path longer at most: so far
+behind an arc lie the corners of the square that a needle's end grows."""
 
 _WORTH = 0.03
 """A path that may be this share longer than it must be is looked for again in the tight shape."""
@@ -51,7 +52,8 @@ class ShortestPaths:
     """Finds shortest clear paths, and which places are connected.
 
     A gap counts as open when it is wider than the distances to keep from both its sides by 0.2 mm;
-    between two pointed corners by up to 0.6 % more, beside a circle by 1 cm or 0.004 % of it.
+    between pointed corners of two zones by 0.01 % more, of a zone and a fence by up to 0.6 %,
+    beside a circle by 1 cm or 0.004 % of it.
     """
 
     def __init__(self, airspace: Airspace) -> None:

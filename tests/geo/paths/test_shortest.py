@@ -1,5 +1,7 @@
 import itertools
+import json
 import math
+from pathlib import Path
 
 import pytest
 from shapely import LineString, Polygon, union_all
@@ -14,6 +16,7 @@ from geo.paths.shortest import path_length_m as length_m
 from tests.geo.optimum import least_m
 from tests.geo.shapes import box, box_ring, ring
 
+DATA = Path(__file__).parents[2] / "data"
 FENCED = box_ring(-100, -100, 100, 100)
 
 
@@ -175,7 +178,8 @@ def test_starts_on_sides_of_the_mesh_are_as_good_as_others():
             ]
             beside = [near for near in around if mesh.part_of(near) is not None]
             best_m = min(length_m(paths.path(near, goal)) for near in beside) + 0.01
-            assert length_m(paths.path(here, goal)) <= best_m + 1e-6
+            # One of both may be looked for in the tight area, and be shorter by some per mille.
+            assert length_m(paths.path(here, goal)) <= 1.005 * best_m
 
 
 def test_an_airspace_without_room_has_no_paths_and_no_places():
@@ -186,3 +190,27 @@ def test_an_airspace_without_room_has_no_paths_and_no_places():
     assert paths.part_of(Point(0, 0)) is None
     assert not paths.connected(Point(0, 0), Point(1, 1))
     assert paths.space.lean == []
+
+
+def test_paths_among_needles_are_nearly_the_shortest():
+    """Found among random needles; the optimum by brute force, for a clearance of 5 m."""
+    for case in json.loads((DATA / "needles.json").read_text()):
+        needles = [
+            Zone(str(n), [Point(*place) for place in ring]) for n, ring in enumerate(case["zones"])
+        ]
+        paths = ShortestPaths(Airspace([Point(*p) for p in case["fence"]], needles, 5.0))
+        found = paths.path(Point(*case["start"]), Point(*case["goal"]))
+        assert case["opt"] * 0.999 <= length_m(found) <= 1.01 * case["opt"]
+
+
+@pytest.mark.parametrize("gap_m", [10.002, 10.01, 10.03, 10.06])
+def test_a_gap_between_pointed_corners_that_is_hardly_wide_enough_is_flown(gap_m):
+    west = Zone("w", [Point(-60, -5), Point(-gap_m / 2, 0), Point(-60, 5)])
+    east = Zone("e", [Point(60, -5), Point(gap_m / 2, 0), Point(60, 5)])
+    airspace = Airspace(None, [west, east], 5.0)
+    through = ShortestPaths(airspace).path(Point(3, -40), Point(-3, 40))
+    assert length_m(through) < 80.3
+    assert airspace.track_distance_m(through)[0] >= 5 - 1e-6
+    near = Zone("e", [Point(60, -5), Point(9.99 - gap_m / 2, 0), Point(60, 5)])
+    closed = Airspace(None, [west, near], 5.0)
+    assert length_m(ShortestPaths(closed).path(Point(3, -40), Point(-3, 40))) > 100
