@@ -16,8 +16,8 @@ SOURCES = [
     ROOT / "sitl" / "experiment" / "plan_file.py",
     ROOT / "sitl" / "world" / "towns" / "town_file.py",
 ]
-OTHER_THINGS = {"camera.py", "words.py", "guard.py", "tile_service.py"}
-"""Modules whose words with a hyphen name cameras, directions and HTTP headers."""
+OTHER_THINGS = {"camera.py", "words.py", "guard.py", "tile_service.py", "versions.py"}
+"""Modules whose words with a hyphen name cameras, directions, HTTP headers and conversations."""
 
 NO_CODES = {
     *("air-router", "utf-8", "utf-8-sig", "fill-opacity", "pre-flight"),
