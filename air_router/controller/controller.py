@@ -57,6 +57,7 @@ from air_router.controller.states.table import STATES, StateHandlers, transition
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
+from air_router.vehicle.battery import BELIEVED_S, BatteryWatch
 from air_router.vehicle.input_limits import CALM
 from air_router.vehicle.instructions import (
     BE_READY_AT_HOME,
@@ -64,6 +65,7 @@ from air_router.vehicle.instructions import (
     CLIMB_BY_HAND,
     FLY_OUT,
     IN_YOUR_HANDS,
+    WATCH_BATTERY,
 )
 from air_router.vehicle.vehicle import (
     ItemReached,
@@ -119,6 +121,7 @@ class Controller:
         states = self.states = StateHandlers(context, gate, navigator, self.search, self._let_go)
         # What is watched, in this order.
         self._phase = FlightPhase(context, gate)
+        self._battery = BatteryWatch()
         self._home = HomeWatch(context)
         self._monitor = SafetyMonitor(context, gate, plan)
         self._envelope = Envelope(context, gate, self._home)
@@ -181,7 +184,7 @@ class Controller:
 
     def _vehicle_heard(self, telemetry: Telemetry) -> None:
         context, authority, phase = self.context, self._authority, self._phase
-        context.telemetry = telemetry
+        context.telemetry = telemetry = self._with_believed_charge(telemetry)
         phase.note(telemetry)
         moved = self._home.look(telemetry) if telemetry.in_air else None
         ours = context.handed_over if context.state is State.READY else context.spec.ours
@@ -209,6 +212,20 @@ class Controller:
             self._envelope.forget()
         elif ours:
             self._go_on(telemetry, moved)
+
+    def _with_believed_charge(self, telemetry: Telemetry) -> Telemetry:
+        """The same, with the charge that is believed; one that jumps is told."""
+        battery, before = self._battery, self._battery.doubted
+        charge = battery.take(telemetry)
+        if charge == telemetry.battery:
+            return telemetry
+        if before is None and battery.doubted is not None and telemetry.in_air:
+            self.context.warn(
+                f"the charge jumped from {charge:.0%} to {battery.doubted:.0%}: it is believed if "
+                f"that lasts for {BELIEVED_S:.0f} s",
+                WATCH_BATTERY,
+            )
+        return replace(telemetry, battery=charge)
 
     def _grounded(self) -> None:
         if self._pilot_arms and self.context.state is State.READY and self._phase.again():

@@ -17,6 +17,7 @@ flies, zones are being changed, or the vehicle lands.
 | much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |
 | the battery at its reserve, or little above what the way home takes | at once | home |
+| the charge jumps by more than 5 % | at once | it counts after 3 s, or if the voltage fell |
 | the mission's duration, or the hours that its zones were chosen for, are over | at once | home |
 
 Where no way home is clear at both altitudes it hovers; asked for `home` once more, or with the

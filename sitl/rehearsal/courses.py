@@ -240,6 +240,9 @@ restart: Final = chain((0.0, "kill"), (uniform(2.0, 40.0), "restart"))
 lie: Final = steps((0.0, "fuller", choice(0.2, 0.5, 1.0)), (0.0, "battery", uniform(150.0, 400.0)))
 """The battery says that it is fuller than it is, while it empties fast."""
 
+glitches: Final = often("glitch", 4, uniform(12.0, 30.0), choice((0, 0.4), (0, 1.2), (20, 2.0)))
+"""So many percent are said to be left, for so many seconds."""
+
 mad_robots: Final = one("mad", choice("future", "nan", "jump", "zone", "far", "stamp"))
 zones_across: Final = often("zone across", 3, uniform(25.0, 50.0), uniform(0.0, 6.0))
 

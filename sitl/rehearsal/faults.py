@@ -196,6 +196,8 @@ class Fault(Enum):
     KILL = Kind("companion killed for good", 12, one("kill"))
     BATTERY = Kind("battery falls fast", 16, one("battery", uniform(60.0, 400.0)))
     BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, courses.lie)
+    BATTERY_DROPS = Kind("battery falls to its reserve at once", 6, one("glitch", (20, 1e9)))
+    BATTERY_GLITCH = Kind("battery says 0 % or far too little for a moment", 12, courses.glitches)
     # Robots.
     VANISH = Kind("robots vanish", 10, one("vanish"))
     ONE_DEAD = Kind(

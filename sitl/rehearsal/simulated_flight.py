@@ -154,6 +154,14 @@ class SimulatedFlight(Scenario):
 
         self.link.trouble(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, math.inf, wrong=lie)
 
+    def do_glitch(self, what: tuple[int, float]) -> None:
+        """The battery says for a moment that so many percent are left; its voltage is as before."""
+        percent, seconds = what
+        self.link.trouble(
+            *(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, self.now_s + seconds),
+            wrong=lambda fields, _: {**fields, "battery_remaining": percent},
+        )
+
     def do_reboot(self, seconds: float) -> None:
         """The link is silent for so long, then the vehicle's clock starts anew."""
         self.link.silent = True

@@ -78,6 +78,7 @@ class Airframe:
         self.battery = 1.0
         self.failsafe = self.terminated = False
         self.fix = True
+        self.voltage_v = None  # as the charge has it
         self.home_moved = None
         self.target = None
         self.target_altitude_m = None
@@ -114,6 +115,12 @@ class Airframe:
             if self.altitude_m <= 0:
                 self.in_air = self.armed = False
 
+    def _voltage_v(self):
+        """Of four cells, as it falls with the charge; unless a test says that it does not."""
+        if self.voltage_v is not None or self.battery is None:
+            return self.voltage_v
+        return 14.0 + 2.8 * self.battery
+
     def telemetry(self):
         told = Telemetry(
             time_s=self.now_s,
@@ -126,6 +133,7 @@ class Airframe:
             failsafe=self.failsafe,
             terminated=self.terminated,
             battery=self.battery,
+            voltage_v=self._voltage_v(),
             fix=self.fix,
             home_moved=self.home_moved,
         )

@@ -127,6 +127,8 @@ ACCEPTED: Final = MappingProxyType(
         "ZONE_BELOW": _row(End.LANDED, End.ASKED, End.PILOT),
         "LANDED_HERE": _row(End.LANDED, End.ASKED),
         "ENDURANCE": _HOME,
+        "BATTERY_DROPS": _HOME,
+        "BATTERY_GLITCH": _HOME,  # not for that: `a_moment_of_no_charge_ends_nothing`
         "HOME_FOR_GOOD": _row(End.LANDED, height_m=5.0),  # its altitude may drift, as BAROMETER's
         # The weather and the estimate.
         "GUSTS": _row(End.LANDED, home_m=2.0),

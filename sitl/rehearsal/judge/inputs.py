@@ -53,6 +53,11 @@ _NEARS_S: Final = 10.0
 _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
 
+_BELIEVED_S, _JUMPS, _SAGS = 3.0, 10.0, 0.04
+"""So long a charge has to be told that is more than so many percent lower than before, unless the
+voltage has fallen by this share."""
+_TURNS: Final = re.compile(r"coming home: battery at (\d+)%")
+
 _SHORT_M, _SHORT_S = 1.0, 1.0
 """So much of a clearance has to be missing, for so long, that it must be noticed."""
 
@@ -266,12 +271,28 @@ def the_reserve_is_for_the_way_home(case: Case) -> Iterator[Violation]:
     lost = blind(gaps(case))
     for begin_s, end_s in _spans(messages, low):
         news, due_s = News(begin_s, "the battery was at its reserve"), begin_s + _LOW_S
-        due_s += case.reacts_s
+        due_s += _BELIEVED_S + case.reacts_s
         if end_s < due_s or not case.answers(begin_s, due_s):
             continue
         if case.state(begin_s) not in _GIVEN | {"HOME"}:
             yield from says(case, news, "battery", due_s)
         yield from comes_home(case, news, begin_s, lost)
+
+
+def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:
+    """It comes home for a charge that was told for some seconds, or came with less voltage."""
+    messages = case.heard("SYS_STATUS")
+    for at_s, text in case.said:
+        found = _TURNS.search(text)
+        if found is None:
+            continue
+        told = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s + 0.1]
+        percents = [number(m.fields, "battery_remaining") for m in told]
+        volts = [v for m in told if math.isfinite(v := number(m.fields, "voltage_battery"))]
+        sags = bool(volts) and volts[-1] < max(volts) * (1.0 - _SAGS)
+        if percents and max(percents) > float(found[1]) + _JUMPS and not sags:
+            wrong = f"comes home at {found[1]} %, {max(percents):.0f} % were told just before"
+            yield Violation(at_s, "battery", wrong)
 
 
 def the_time_is_over_when_the_file_says(case: Case) -> Iterator[Violation]:

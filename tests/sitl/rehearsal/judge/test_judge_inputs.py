@@ -203,6 +203,8 @@ def test_at_the_reserve_it_says_so_and_comes_home():
     long = track(ROUND * 5)
     assert found(flight(long, spoil)) == {"told", "home"}
     said = [(41.0, "coming home: battery at 24%")]
+    assert found(flight(long, spoil, said=said)) == {"home", "battery"}  # of the first message
+    said = [(43.5, "coming home: battery at 24%")]
     assert found(flight(long, spoil, said=said)) == {"home"}
     assert found(flight(track(ROUND), spoil, said=said)) == set()
 
