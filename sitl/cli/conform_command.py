@@ -9,7 +9,7 @@ from dataclasses import asdict
 from air_router.cli.arguments import speed_factor
 from air_router.errors import ExitCode, UsageError
 from air_router.vehicle.px4.versions import FLOWN, NEWEST, OLDEST, Version, name_of
-from sitl.cli.vehicle_command import PX4_HOME
+from sitl.cli.vehicle_command import PX4_HOME, add_version
 from sitl.conformance.conversation import (
     Conversation,
     Outcome,
@@ -17,9 +17,10 @@ from sitl.conformance.conversation import (
     conversations,
     converse,
 )
+from sitl.conformance.differences import table_of_facts, table_of_steps
 from sitl.conformance.session import Line, Link, LocalLine, SilentVehicleError, UdpLine
 from sitl.mavlink.codec import Frame
-from sitl.mavlink.vehicle import BEHAVES_AS, VehicleSettings
+from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
 
@@ -58,25 +59,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="of PX4, times real time (default 5)",
     )
+    add_version(parser, "that our own vehicle behaves as")
     parser.add_argument("--json", action="store_true", help="the outcomes as JSON")
     parser.add_argument("--list", action="store_true", help="only list the conversations")
+    parser.add_argument(
+        "--differences",
+        action="store_true",
+        help="only list what differs among the versions of PX4, as tables in Markdown",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Hold the conversations; returns 0 if the vehicle held to all of them."""
+    if arguments.differences:
+        print(f"{table_of_facts()}\n\n{table_of_steps()}")
+        return ExitCode.DONE
     chosen = _chosen(arguments.names)
     if arguments.list:
         for conversation in chosen:
             print(f"{conversation.name}: {conversation.fact} [{conversation.recorded}]")
         return ExitCode.DONE
     install = None if arguments.px4 is None else find_px4(arguments.px4 or None)
-    version = BEHAVES_AS if install is None else _version_of(install, arguments.speed)
+    version = arguments.px4_version
+    if install is not None:
+        version = _version_of(install, arguments.speed)
     print(f"PX4 {name_of(version)}", file=sys.stderr, flush=True)
     outcomes: list[Outcome] = []
     for conversation in chosen:
         if not conversation.is_held_with(version):
             continue
-        with contextlib.closing(_line_for(conversation, install, arguments.speed)) as line:
+        with contextlib.closing(_line_for(conversation, version, install, arguments.speed)) as line:
             outcome = converse(conversation, line, version)
         word = "held    " if outcome.held else "DEPARTED"
         print(f"{word} {outcome.name} {outcome.departure}".rstrip(), file=sys.stderr, flush=True)
@@ -97,13 +109,17 @@ def _chosen(names: list[str]) -> list[Conversation]:
     return chosen
 
 
-def _line_for(conversation: Conversation, install: Px4Install | None, speed_factor: float) -> Line:
+def _line_for(
+    conversation: Conversation, version: Version, install: Px4Install | None, speed_factor: float
+) -> Line:
     """To a vehicle that is started for it."""
     if install is not None:
         return _Px4Line(install, speed_factor)
     ground_link = Link.GROUND in conversation.links
     return LocalLine(
-        VehicleSettings(PX4_HOME, seed=1, start_unix_s=_EPOCH_S, ground_link=ground_link)
+        VehicleSettings(
+            PX4_HOME, seed=1, start_unix_s=_EPOCH_S, ground_link=ground_link, version=version
+        )
     )
 
 
@@ -122,7 +138,8 @@ class _Px4Line(UdpLine):
 
     def __init__(self, install: Px4Install, speed_factor: float) -> None:
         self._process = Px4Process(install, Px4Settings(PX4_HOME, speed=speed_factor))
-        super().__init__({Link.API: 14540 + self._process.instance, Link.GROUND: 14550})
+        number = self._process.instance
+        super().__init__({Link.API: 14540 + number, Link.GROUND: 14550}, system_id=number + 1)
 
     def listen(self) -> list[tuple[Link, Frame]]:
         """See `Line`: a PX4 that has ended says why."""

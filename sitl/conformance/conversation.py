@@ -12,8 +12,8 @@ the function of `sending` or `expecting` that is called as the verb is:
 
 What is so in PX4 1.17 is written down. Where another version differs, a step says it:
 
-    {set mode: [99, 0], since 1.18: {result: TEMPORARILY_REJECTED}}   other terms in that version
-    {text: Operation timeout, before 1.17: left out}                  no such step in that version
+    {set mode: [99, 0], since 1.18: {result: TEMPORARILY_REJECTED, because: ...}}   other terms
+    {text: Operation timeout, before 1.17: {left out: why}}                         no such step
 """
 
 import inspect
@@ -65,6 +65,7 @@ def run_steps(session: Session, steps: Iterable[Step]) -> None:
 
 
 LEFT_OUT: Final = "left out"
+BECAUSE: Final = "because"
 
 
 def in_version(step: Step, version: Version) -> Step | None:
@@ -74,10 +75,10 @@ def in_version(step: Step, version: Version) -> Step | None:
         holds = _holds(key, version)
         if holds is None:
             terms[key] = value
-        elif holds and value == LEFT_OUT:
+        elif holds and LEFT_OUT in value:
             return None
         elif holds:
-            terms |= value
+            terms |= {name: term for name, term in value.items() if name != BECAUSE}
     return terms
 
 

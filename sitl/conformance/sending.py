@@ -13,6 +13,7 @@ from sitl.px4sim.plan_store import UploadResult
 from sitl.px4sim.state import FlightMode
 
 _EXTRA_S: Final = 0.3
+_MOVES_S: Final = 0.05
 _TWICE: Final = ((1, 16), (1, 17))  # answer DO_SET_MODE
 _WITHOUT_INT: Final = (1, 16)  # and before: asks by MISSION_REQUEST until MISSION_ITEM_INT comes
 _NO_POSITION: Final = 2**31 - 1
@@ -94,9 +95,22 @@ def go_to(
     _answered(session, "DO_REPOSITION", (answer,), 1.0)
 
 
-def sticks(session: Session, moved: dict[str, int]) -> None:
-    """Stream MANUAL_CONTROL: x (pitch), y, r -1000 to 1000, z (throttle) 0 to 1000."""
-    session.sticks = {"z": 500} | moved
+def sticks(session: Session, moved: dict[str, int], over_s: float = 0.0) -> None:
+    """Stream MANUAL_CONTROL: x (pitch), y, r -1000 to 1000, z (throttle) 0 to 1000.
+
+    Args:
+        session: With the vehicle.
+        moved: Where to; the others are in their middle.
+        over_s: How long the way there takes, at the same speed.
+    """
+    wanted, before = {"z": 500} | moved, session.sticks or {}
+    steps = round(over_s / _MOVES_S)
+    for step in range(1, steps):
+        start = {axis: before.get(axis, 500 if axis == "z" else 0) for axis in wanted}
+        share = step / steps
+        session.sticks = {a: round(start[a] + share * (wanted[a] - start[a])) for a in wanted}
+        session.run(_MOVES_S)
+    session.sticks = wanted
 
 
 def stop(session: Session, _: None) -> None:

@@ -129,6 +129,8 @@ class UdpLine:
 
     Args:
         ports: Where the vehicle sends each link to.
+        system_id: The vehicle's. Others may send to the same port: all PX4s of a machine do to that
+            of the ground station. None: whatever comes is taken for it.
 
     Attributes:
         links: The links that there are.
@@ -138,7 +140,8 @@ class UdpLine:
         PortInUseError: a port is taken.
     """
 
-    def __init__(self, ports: Mapping[Link, int]) -> None:
+    def __init__(self, ports: Mapping[Link, int], system_id: int | None = None) -> None:
+        self._system_id = system_id
         self.links = frozenset(ports)
         self.now_s = 0.0
         self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
@@ -184,13 +187,22 @@ class UdpLine:
         heard: list[Frame] = []
         with contextlib.suppress(BlockingIOError):
             for _ in range(_MOST_AT_ONCE):
-                datagram, self._partners[link] = end.recvfrom(_LARGEST)
+                datagram, sender = end.recvfrom(_LARGEST)
+                said = [frame for frame in frames(datagram) if frame.name]
+                if any(self._is_anothers(frame) for frame in said):
+                    continue
+                self._partners[link] = sender
                 self._heard_s = time.monotonic()
-                heard += (frame for frame in frames(datagram) if frame.name)
+                heard += said
         for frame in heard:
             if frame.name in _CLOCKS and link is Link.API:
                 self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3
         return heard
+
+    def _is_anothers(self, frame: Frame) -> bool:
+        """Whether it is of the autopilot of another vehicle."""
+        ours = self._system_id in {None, frame.system_id}
+        return frame.component_id == _AUTOPILOT and not ours
 
     def close(self) -> None:
         """Let go of it."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from sitl.mavlink.codec import NAMES, Outgoing, Receiver, Sender
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
-from sitl.mavlink.reports import MissionReporter, TextChannel
+from sitl.mavlink.reports import MissionReporter, TextChannel, as_said
 from sitl.mavlink.telemetry import StreamSchedule, knows
 from sitl.mavlink.telemetry import message as telemetry
 from sitl.px4sim.autopilot import Autopilot
@@ -25,6 +25,7 @@ _INJECT_FAILURE: Final = 420  # MAV_CMD
 _SET_MESSAGE_INTERVAL: Final = 511
 _REQUEST_MESSAGE: Final = 512
 _REQUESTS: Final = {410: 242, 520: 148}  # GET_HOME_POSITION, REQUEST_AUTOPILOT_CAPABILITIES
+_NO_SUCH_PARAMETER: Final = 1  # MAV_PARAM_ERROR_DOES_NOT_EXIST
 _NOTHING: Final = 2**31 - 1
 _FIRST_WORD_S: Final = 1.4  # PX4 is silent for so long after its start
 _SECOND_ACK_S: Final = 0.008
@@ -55,7 +56,9 @@ class MavlinkLink:
         self._sender = Sender(self._system_id)
         self._receiver = Receiver()
         self._commands = Commands(autopilot)
-        self._protocol = MissionProtocol(autopilot.plan, self._system_id)
+        self._protocol = MissionProtocol(
+            autopilot.plan, self._system_id, requests_int=autopilot.behaviour.requests_int
+        )
         self._reporter = MissionReporter(autopilot) if reports_mission else None  # truth: none
         self._streams = StreamSchedule(rates_hz)
         self._queue: list[Outgoing | bytes] = []  # to be taken; bytes: passed on
@@ -104,7 +107,8 @@ class MavlinkLink:
 
     def _is_for_us(self, message: Any) -> bool:
         ours = message.target_component in (0, _AUTOPILOT)
-        return bool(message.target_system == self._system_id and ours)
+        all_systems = self._autopilot.behaviour.takes_system_0 and message.target_system == 0
+        return bool((message.target_system == self._system_id or all_systems) and ours)
 
     def _on_heartbeat(self, message: Any) -> None:
         if message.type == GROUND_STATION:
@@ -129,18 +133,24 @@ class MavlinkLink:
     def _on_command(self, message: Any, params: Params) -> None:
         command, sender = message.command, _sender(message)
         if not self._is_for_us(message):
-            _log.info("command %d is for another: not answered", command)
+            _log.info("command %d is for another", command)
+            if self._autopilot.behaviour.answers_aliens and message.target_system != 0:
+                self._acknowledge(command, CommandResult.FAILED, sender)
             return
+        behaviour = self._autopilot.behaviour
         if command == _INJECT_FAILURE:
+            if behaviour.answers_failure_injection:
+                self._acknowledge(command, CommandResult.ACCEPTED, sender)
             return
         result = self._message_command(command, params)
         if result is not None:
             self._acknowledge(command, result, sender)
             return
-        if command == DO_SET_MODE:  # PX4 1.16 and 1.17 say yes first and decide later
+        twice = command == DO_SET_MODE and behaviour.answers_mode_twice
+        if twice:  # PX4 1.16 and 1.17 say yes first and decide later
             self._acknowledge(command, CommandResult.ACCEPTED, sender)
         result = self._commands.execute(command, params, sender[1])
-        delay_s = _SECOND_ACK_S if command == DO_SET_MODE else 0.0
+        delay_s = _SECOND_ACK_S if twice else 0.0
         self._acknowledge(command, result, sender, delay_s)
 
     def _message_command(self, command: int, params: Params) -> CommandResult | None:
@@ -182,7 +192,16 @@ class MavlinkLink:
 
     def _on_param_read(self, message: Any) -> None:
         if self._is_for_us(message):
-            self._tell(self._autopilot.parameters.read(message.param_id, message.param_index))
+            found = self._autopilot.parameters.read(message.param_id, message.param_index)
+            self._tell(found)
+            if not found and self._autopilot.behaviour.names_absent_parameters:
+                self._say_none(message)
+
+    def _say_none(self, message: Any) -> None:
+        """It has no such parameter."""
+        fields = {"param_id": message.param_id.encode(), "param_index": message.param_index}
+        error = {"error": _NO_SUCH_PARAMETER} | _target(_sender(message))
+        self._queue.append(Outgoing("PARAM_ERROR", fields | error))
 
     def _on_param_list(self, message: Any) -> None:
         if self._is_for_us(message):
@@ -261,7 +280,8 @@ class MavlinkLink:
             if isinstance(reply, Outgoing):
                 self._queue.append(reply)
             else:
-                self._texts.add(reply, self._autopilot.time_s)
+                said = as_said(reply, self._autopilot.behaviour)
+                self._texts.add(said, self._autopilot.time_s)
                 self._autopilot.situation.notices.append(replace(reply, text=""))
 
     def _acknowledge(

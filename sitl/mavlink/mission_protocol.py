@@ -41,9 +41,12 @@ class MissionProtocol:
     Args:
         plan: The plan on board.
         system_id: The vehicle's.
+        requests_int: Items are requested by MISSION_REQUEST_INT from the first on; else, as before
+            PX4 1.17, by MISSION_REQUEST until a message with coordinates in integers came.
     """
 
-    def __init__(self, plan: PlanStore, system_id: int) -> None:
+    def __init__(self, plan: PlanStore, system_id: int, *, requests_int: bool = True) -> None:
+        self._requests_int = requests_int
         self._plan = plan
         self._system_id = system_id
         self._state = _State.IDLE  # while receiving, `plan.transferring` keeps other links out
@@ -114,6 +117,7 @@ class MissionProtocol:
         return [self._outgoing("MISSION_COUNT", sender, count=self._count, opaque_id=identifier)]
 
     def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._requests_int = True
         if sender != self._partner:
             return [Notice.of("mavlink_mission_partner_id_mismatch2")]
         if self._state is _State.RECEIVING:
@@ -187,6 +191,7 @@ class MissionProtocol:
         return []
 
     def _on_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._requests_int = True
         if sender != self._partner:
             return [Notice.of("mavlink_mission_item_partner_id_mismatch")]
         if message.mission_type != self._type:
@@ -250,7 +255,8 @@ class MissionProtocol:
 
     def _request(self, now_s: float) -> Outgoing:
         self._sent_s = now_s
-        return self._outgoing("MISSION_REQUEST_INT", self._partner, seq=self._sequence)
+        name = "MISSION_REQUEST_INT" if self._requests_int else "MISSION_REQUEST"
+        return self._outgoing(name, self._partner, seq=self._sequence)
 
     def _ack(
         self,

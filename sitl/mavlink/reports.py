@@ -8,13 +8,14 @@ components' health; it comes at most every two seconds, and when it is asked for
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sitl.mavlink.codec import Outgoing
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.plan_store import MissionType
 from sitl.px4sim.state import FlightMode, Notice, Severity
+from sitl.px4sim.versions import Px4Behaviour
 
 _WINDOW_S: Final = 2.5
 _AGE_S: Final = 5.0
@@ -68,6 +69,12 @@ class TextChannel:
         ]
 
 
+def as_said(notice: Notice, behaviour: Px4Behaviour) -> Notice:
+    """What a version of PX4 says in place of what 1.17 does."""
+    event, text = behaviour.words.get(notice.event, (notice.event, notice.text))
+    return replace(notice, event=event, text=text if notice.text else "")
+
+
 _NO_MISSION, _NOT_STARTED, _ACTIVE, _PAUSED, _COMPLETE = range(1, 6)  # MISSION_STATE
 _MODE_ACTIVE, _MODE_SUSPENDED = 1, 2
 _ACTIVE_MODES: Final = frozenset(
@@ -116,13 +123,14 @@ class MissionReporter:
         active = self._autopilot.mode in _ACTIVE_MODES
         count = len(plan.items(MissionType.MISSION))
         self._renew_state(count, active=active)
+        told = self._autopilot.behaviour.tells_mission_state
         return Outgoing(
             "MISSION_CURRENT",
             {
                 "seq": self._current,
                 "total": count or _UNKNOWN_TOTAL,
-                "mission_state": self._state,
-                "mission_mode": _MODE_ACTIVE if active else _MODE_SUSPENDED,
+                "mission_state": self._state if told else 0,
+                "mission_mode": (_MODE_ACTIVE if active else _MODE_SUSPENDED) if told else 0,
                 "mission_id": plan.identifier(MissionType.MISSION),
                 "fence_id": plan.identifier(MissionType.FENCE),
                 "rally_points_id": plan.identifier(MissionType.RALLY),

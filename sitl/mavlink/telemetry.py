@@ -26,7 +26,6 @@ _HEALTHY: Final = 0x0320C83F
 _XY_CONTROL: Final = 0x4000
 _PREARM_CHECK: Final = 0x10000000
 _CAPABILITIES: Final = 59647 & ~32  # PX4's, without MAVLink FTP, which is not offered here
-_VERSION: Final = 0x011100FF  # 1.17.0
 _STANDARD_MODES: Final = {
     FlightMode.POSCTL: 1,
     FlightMode.ALTCTL: 4,
@@ -120,12 +119,12 @@ def flight_information(autopilot: Autopilot) -> Fields:
 
 
 def autopilot_version(autopilot: Autopilot) -> Fields:
-    """PX4 1.17.0."""
+    """Which PX4 it behaves as."""
     identifier = autopilot.parameters["MAV_SYS_ID"]
     return {
         "capabilities": _CAPABILITIES,
-        "flight_sw_version": _VERSION,
-        "middleware_sw_version": _VERSION,
+        "flight_sw_version": autopilot.behaviour.number,
+        "middleware_sw_version": autopilot.behaviour.number,
         "board_version": 1,
         "uid": 0x5157000000000000 | int(identifier) & 0xFF,
     }

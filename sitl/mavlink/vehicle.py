@@ -6,19 +6,18 @@ from collections.abc import Mapping
 from dataclasses import astuple, dataclass, field
 from typing import Final
 
+from air_router.vehicle.px4.versions import Version
 from sitl.mavlink.codec import Outgoing
 from sitl.mavlink.link import MavlinkLink
-from sitl.mavlink.reports import HealthReport
+from sitl.mavlink.reports import HealthReport, as_said
 from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.motion.disturbances import WindSettings
 from sitl.px4sim.parameters import DEFAULTS, Parameters
 from sitl.px4sim.state import FlightMode, Notice, Place
+from sitl.px4sim.versions import BEHAVIOURS, USUAL
 
 STEP_S: Final = 0.02
-BEHAVES_AS: Final = (1, 17)
-"""Version of PX4."""
-
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
 """Time-outs whose wall-clock meaning PX4's start script keeps when the simulation runs fast."""
 
@@ -41,6 +40,7 @@ class VehicleSettings:
         truth_link: Whether there is one that says where it really is.
         onboard_rates_hz: What is streamed on the onboard link.
         step_s: Simulated seconds of one step.
+        version: Of PX4, that it behaves as.
     """
 
     place: Place
@@ -54,6 +54,7 @@ class VehicleSettings:
     truth_link: bool = True
     onboard_rates_hz: Mapping[str, float] = field(default_factory=lambda: ONBOARD_RATES_HZ)
     step_s: float = STEP_S
+    version: Version = USUAL
 
 
 _GIMBAL_S: Final = 0.25
@@ -128,7 +129,8 @@ class MavlinkVehicle:
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
-        place = _as_parameters(settings.place)
+        place, behaviour = _as_parameters(settings.place), BEHAVIOURS[settings.version]
+        scaled = [name for name in _WALL_CLOCK if name not in behaviour.without]
         parameters = Parameters(
             {
                 "MAV_SYS_ID": settings.system_id,
@@ -136,8 +138,9 @@ class MavlinkVehicle:
                 "SIH_LOC_LON0": place.longitude_deg,
                 "SIH_LOC_H0": place.altitude_m,
             }
-            | {name: DEFAULTS[name] * max(settings.speed, 1.0) for name in _WALL_CLOCK}
-            | dict(settings.parameters)
+            | {name: DEFAULTS[name] * max(settings.speed, 1.0) for name in scaled}
+            | dict(settings.parameters),
+            behaviour,
         )
         scale, self._step_s = settings.speed, settings.step_s
         autopilot = self.autopilot = Autopilot(
@@ -168,7 +171,8 @@ class MavlinkVehicle:
     def step(self) -> None:
         """Let one step of simulated time pass and queue what is to be sent."""
         self.autopilot.step(self._step_s)
-        notices = self.autopilot.take_notices() + self._health.step()
+        said = self.autopilot.take_notices() + self._health.step()
+        notices = [as_said(notice, self.autopilot.behaviour) for notice in said]
         events = [self._event(notice) for notice in notices if notice.event]
         events += self._own_commands.step()
         for link in self._links:

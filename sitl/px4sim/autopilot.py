@@ -33,7 +33,7 @@ class Autopilot:
 
     Args:
         place: Where it stands.
-        parameters: On board.
+        parameters: On board; with them, of which version of PX4 it is.
         seed: Of the estimate's errors.
         time_scale: How much faster than the wall clock the simulation is meant to run; links are
             watched on the wall's clock.
@@ -49,6 +49,7 @@ class Autopilot:
         time_scale: float = 1.0,
         wind: WindSettings | None = None,
     ) -> None:
+        behaviour = self.behaviour = parameters.behaviour
         self.place = place
         self.parameters = parameters
         self.start_unix_s = 0.0  # Unix time of simulated time zero
@@ -58,7 +59,7 @@ class Autopilot:
         self.plan = PlanStore()
         self.positioning = Positioning()
         self.failsafe = Failsafe()
-        self.watchdog = Watchdog(time_scale)
+        self.watchdog = Watchdog(time_scale, companion_s=behaviour.companion_s)
         self.fence = Fence(self.plan)
         self.mission = MissionFlight()
         self.modes = FlightModes(self.mission)
@@ -156,15 +157,22 @@ class Autopilot:
         return allowed
 
     def move_sticks(self, sticks: Sticks) -> None:
-        """A pilot's sticks are there; moved, they take an automatic mode over (COM_RC_OVERRIDE)."""
+        """A pilot's sticks are there; moved, they take an automatic mode over.
+
+        COM_RC_OVERRIDE lets them, or from 1.18 on MAN_OVERRIDE_SPD.
+        """
         situation, pilot = self.situation, self.modes.pilot
         pilot.hear(sticks, situation)
         if not self.armed:
             if not self._ever_asked:
                 self.request_mode(FlightMode.POSCTL)
             return
-        overridden = int(self.parameters["COM_RC_OVERRIDE"]) & 1  # in automatic modes
-        if self.mode.needs_pilot or not overridden or not pilot.takes_over(situation):
+        if self.behaviour.overrides_by_speed:
+            overridden = pilot.moves_fast(situation)
+        else:  # in automatic modes
+            allowed = bool(int(self.parameters["COM_RC_OVERRIDE"]) & 1)
+            overridden = allowed and pilot.takes_over(situation)
+        if self.mode.needs_pilot or not overridden:
             return
         acting = self.failsafe.acting
         if self.request_mode(FlightMode.POSCTL) and not acting:

@@ -76,6 +76,8 @@ class Commands:
             self._autopilot.situation.say("commander_unsupported_auto_mode")
             return CommandResult.TEMPORARILY_REJECTED
         if mode is None:
+            if self._autopilot.behaviour.rejects_unknown_mode:
+                return CommandResult.TEMPORARILY_REJECTED
             return CommandResult.ACCEPTED
         return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
 
@@ -117,11 +119,19 @@ class Commands:
         return CommandResult.ACCEPTED if done else CommandResult.DENIED
 
     def _reposition(self, params: Params) -> CommandResult:
-        """Only with the change-mode flag; the altitude is always AMSL, whatever the frame."""
+        """The altitude is always AMSL, whatever the frame.
+
+        Without the change-mode flag it is UNSUPPORTED, or from 1.18 on DENIED outside of Hold.
+        """
+        holds = self._autopilot.mode is FlightMode.AUTO_LOITER
         if params[1] != 1:
-            return CommandResult.UNSUPPORTED
-        speed, _, _, _, latitude, longitude, altitude = params
-        result = self._mode(FlightMode.AUTO_LOITER)
+            if not self._autopilot.behaviour.moves_hold_without_flag:
+                return CommandResult.UNSUPPORTED
+            if not holds:
+                return CommandResult.DENIED
+        speed, flag, _, _, latitude, longitude, altitude = params
+        accepted = CommandResult.ACCEPTED
+        result = self._mode(FlightMode.AUTO_LOITER) if flag == 1 else accepted
         if result is CommandResult.ACCEPTED:
             placed = math.isfinite(latitude) and math.isfinite(longitude)
             projection = self._autopilot.situation.projection

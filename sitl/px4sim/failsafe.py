@@ -212,12 +212,18 @@ Alarm = tuple[Action, Cause]
 class Watchdog:
     """Notices what gets lost or low besides its flight: ground station, companion, sticks, battery.
 
+    Args:
+        time_scale: How much faster than the wall clock the simulation is meant to run.
+        companion_s: A companion is lost after so long, of the wall clock; None: COM_OBC_LOSS_T.
+
     Attributes:
         battery: It drains with every look.
         ground_station_lost: True until one was heard, and after it fell silent.
     """
 
-    def __init__(self, time_scale: float) -> None:
+    def __init__(self, time_scale: float, *, companion_s: float | None = None) -> None:
+        # in simulated seconds; None: by COM_OBC_LOSS_T
+        self._companion_loss_s = None if companion_s is None else companion_s * time_scale
         self.battery = Battery()
         self.ground_station_lost = True
         self._heard_for_s = _HEARD_FOR_S * time_scale  # in simulated seconds
@@ -279,8 +285,10 @@ class Watchdog:
     def _watch_companion(self, situation: Situation) -> None:
         if self._companion_s is None or self._companion_lost:
             return
-        limit_s = situation.parameters.limited("COM_OBC_LOSS_T", 0.0, 3600.0) + self._heard_for_s
-        if situation.time_s - self._companion_s > limit_s:
+        patience_s = self._companion_loss_s
+        if patience_s is None:
+            patience_s = situation.parameters.limited("COM_OBC_LOSS_T", 0.0, 3600.0)
+        if situation.time_s - self._companion_s > patience_s + self._heard_for_s:
             self._companion_lost = True
             situation.say("commander_mission_comp_lost")
 

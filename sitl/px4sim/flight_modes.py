@@ -29,6 +29,40 @@ class Sticks:
     yaw: float = 0.0
 
 
+_SMOOTHED_S: Final = 0.05
+_SAME_WAY: Final = 3
+"""So often in turn a stick has to move the same way: noise does not."""
+
+
+class StickSpeed:
+    """How fast one axis is moved, smoothed.
+
+    Attributes:
+        per_s: Stick travel per second; positive towards 1.
+    """
+
+    def __init__(self) -> None:
+        self.per_s = 0.0
+        self._at: tuple[float, float] | None = None  # simulated time and place of the last
+        self._same_way = 0  # moves in turn that way; positive towards 1
+
+    def move(self, now_s: float, place: float) -> None:
+        """It is there now."""
+        before, self._at = self._at, (now_s, place)
+        if before is None or now_s <= before[0]:
+            return
+        passed_s, moved = now_s - before[0], place - before[1]
+        self.per_s += (moved / passed_s - self.per_s) * passed_s / (passed_s + _SMOOTHED_S)
+        if moved > 0.0:
+            self._same_way = max(self._same_way, 0) + 1
+        elif moved < 0.0:
+            self._same_way = min(self._same_way, 0) - 1
+
+    def exceeds(self, per_s: float) -> bool:
+        """Whether it is moved on purpose, and faster than that."""
+        return abs(self.per_s) > per_s and abs(self._same_way) >= _SAME_WAY
+
+
 class Pilot:
     """What is known of the pilot's sticks.
 
@@ -40,11 +74,16 @@ class Pilot:
         self.sticks = Sticks()
         self._heard_s = -math.inf  # simulated time of the last MANUAL_CONTROL
         self._rest = Sticks()  # what was heard first: sticks that are moved have left it
+        self._speeds = tuple(StickSpeed() for _ in range(4))  # by axis
 
     def hear(self, sticks: Sticks, situation: Situation) -> None:
         """MANUAL_CONTROL came in."""
         if not self.present(situation):
             self._rest = sticks
+            self._speeds = tuple(StickSpeed() for _ in range(4))
+        axes = (sticks.pitch, sticks.roll, sticks.throttle, sticks.yaw)
+        for speed, place in zip(self._speeds, axes, strict=True):
+            speed.move(situation.time_s, place)
         self.sticks, self._heard_s = sticks, situation.time_s
 
     def present(self, situation: Situation) -> bool:
@@ -62,6 +101,11 @@ class Pilot:
         now, rest = self.sticks, self._rest
         moved = max(abs(now.pitch - rest.pitch), abs(now.roll - rest.roll), abs(now.yaw - rest.yaw))
         return moved > threshold
+
+    def moves_fast(self, situation: Situation) -> bool:
+        """Whether a stick is moved so fast that a pilot means it (MAN_OVERRIDE_SPD)."""
+        limit_per_s = situation.parameters["MAN_OVERRIDE_SPD"]
+        return limit_per_s >= 0.0 and any(speed.exceeds(limit_per_s) for speed in self._speeds)
 
 
 @dataclass(eq=False)

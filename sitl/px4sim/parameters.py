@@ -1,7 +1,8 @@
 """PX4's parameters and its parameter microservice.
 
 Names, types and defaults are those of a PX4 1.17 SITL quadrotor, all 887 that are in use there; a
-few dozen mean something to this simulation. PX4 answers neither a name that it does not know nor a
+few dozen mean something to this simulation; `px4sim.versions` has what is different in others of
+PX4. PX4 answers neither a name that it does not know nor a
 value of the wrong type, and it stores values out of range.
 """
 
@@ -11,6 +12,8 @@ import struct
 from collections.abc import Mapping
 from importlib import resources
 from typing import Any, Final
+
+from sitl.px4sim.versions import BEHAVIOURS, USUAL, Px4Behaviour
 
 _log = logging.getLogger(__name__)
 
@@ -31,8 +34,6 @@ def _recorded() -> dict[str, int | float]:
 
 
 DEFAULTS: Final[Mapping[str, int | float]] = _recorded()
-_NAMES: Final = tuple(DEFAULTS)  # by param_index
-_INDICES: Final = {name: index for index, name in enumerate(_NAMES)}
 
 
 class UnknownParameterError(Exception):
@@ -44,23 +45,35 @@ class Parameters:
 
     Args:
         changes: Values that differ from PX4's defaults.
+        behaviour: Of which version.
+
+    Attributes:
+        behaviour: The same.
 
     Raises:
         UnknownParameterError: one of `changes` is not known.
     """
 
-    def __init__(self, changes: Mapping[str, int | float] | None = None) -> None:
-        self._values: dict[str, int | float] = dict(DEFAULTS)  # with PX4's types
+    def __init__(
+        self,
+        changes: Mapping[str, int | float] | None = None,
+        behaviour: Px4Behaviour = BEHAVIOURS[USUAL],
+    ) -> None:
+        values = {n: v for n, v in DEFAULTS.items() if n not in behaviour.without}
+        self.behaviour = behaviour
+        self._defaults = dict(sorted((values | dict(behaviour.values)).items()))
+        self._names = tuple(self._defaults)  # by param_index
+        self._values = dict(self._defaults)  # with PX4's types
         for name, value in (changes or {}).items():
-            if name not in DEFAULTS:
+            if name not in self._defaults:
                 raise UnknownParameterError(f"{name}: not a parameter of this simulation")
-            self._values[name] = type(DEFAULTS[name])(value)
+            self._values[name] = type(self._defaults[name])(value)
         self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
 
     def __getitem__(self, name: str) -> float:
         """The value as a number to calculate with; the default where a NaN was stored."""
         value = self._values[name]
-        return value if math.isfinite(value) else DEFAULTS[name]
+        return value if math.isfinite(value) else self._defaults[name]
 
     def limited(self, name: str, least: float, most: float) -> float:
         """The value, kept within limits that the simulation can fly with."""
@@ -72,13 +85,13 @@ class Parameters:
 
     def change(self, name: str, value: float) -> None:
         """Store a value by no message, in the parameter's own type."""
-        self._values[name] = type(DEFAULTS[name])(value)
+        self._values[name] = type(self._defaults[name])(value)
         self._limited.clear()
 
     def read(self, name: str, index: int) -> list[dict[str, Any]]:
         """Answer to PARAM_REQUEST_READ: by index if that is not negative. Unknown: silence."""
-        if 0 <= index < len(_NAMES):
-            return [self._message(_NAMES[index])]
+        if 0 <= index < len(self._names):
+            return [self._message(self._names[index])]
         if index < 0 and name in self._values:
             return [self._message(name)]
         _log.warning("parameter %s (%d) was asked for: unknown, not answered", name, index)
@@ -89,7 +102,7 @@ class Parameters:
         if name not in self._values:
             _log.warning("parameter %s was to be set: unknown, not answered", name)
             return []
-        whole = isinstance(DEFAULTS[name], int)
+        whole = isinstance(self._defaults[name], int)
         if param_type != (_INT32 if whole else _REAL32):
             _log.warning("parameter %s was to be set as type %d: not answered", name, param_type)
             return []
@@ -100,7 +113,7 @@ class Parameters:
 
     def listed(self, first: int) -> list[dict[str, Any]]:
         """The parameters from an index on, as many as go out in one step of a listing."""
-        return [self._message(name) for name in _NAMES[first : first + _PER_STEP]]
+        return [self._message(name) for name in self._names[first : first + _PER_STEP]]
 
     def _message(self, name: str) -> dict[str, Any]:
         """Fields of PARAM_VALUE; integers travel bytewise in the float field, as PX4 has it."""
@@ -110,6 +123,6 @@ class Parameters:
             "param_id": name.encode(),
             "param_value": struct.unpack("<f", struct.pack("<i", value))[0] if whole else value,
             "param_type": _INT32 if whole else _REAL32,
-            "param_count": len(_NAMES),
-            "param_index": _INDICES[name],
+            "param_count": len(self._names),
+            "param_index": self._names.index(name),
         }

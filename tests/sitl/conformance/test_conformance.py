@@ -1,11 +1,12 @@
 """Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
 
 import json
+import socket
 import threading
 
 import pytest
 
-from air_router.vehicle.px4.versions import FACTS
+from air_router.vehicle.px4.versions import FACTS, FLOWN, name_of
 from sitl.cli import cli
 from sitl.conformance.conversation import (
     VERBS,
@@ -18,21 +19,58 @@ from sitl.conformance.conversation import (
     run_steps,
 )
 from sitl.conformance.session import DepartureError, Link, UdpLine
-from sitl.mavlink.vehicle import BEHAVES_AS, VehicleSettings
+from sitl.mavlink.codec import Sender
+from sitl.mavlink.vehicle import VehicleSettings
 from sitl.process.vehicle import End, Ports, VehicleProcess
+from sitl.px4sim.versions import BEHAVIOURS, USUAL
 from tests.sitl.prepared import HOME, local_line, ready_for
 
 CONVERSATIONS = conversations()
 
 
-@pytest.mark.parametrize("one", CONVERSATIONS, ids=lambda one: one.name)
+IN_EVERY_VERSION = {
+    *("every-mode-on-the-ground", "mission-upload-and-download", "same-plan-again", "landing"),
+    *("mission-from-the-ground", "checks-asked-for"),
+}
+"""What the player itself expects otherwise: answers to a mode, requests, mission_state."""
+
+
+def differs(one, version):
+    """Whether a conversation is otherwise in this version than in 1.17."""
+    return not one.is_held_with(USUAL) or any(
+        in_version(step, version) != in_version(step, USUAL) for step in one.steps
+    )
+
+
+@pytest.mark.parametrize(
+    "one", [one for one in CONVERSATIONS if one.is_held_with(USUAL)], ids=lambda one: one.name
+)
 def test_our_autopilot_holds_to(one):
     run_steps(ready_for(one.start, one.parameters, one.links, steps=one.steps), one.steps)
 
 
+@pytest.mark.parametrize(
+    ("version", "one"),
+    [
+        pytest.param(version, one, id=f"{name_of(version)}-{one.name}")
+        for version in BEHAVIOURS
+        if version != USUAL
+        for one in CONVERSATIONS
+        if one.is_held_with(version) and (differs(one, version) or one.name in IN_EVERY_VERSION)
+    ],
+)
+def test_as_another_version_it_holds_to(version, one):
+    session = ready_for(one.start, one.parameters, one.links, steps=one.steps, version=version)
+    run_steps(session, one.steps)
+
+
 def test_every_one_says_where_its_fact_is_from():
-    assert len(CONVERSATIONS) == 132
+    assert len(CONVERSATIONS) == 134
     assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
+
+
+def test_every_version_that_was_flown_can_be_simulated():
+    assert set(BEHAVIOURS) == set(FLOWN)
 
 
 def test_every_fact_that_a_flight_rests_on_has_a_conversation_that_shows_it():
@@ -57,12 +95,12 @@ class TestVersions:
         ],
     )
     def test_other_terms(self, version, wanted):
-        changed = {"since 1.18": {"answer": "ACCEPTED"}}
+        changed = {"since 1.18": {"answer": "ACCEPTED", "because": "Commander.cpp"}}
         step = {"go to": (20, 0, 15), "answer": "UNSUPPORTED"} | changed
         assert in_version(step, version) == wanted
 
     def test_no_step_at_all(self):
-        step = {"wait": 3.0, "before 1.17": "left out"}
+        step = {"wait": 3.0, "before 1.17": {"left out": "it does not wait"}}
         assert in_version(step, (1, 16)) is None
         assert in_version(step, (1, 17)) == {"wait": 3.0}
 
@@ -72,7 +110,7 @@ class TestVersions:
         assert [one.is_held_with((1, minor)) for minor in (17, 18)] == [False, True]
 
     def test_a_vehicle_says_which_it_is(self):
-        assert asked_version(local_line()) == BEHAVES_AS
+        assert asked_version(local_line()) == USUAL
 
     def test_a_vehicle_of_another_version_departs(self):
         step = {"set mode": "AUTO_LOITER"}
@@ -124,9 +162,7 @@ class TestDepartures:
 
     def test_is_the_outcome(self):
         step = {"stays in": "AUTO_LAND", "for_s": 1.0}
-        outcome = converse(
-            Conversation("test", "a fact", "here", (step,)), local_line(), BEHAVES_AS
-        )
+        outcome = converse(Conversation("test", "a fact", "here", (step,)), local_line(), USUAL)
         assert not outcome.held
         assert outcome.departure.startswith("stays in AUTO_LAND: expected")
 
@@ -134,7 +170,7 @@ class TestDepartures:
         monkeypatch.setattr("sitl.conformance.session._SILENCE_S", 0.05)
         silent = UdpLine({Link.API: 0})
         try:
-            outcome = converse(Conversation("test", "a fact", "here", ()), silent, BEHAVES_AS)
+            outcome = converse(Conversation("test", "a fact", "here", ()), silent, USUAL)
         finally:
             silent.close()
         assert "no vehicle sends" in outcome.departure
@@ -152,12 +188,29 @@ def test_a_conversation_is_held_over_udp():
         runner.start()
         try:
             (one,) = (one for one in CONVERSATIONS if one.name == "arm-twice")
-            outcome = converse(one, line, BEHAVES_AS)
+            outcome = converse(one, line, USUAL)
         finally:
             stop.set()
             runner.join()
             line.close()
     assert outcome.held, outcome.departure
+
+
+def test_another_vehicle_that_sends_to_the_same_port_is_not_taken_for_it():
+    """All PX4s of a machine send to the ground station's port: commands went to another then."""
+    line = UdpLine({Link.API: 0}, system_id=7)
+    port = line._sockets[Link.API].getsockname()
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+            heard = []
+            for system_id in (3, 7):
+                beat = Sender(system_id).pack_values("HEARTBEAT", {"type": 2, "autopilot": 12})
+                end.sendto(beat, port)
+            while not heard:
+                heard = line.listen()
+        assert [frame.system_id for _, frame in heard] == [7]
+    finally:
+        line.close()
 
 
 class TestCommandLine:

@@ -14,10 +14,10 @@ from sitl.conformance.expecting import event_id
 from sitl.conformance.session import Link, Session
 from sitl.mavlink import telemetry
 from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
-from sitl.mavlink.vehicle import BEHAVES_AS
 from sitl.px4sim.failsafe import Cause
 from sitl.px4sim.parameters import Parameters, UnknownParameterError
 from sitl.px4sim.state import EVENTS, Notice, Severity
+from sitl.px4sim.versions import BEHAVIOURS, USUAL
 from tests.sitl.prepared import local_line, ready_for
 
 ROOT = Path(__file__).parents[3]
@@ -84,7 +84,8 @@ class TestCodec:
         batteries = {f"check_{cause.name.lower()}" for cause in Cause if "BATTERY" in cause.name}
         fields = {field for of in DEFINITIONS.values() for field in of.defaults}
         roots = tuple({event.partition("_")[0] for event in EVENTS})
-        named = {word for word in said if word.startswith(roots)} - fields
+        others = {event for each in BEHAVIOURS.values() for event, _ in each.words.values()}
+        named = {word for word in said if word.startswith(roots)} - fields - others
         assert named | batteries <= EVENTS.keys() <= {*said} | batteries
 
     def test_the_dialect_has_what_is_streamed(self):
@@ -122,7 +123,7 @@ def test_events_are_numbered():
 
 
 def test_the_health_report_is_the_recorded_one():
-    session = Session(local_line(), BEHAVES_AS)
+    session = Session(local_line(), USUAL)
     session.run(10)
     summaries = [
         bytes(event.fields["arguments"])[:17].hex()
@@ -148,7 +149,7 @@ def test_two_links_cannot_upload_at_once():
 
 
 def test_time_outs_are_on_the_wall_clock_when_the_simulation_is_fast():
-    session = Session(local_line(speed=10.0), BEHAVES_AS)
+    session = Session(local_line(speed=10.0), USUAL)
     session.run(5)
     asked = {"count": "MISSION_REQUEST_INT", "fields": {"seq": 0}}
     upload = {"send": "MISSION_COUNT", "fields": {"count": 3}}

@@ -1,0 +1,115 @@
+"""Which version of PX4 the simulated autopilot behaves as, and what that changes.
+
+What is written elsewhere in this room is PX4 1.17's behaviour; here is where others differ, as far
+as the conversations of `sitl conform` show it on a binary.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from air_router.vehicle.px4.versions import Version
+
+Values = Mapping[str, int | float]
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Behaviour:
+    """What differs among versions.
+
+    Attributes:
+        version: Of PX4.
+        patch: The number behind it, of the binary that it was compared with.
+        answers_mode_twice: DO_SET_MODE is acknowledged at once, and when it is decided.
+        rejects_unknown_mode: A mode that does not exist is rejected, in place of being passed over.
+        tells_mission_state: In MISSION_CURRENT: mission_state and mission_mode.
+        requests_int: The items of an upload are requested by MISSION_REQUEST_INT from the first on.
+        moves_hold_without_flag: DO_REPOSITION without its change-mode flag moves the place of Hold.
+        answers_aliens: A command for another system or component is answered FAILED.
+        takes_system_0: A command for system 0 is taken as one for all.
+        answers_failure_injection: INJECT_FAILURE is acknowledged.
+        names_absent_parameters: By PARAM_ERROR.
+        overrides_by_speed: Sticks take over by their speed (MAN_OVERRIDE_SPD), not by their
+            deflection (COM_RC_OVERRIDE, COM_RC_STICK_OV).
+        companion_s: After so long without a heartbeat a companion is lost; None: COM_OBC_LOSS_T.
+        words: What is said otherwise, by 1.17's event of it: the event's name there, and its text.
+        without: Parameters that it does not have.
+        values: Parameters that 1.17 does not have, and those with another default.
+    """
+
+    version: Version
+    patch: int = 0
+    answers_mode_twice: bool = True
+    rejects_unknown_mode: bool = False
+    tells_mission_state: bool = True
+    requests_int: bool = True
+    moves_hold_without_flag: bool = False
+    answers_aliens: bool = False
+    takes_system_0: bool = False
+    answers_failure_injection: bool = False
+    names_absent_parameters: bool = False
+    overrides_by_speed: bool = False
+    companion_s: float | None = None
+    words: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    without: frozenset[str] = frozenset()
+    values: Values = field(default_factory=dict)
+
+    @property
+    def number(self) -> int:
+        """As AUTOPILOT_VERSION has it: a release."""
+        major, minor = self.version
+        return major << 24 | minor << 16 | self.patch << 8 | 0xFF
+
+
+_GONE_IN_1_18: Final = frozenset({"COM_RC_OVERRIDE", "COM_RC_STICK_OV", "COM_OBC_LOSS_T"})
+_NEW_IN_1_18: Final[Values] = {
+    "MAN_OVERRIDE_SPD": 1.0,
+    "COM_GNSSLOSS_ACT": 0,
+    "COM_FLTMODE_BOOT": 4,
+    "SYS_HAS_NUM_GNSS": 0,
+    "MPC_AUTO_NUDGING": 0,
+    "NAV_ACC_RAD": 10.0,
+}
+
+BEHAVIOURS: Final[Mapping[Version, Px4Behaviour]] = {
+    each.version: each
+    for each in (
+        Px4Behaviour(
+            (1, 15),
+            patch=4,
+            answers_mode_twice=False,
+            tells_mission_state=False,
+            requests_int=False,
+            answers_aliens=True,
+        ),
+        Px4Behaviour((1, 16), patch=2, tells_mission_state=False, requests_int=False),
+        Px4Behaviour((1, 17)),
+        Px4Behaviour(
+            (1, 18),
+            answers_mode_twice=False,
+            rejects_unknown_mode=True,
+            moves_hold_without_flag=True,
+            takes_system_0=True,
+            answers_failure_injection=True,
+            names_absent_parameters=True,
+            overrides_by_speed=True,
+            companion_s=5.0,
+            words={
+                "mavlink_mission_op_timeout": (
+                    "mavlink_mission_sync_timeout",
+                    "Mission sync timeout",
+                ),
+                "check_battery_emergency": (
+                    "check_battery_emergency",
+                    "System does not support shutdown",
+                ),
+            },
+            without=_GONE_IN_1_18,
+            values=_NEW_IN_1_18,
+        ),
+    )
+}
+"""By version: all that were flown."""
+
+USUAL: Final[Version] = (1, 17)
+"""What the simulated autopilot behaves as where nothing else is said."""
